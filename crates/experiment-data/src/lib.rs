@@ -1,0 +1,1 @@
+//! Experiment bundles on disk: one experiment.toml and its record files

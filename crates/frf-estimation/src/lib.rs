@@ -1,0 +1,1 @@
+//! MIMO frequency response functions with covariance from records

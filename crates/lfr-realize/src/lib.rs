@@ -1,0 +1,1 @@
+//! LFR realisation of LPV-OBF models

@@ -1,0 +1,1 @@
+//! The identification pipeline as a library, and the program lpv

@@ -1,0 +1,135 @@
+//! The few matrix routines that the models need: eigenvalues with balancing, Gramians, finite checks.
+
+use crate::CoreError;
+use nalgebra::linalg::balancing::balance_parlett_reinsch;
+use nalgebra::{DMatrix, Schur};
+use num_complex::Complex;
+
+/// Eigenvalues of a real square matrix, sorted by real part and then by imaginary part.
+///
+/// The matrix is balanced first: without it, badly scaled companion and mechanical matrices lose many digits.
+///
+/// # Errors
+/// [`CoreError::Dimension`] if it is not square, [`CoreError::NotFinite`] if an entry is not finite.
+pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, CoreError> {
+    square("eigenvalues: matrix", matrix)?;
+    finite("eigenvalues: matrix", matrix)?;
+    if matrix.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut balanced = matrix.clone();
+    let _ = balance_parlett_reinsch(&mut balanced);
+    let iterations = 100 * matrix.nrows().max(10);
+    let schur = Schur::try_new(balanced, f64::EPSILON, iterations).ok_or(CoreError::Singular {
+        operation: "eigenvalues (the QR iteration did not converge)",
+    })?;
+    let mut values: Vec<Complex<f64>> = schur
+        .complex_eigenvalues()
+        .iter()
+        .map(|l| Complex::new(l.re, l.im))
+        .collect();
+    values.sort_by(|a, b| a.re.total_cmp(&b.re).then(a.im.total_cmp(&b.im)));
+    Ok(values)
+}
+
+/// Controllability Gramian `X = A X A^T + B B^T` of a stable discrete system, by Smith's doubling.
+///
+/// # Errors
+/// [`CoreError::Unstable`] if an eigenvalue of `a` is on or outside the unit circle; wrong dimensions.
+pub fn discrete_gramian(a: &DMatrix<f64>, b: &DMatrix<f64>) -> Result<DMatrix<f64>, CoreError> {
+    square("gramian: A", a)?;
+    dimension("gramian: rows of B", a.nrows(), b.nrows())?;
+    if let Some(pole) = eigenvalues(a)?.into_iter().find(|z| z.norm() >= 1.0) {
+        return Err(CoreError::Unstable {
+            operation: "a Gramian",
+            pole: pole.to_string(),
+        });
+    }
+    let mut x = b * b.transpose();
+    let mut power = a.clone();
+    for _ in 0..64 {
+        let increment = &power * &x * power.transpose();
+        let converged = increment.norm() <= f64::EPSILON * x.norm();
+        x += increment;
+        if converged {
+            break;
+        }
+        power = &power * &power;
+    }
+    Ok(x)
+}
+
+pub(crate) fn finite(what: &'static str, matrix: &DMatrix<f64>) -> Result<(), CoreError> {
+    match matrix.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(i) => Err(CoreError::NotFinite {
+            what,
+            row: i % matrix.nrows(),
+            column: i / matrix.nrows(),
+        }),
+    }
+}
+
+pub(crate) fn dimension(what: &'static str, expected: usize, found: usize) -> Result<(), CoreError> {
+    if expected == found {
+        Ok(())
+    } else {
+        Err(CoreError::Dimension {
+            what,
+            expected,
+            found,
+        })
+    }
+}
+
+pub(crate) fn square(what: &'static str, matrix: &DMatrix<f64>) -> Result<(), CoreError> {
+    dimension(what, matrix.nrows(), matrix.ncols())
+}
+
+/// Orthonormal basis of the column space, up to a relative tolerance on the singular values.
+pub(crate) fn column_space(matrix: &DMatrix<f64>, relative_tolerance: f64) -> DMatrix<f64> {
+    if matrix.is_empty() || matrix.amax() == 0.0 {
+        return DMatrix::zeros(matrix.nrows(), 0);
+    }
+    let svd = matrix.clone().svd(true, false);
+    let largest = svd.singular_values.max();
+    let keep: Vec<usize> = (0..svd.singular_values.len())
+        .filter(|&i| svd.singular_values[i] > relative_tolerance * largest)
+        .collect();
+    svd.u
+        .map_or_else(|| DMatrix::zeros(matrix.nrows(), 0), |u| u.select_columns(&keep))
+}
+
+/// The matrix with another placed at its lower right, zeros elsewhere.
+pub(crate) fn block_diagonal(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut m = DMatrix::zeros(a.nrows() + b.nrows(), a.ncols() + b.ncols());
+    m.view_mut((0, 0), a.shape()).copy_from(a);
+    m.view_mut(a.shape(), b.shape()).copy_from(b);
+    m
+}
+
+/// A matrix from a grid of blocks; the blocks of a row share their height and those of a column their width.
+///
+/// # Errors
+/// [`CoreError::Dimension`] where they do not.
+pub fn from_blocks(rows: &[&[&DMatrix<f64>]]) -> Result<DMatrix<f64>, CoreError> {
+    let widths: Vec<usize> = rows
+        .first()
+        .map_or_else(Vec::new, |r| r.iter().map(|b| b.ncols()).collect());
+    let height = rows.iter().map(|r| r.first().map_or(0, |b| b.nrows())).sum();
+    let mut m = DMatrix::zeros(height, widths.iter().sum());
+    let mut top = 0;
+    for row in rows {
+        dimension("blocks in a row", widths.len(), row.len())?;
+        let row_height = row.first().map_or(0, |b| b.nrows());
+        let mut left = 0;
+        for (block, &width) in row.iter().zip(&widths) {
+            dimension("height of a block", row_height, block.nrows())?;
+            dimension("width of a block", width, block.ncols())?;
+            m.view_mut((top, left), block.shape()).copy_from(block);
+            left += width;
+        }
+        top += row_height;
+    }
+    Ok(m)
+}

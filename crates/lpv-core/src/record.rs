@@ -1,0 +1,144 @@
+//! Measured or simulated signals; nothing here says which.
+
+use crate::CoreError;
+use crate::linalg::dimension;
+
+/// Named columns of equal length, one a channel.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Signals {
+    /// Channel names.
+    pub names: Vec<String>,
+    /// Units, one a channel; empty where unknown.
+    pub units: Vec<String>,
+    /// Samples, one vector a channel.
+    pub columns: Vec<Vec<f64>>,
+}
+
+impl Signals {
+    /// Columns with names and without units.
+    pub fn new(names: &[&str], columns: Vec<Vec<f64>>) -> Self {
+        Self {
+            names: names.iter().map(ToString::to_string).collect(),
+            units: Vec::new(),
+            columns,
+        }
+    }
+    /// Number of channels.
+    pub fn channels(&self) -> usize {
+        self.columns.len()
+    }
+    /// Samples a channel.
+    pub fn len(&self) -> usize {
+        self.columns.first().map_or(0, Vec::len)
+    }
+    /// Whether there is no sample.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// What kind of excitation a record holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RecordKind {
+    /// Steady multisine at constant scheduling.
+    Periodic {
+        /// Samples a period.
+        period: usize,
+    },
+    /// Anything else.
+    Transient,
+}
+
+/// What a record may be used for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// To fit.
+    Estimation,
+    /// Held out: never used to fit anything.
+    Validation,
+}
+
+/// One experiment: signals of equal length at one sample rate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Record {
+    /// Name, usually the file's.
+    pub name: String,
+    /// Kind of excitation.
+    pub kind: RecordKind,
+    /// Use.
+    pub purpose: Purpose,
+    /// Constant scheduling values, where the experiment has one.
+    pub position: Option<f64>,
+    /// Plant outputs y.
+    pub outputs: Signals,
+    /// Plant inputs u.
+    pub inputs: Signals,
+    /// Excitation or setpoints r; may be empty.
+    pub references: Signals,
+    /// Scheduling p; may be empty.
+    pub scheduling: Signals,
+    /// Other measured signals; may be empty.
+    pub auxiliary: Signals,
+    /// Known signals that the test added to the controller's output; may be empty.
+    pub injection: Signals,
+}
+
+impl Record {
+    /// Samples of the record.
+    pub fn len(&self) -> usize {
+        self.outputs.len()
+    }
+    /// Whether the record has no sample.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Checks that all channels have one length, that all numbers are finite, and that a periodic record holds at
+    /// least two whole periods.
+    ///
+    /// # Errors
+    /// [`CoreError::Dimension`], [`CoreError::NotFinite`] (row: sample, column: channel).
+    pub fn check(&self) -> Result<(), CoreError> {
+        let groups = [
+            ("output", &self.outputs),
+            ("input", &self.inputs),
+            ("reference", &self.references),
+            ("scheduling", &self.scheduling),
+            ("auxiliary", &self.auxiliary),
+            ("injection", &self.injection),
+        ];
+        for (what, signals) in groups {
+            for (column, samples) in signals.columns.iter().enumerate() {
+                dimension("record: samples of a channel", self.len(), samples.len())?;
+                if let Some(row) = samples.iter().position(|v| !v.is_finite()) {
+                    return Err(CoreError::NotFinite { what, row, column });
+                }
+            }
+        }
+        if let RecordKind::Periodic { period } = self.kind
+            && (period == 0 || self.len() < 2 * period || !self.len().is_multiple_of(period))
+        {
+            return Err(CoreError::Dimension {
+                what: "periodic record: samples (a whole number of periods, at least two)",
+                expected: 2 * period.max(1),
+                found: self.len(),
+            });
+        }
+        Ok(())
+    }
+}
+
+/// One period of a closed-loop experiment as it is produced or read: the unit that streams.
+#[derive(Debug, Clone, Copy)]
+pub struct PeriodBlock<'a> {
+    /// Which experiment at this position, from 0.
+    pub experiment: usize,
+    /// Which period, from 0.
+    pub period: usize,
+    /// Plant outputs, one slice a channel.
+    pub outputs: &'a [Vec<f64>],
+    /// Plant inputs, one slice a channel.
+    pub inputs: &'a [Vec<f64>],
+    /// References, one slice a channel; may be empty.
+    pub references: &'a [Vec<f64>],
+}

@@ -1,0 +1,1 @@
+//! LPV-OBF regression on frequency responses and interpolation over the scheduling variable

@@ -1,0 +1,1 @@
+//! Figures (SVG, PNG) and one self-contained HTML page

@@ -1,0 +1,1 @@
+//! Orthonormal basis functions and their choice by Fuzzy-Kolmogorov c-Max

@@ -1,0 +1,1 @@
+//! MIMO common-denominator fit of frequency response functions

@@ -1,0 +1,1 @@
+//! First-principles xy-table in closed loop: plant, controllers, experiments

@@ -4,11 +4,15 @@ use crate::linalg::from_blocks;
 use crate::{Continuous, CoreError, Discrete, StateSpace};
 use nalgebra::DMatrix;
 
+/// Beyond this norm of `[A B; 0 0] T` the exponential has lost its digits to the squarings.
+const LARGEST_EXPONENT: f64 = 1e6;
+
 impl StateSpace<Continuous> {
     /// The sampled system when the input is held between samples; exact, by one matrix exponential.
     ///
     /// # Errors
-    /// [`CoreError::NotFinite`] if the exponential overflows (an unstable pole much faster than the clock).
+    /// [`CoreError::TooStiff`] if the matrices times the sample time exceed 1e6; [`CoreError::NotFinite`] if the
+    /// exponential overflows (an unstable pole much faster than the clock).
     pub fn zero_order_hold(&self, clock: Discrete) -> Result<StateSpace<Discrete>, CoreError> {
         let (n, m) = (self.states(), self.inputs());
         let t = clock.sample_time();
@@ -16,6 +20,13 @@ impl StateSpace<Continuous> {
             &[&(self.a() * t), &(self.b() * t)],
             &[&DMatrix::zeros(m, n), &DMatrix::zeros(m, m)],
         ])?;
+        let norm = generator.norm();
+        if norm > LARGEST_EXPONENT {
+            return Err(CoreError::TooStiff {
+                norm,
+                largest: LARGEST_EXPONENT,
+            });
+        }
         let e = if generator.is_empty() {
             generator
         } else {

@@ -123,6 +123,16 @@ pub enum CoreError {
         /// Tolerance asked for.
         tolerance: f64,
     },
+    /// A continuous model much faster than the clock that is to sample it.
+    #[error(
+        "zero-order hold: the matrices times the sample time have norm {norm:e}, above {largest:e}; shorten the sample time or rescale the states"
+    )]
+    TooStiff {
+        /// Norm of `[A B; 0 0] T`.
+        norm: f64,
+        /// The largest that is accepted.
+        largest: f64,
+    },
     /// A model file that cannot be read.
     #[error("model file, line {line}, column {column}: {message}")]
     Json {

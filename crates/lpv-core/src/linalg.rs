@@ -1,7 +1,6 @@
 //! The few matrix routines that the models need: eigenvalues with balancing, Gramians, finite checks.
 
 use crate::CoreError;
-use nalgebra::linalg::balancing::balance_parlett_reinsch;
 use nalgebra::{DMatrix, Schur};
 use num_complex::Complex;
 
@@ -17,8 +16,11 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, CoreError
     if matrix.is_empty() {
         return Ok(Vec::new());
     }
-    let mut balanced = matrix.clone();
-    let _ = balance_parlett_reinsch(&mut balanced);
+    let scale = matrix.amax();
+    if scale == 0.0 {
+        return Ok(vec![Complex::new(0.0, 0.0); matrix.nrows()]);
+    }
+    let balanced = balanced(matrix / scale);
     let iterations = 100 * matrix.nrows().max(10);
     let schur = Schur::try_new(balanced, f64::EPSILON, iterations).ok_or(CoreError::Singular {
         operation: "eigenvalues (the QR iteration did not converge)",
@@ -26,10 +28,37 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, CoreError
     let mut values: Vec<Complex<f64>> = schur
         .complex_eigenvalues()
         .iter()
-        .map(|l| Complex::new(l.re, l.im))
+        .map(|l| Complex::new(l.re, l.im) * scale)
         .collect();
     values.sort_by(|a, b| a.re.total_cmp(&b.re).then(a.im.total_cmp(&b.im)));
     Ok(values)
+}
+
+/// Similarity by powers of two that brings the norms of row and column `i` together (Parlett and Reinsch, 1969). The
+/// sweeps are limited, since extreme entries underflow and would keep the loop going for ever.
+fn balanced(mut m: DMatrix<f64>) -> DMatrix<f64> {
+    let n = m.nrows();
+    for _ in 0..100 {
+        let mut changed = false;
+        for i in 0..n {
+            let sum = |v: &mut dyn Iterator<Item = f64>| v.map(f64::abs).sum::<f64>();
+            let column = sum(&mut (0..n).filter(|&j| j != i).map(|j| m[(j, i)]));
+            let row = sum(&mut (0..n).filter(|&j| j != i).map(|j| m[(i, j)]));
+            if column < f64::MIN_POSITIVE || row < f64::MIN_POSITIVE {
+                continue;
+            }
+            let f = (0.5 * (row / column).log2()).round().clamp(-300.0, 300.0).exp2();
+            if column * f + row / f < 0.95 * (column + row) {
+                m.column_mut(i).scale_mut(f);
+                m.row_mut(i).unscale_mut(f);
+                changed = true;
+            }
+        }
+        if !changed {
+            break;
+        }
+    }
+    m
 }
 
 /// Controllability Gramian `X = A X A^T + B B^T` of a stable discrete system, by Smith's doubling.

@@ -1,0 +1,527 @@
+//! Identities that tie the representations together, cases by hand, and wild inputs.
+
+use lpv_core::nalgebra::{DMatrix, DVector, dmatrix};
+use lpv_core::num_complex::Complex;
+use lpv_core::{
+    BasisKind, Clock, Continuous, CoreError, Discrete, Frf, FunctionBasis, Lfr, LpvStateSpace,
+    MatrixFunction, Model, Partitioned, SchedulingRange, SeriesExpansion, StateSpace, WellPosedness,
+};
+use proptest::prelude::*;
+
+fn matrix(rows: usize, columns: usize, seed: u64) -> DMatrix<f64> {
+    // A small linear congruence: tests need variety, not quality.
+    let mut state = seed
+        .wrapping_mul(6364136223846793005)
+        .wrapping_add(1442695040888963407);
+    DMatrix::from_fn(rows, columns, |_, _| {
+        state = state
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        (state >> 33) as f64 / (1_u64 << 31) as f64 * 2.0 - 1.0
+    })
+}
+
+fn polynomial_model(degree: usize, range: [f64; 2], seed: u64) -> LpvStateSpace<Discrete> {
+    let part = |rows, columns, s| {
+        MatrixFunction::polynomial(
+            (0..=degree)
+                .map(|k| matrix(rows, columns, seed + 100 * s as u64 + k as u64) * 0.3)
+                .collect(),
+        )
+        .unwrap()
+    };
+    LpvStateSpace::new(
+        part(3, 3, 1),
+        part(3, 2, 2),
+        part(2, 3, 3),
+        part(2, 2, 4),
+        SchedulingRange::interval(range[0], range[1]).unwrap(),
+        Discrete::new(0.05).unwrap(),
+    )
+    .unwrap()
+}
+
+fn distance(a: &StateSpace<Discrete>, b: &StateSpace<Discrete>) -> f64 {
+    [(a.a(), b.a()), (a.b(), b.b()), (a.c(), b.c()), (a.d(), b.d())]
+        .iter()
+        .map(|(x, y)| (*x - *y).norm())
+        .sum()
+}
+
+#[test]
+fn zero_order_hold_of_a_double_integrator_by_hand() {
+    let plant = StateSpace::new(
+        dmatrix![0.0, 1.0; 0.0, 0.0],
+        dmatrix![0.0; 1.0],
+        dmatrix![1.0, 0.0],
+        dmatrix![0.0],
+        Continuous,
+    )
+    .unwrap();
+    let t = 0.05;
+    let sampled = plant.zero_order_hold(Discrete::new(t).unwrap()).unwrap();
+    assert!((sampled.a() - dmatrix![1.0, t; 0.0, 1.0]).norm() < 1e-15);
+    assert!((sampled.b() - dmatrix![0.5 * t * t; t]).norm() < 1e-15);
+    // The response is (T^2 / 2) (z + 1) / (z - 1)^2, equation (12).
+    let z = sampled.clock().point(1.3);
+    let expected = (z + 1.0) / ((z - 1.0) * (z - 1.0)) * (0.5 * t * t);
+    let found = sampled.frequency_response(&[1.3]).unwrap().line(0)[(0, 0)];
+    assert!((found - expected).norm() < 1e-13 * expected.norm());
+}
+
+#[test]
+fn tustin_maps_the_imaginary_axis_to_the_unit_circle() {
+    let plant = StateSpace::new(
+        matrix(4, 4, 1),
+        matrix(4, 2, 2),
+        matrix(3, 4, 3),
+        matrix(3, 2, 4),
+        Continuous,
+    )
+    .unwrap();
+    let clock = Discrete::new(0.1).unwrap();
+    let sampled = plant.tustin(clock).unwrap();
+    let f = 1.7;
+    let warped = (std::f64::consts::PI * f * 0.1).tan() / (std::f64::consts::PI * 0.1);
+    let error = sampled.frequency_response(&[f]).unwrap().line(0)
+        - plant.frequency_response(&[warped]).unwrap().line(0);
+    assert!(error.norm() < 1e-12, "{error}");
+}
+
+#[test]
+fn hessenberg_response_is_the_dense_one() {
+    for n in [0, 1, 2, 5, 12] {
+        let s = StateSpace::new(
+            matrix(n, n, 1),
+            matrix(n, 2, 2),
+            matrix(3, n, 3),
+            matrix(3, 2, 4),
+            Discrete::new(1.0).unwrap(),
+        )
+        .unwrap();
+        let f = s.frequency_response(&[0.0, 0.1, 0.3, 0.5]).unwrap();
+        for (k, &hz) in f.frequencies_hz().iter().enumerate() {
+            let z = s.clock().point(hz);
+            let pencil = DMatrix::<Complex<f64>>::identity(n, n) * z - s.a().map(Complex::from);
+            let state = if n == 0 {
+                DMatrix::zeros(0, 2)
+            } else {
+                pencil.lu().solve(&s.b().map(Complex::from)).unwrap()
+            };
+            let dense = s.c().map(Complex::from) * state + s.d().map(Complex::from);
+            assert!((f.line(k) - dense).norm() < 1e-11);
+        }
+    }
+}
+
+#[test]
+fn a_pole_on_a_line_is_named() {
+    let integrator = StateSpace::new(
+        dmatrix![1.0],
+        dmatrix![1.0],
+        dmatrix![1.0],
+        dmatrix![0.0],
+        Discrete::new(1.0).unwrap(),
+    )
+    .unwrap();
+    let refused = integrator.frequency_response(&[0.0, 0.1]).unwrap_err();
+    assert_eq!(refused, CoreError::PoleOnLine { frequency_hz: 0.0 });
+}
+
+#[test]
+fn series_and_parallel_responses_multiply_and_add() {
+    let clock = Discrete::new(1.0).unwrap();
+    let f = StateSpace::new(
+        matrix(3, 3, 1) * 0.5,
+        matrix(3, 2, 2),
+        matrix(2, 3, 3),
+        matrix(2, 2, 4),
+        clock,
+    )
+    .unwrap();
+    let g = StateSpace::new(
+        matrix(2, 2, 5) * 0.5,
+        matrix(2, 2, 6),
+        matrix(2, 2, 7),
+        matrix(2, 2, 8),
+        clock,
+    )
+    .unwrap();
+    let at = |s: &StateSpace<Discrete>| s.frequency_response(&[0.2]).unwrap().line(0).into_owned();
+    assert!((at(&f.then(&g).unwrap()) - at(&g) * at(&f)).norm() < 1e-12);
+    assert!((at(&f.plus(&g).unwrap()) - at(&g) - at(&f)).norm() < 1e-12);
+}
+
+#[test]
+fn the_smallest_lfr_of_a_known_polynomial() {
+    // y = (1 + 2 p + 3 p^2) u needs two deltas.
+    let c = |v: f64| DMatrix::from_element(1, 1, v);
+    let empty = |r, k| MatrixFunction::constant(DMatrix::zeros(r, k)).unwrap();
+    let model = LpvStateSpace::new(
+        empty(0, 0),
+        empty(0, 1),
+        empty(1, 0),
+        MatrixFunction::polynomial(vec![c(1.0), c(2.0), c(3.0)]).unwrap(),
+        SchedulingRange::interval(-0.5, 2.0).unwrap(),
+        Discrete::new(1.0).unwrap(),
+    )
+    .unwrap();
+    let lfr = model.to_lfr().unwrap();
+    assert_eq!(lfr.delta_count(), 2);
+    for p in [-0.5, 0.0, 0.7, 2.0] {
+        assert!((lfr.frozen(&[p]).unwrap().d()[(0, 0)] - (1.0 + 2.0 * p + 3.0 * p * p)).abs() < 1e-13);
+    }
+}
+
+#[test]
+fn ill_posed_at_a_known_position() {
+    // y = u / (1 - 2 delta), delta = p on [-1, 1]: singular at p = 0.5.
+    let one = dmatrix![1.0];
+    let none = |r, c| DMatrix::zeros(r, c);
+    let blocks = lpv_core::LfrBlocks {
+        a: none(0, 0),
+        b1: none(0, 1),
+        b2: none(0, 1),
+        c1: none(1, 0),
+        d11: dmatrix![2.0],
+        d12: one.clone(),
+        c2: none(1, 0),
+        d21: dmatrix![2.0],
+        d22: one,
+    };
+    let delta = lpv_core::DeltaBlock {
+        parameter: 0,
+        repetitions: 1,
+    };
+    let lfr = Lfr::new(
+        blocks,
+        vec![delta],
+        SchedulingRange::interval(-1.0, 1.0).unwrap(),
+        Discrete::new(1.0).unwrap(),
+    )
+    .unwrap();
+    assert_eq!(
+        lfr.well_posedness().unwrap(),
+        WellPosedness::Fails { p: vec![0.5] }
+    );
+    assert_eq!(
+        lfr.frozen(&[0.5]).unwrap_err(),
+        CoreError::IllPosed { p: vec![0.5] }
+    );
+    assert!((lfr.frozen(&[0.25]).unwrap().d()[(0, 0)] - 2.0).abs() < 1e-14);
+    assert_eq!(lfr.to_state_space().unwrap_err(), CoreError::NotPolynomial);
+}
+
+#[test]
+fn two_parameters_realised_by_horner() {
+    let basis = FunctionBasis::new(BasisKind::Monomials {
+        exponents: vec![vec![0, 0], vec![1, 0], vec![1, 1], vec![0, 2], vec![2, 1]],
+    })
+    .unwrap();
+    let part = |r, c, s| {
+        MatrixFunction::new(
+            basis.clone(),
+            (0..5_u64).map(|k| matrix(r, c, s + k) * 0.2).collect(),
+        )
+        .unwrap()
+    };
+    let range = SchedulingRange::new(vec![[-1.0, 0.5], [2.0, 3.0]]).unwrap();
+    let model = LpvStateSpace::new(
+        part(2, 2, 1),
+        part(2, 1, 20),
+        part(1, 2, 40),
+        part(1, 1, 60),
+        range.clone(),
+        Continuous,
+    )
+    .unwrap();
+    let lfr = model.to_lfr().unwrap();
+    for p in range.grid(4) {
+        let (x, y) = (model.frozen(&p).unwrap(), lfr.frozen(&p).unwrap());
+        assert!(
+            (x.a() - y.a()).norm() + (x.b() - y.b()).norm() + (x.c() - y.c()).norm() + (x.d() - y.d()).norm()
+                < 1e-12
+        );
+    }
+    assert!(matches!(
+        lfr.well_posedness().unwrap(),
+        WellPosedness::Proven { .. } | WellPosedness::Sampled { .. }
+    ));
+}
+
+#[test]
+fn star_product_of_static_gains_is_their_product() {
+    let z = |r, c| DMatrix::zeros(r, c);
+    let (a, b) = (matrix(2, 2, 1), matrix(2, 2, 2));
+    // [0 I; A 0] * [0 B; I 0]: A w enters below, B u2 comes back up.
+    let upper = Partitioned {
+        m11: z(2, 2),
+        m12: DMatrix::identity(2, 2),
+        m21: a.clone(),
+        m22: z(2, 2),
+    };
+    let lower = Partitioned {
+        m11: z(2, 2),
+        m12: b.clone(),
+        m21: DMatrix::identity(2, 2),
+        m22: z(2, 2),
+    };
+    let star = upper.star(&lower).unwrap();
+    assert!((star.m12 - &b).norm() < 1e-15 && (star.m21 - &a).norm() < 1e-15);
+    // The star product is associative.
+    let p = |s: u64| Partitioned {
+        m11: matrix(2, 2, s) * 0.3,
+        m12: matrix(2, 2, s + 1),
+        m21: matrix(2, 2, s + 2),
+        m22: matrix(2, 2, s + 3) * 0.3,
+    };
+    let left = p(1).star(&p(5)).unwrap().star(&p(9)).unwrap();
+    let right = p(1).star(&p(5).star(&p(9)).unwrap()).unwrap();
+    assert!(
+        (left.m11 - right.m11).norm() + (left.m22 - right.m22).norm() + (left.m12 - right.m12).norm() < 1e-12
+    );
+}
+
+#[test]
+fn spline_reproduces_cubics_and_passes_its_knots() {
+    let knots = vec![-1.0, -0.2, 0.1, 0.9, 1.5, 2.0];
+    let basis = FunctionBasis::new(BasisKind::Spline { knots: knots.clone() }).unwrap();
+    let cubic = |x: f64| 1.0 - x + 0.5 * x * x - 2.0 * x * x * x;
+    for x in [-1.0, -0.7, 0.0, 0.5, 1.2, 2.0] {
+        let value: f64 = basis
+            .evaluate(&[x])
+            .iter()
+            .zip(&knots)
+            .map(|(w, &k)| w * cubic(k))
+            .sum();
+        assert!((value - cubic(x)).abs() < 1e-12);
+    }
+    for (n, degree) in [(2, 1), (3, 2)] {
+        let knots: Vec<f64> = (0..n).map(|k| k as f64 * 0.7).collect();
+        let basis = FunctionBasis::new(BasisKind::Spline { knots: knots.clone() }).unwrap();
+        let value: f64 = basis
+            .evaluate(&[0.3])
+            .iter()
+            .zip(&knots)
+            .map(|(w, k)| w * k.powi(degree))
+            .sum();
+        assert!((value - 0.3_f64.powi(degree)).abs() < 1e-14);
+    }
+}
+
+#[test]
+fn series_expansion_has_the_response_of_its_state_space() {
+    let clock = Discrete::new(1.0).unwrap();
+    let range = SchedulingRange::interval(0.0, 1.0).unwrap();
+    let rigid = StateSpace::new(
+        matrix(2, 2, 1) * 0.4,
+        matrix(2, 2, 2),
+        matrix(2, 2, 3),
+        DMatrix::zeros(2, 2),
+        clock,
+    )
+    .unwrap();
+    let basis = StateSpace::new(
+        matrix(3, 3, 4) * 0.4,
+        matrix(3, 1, 5),
+        DMatrix::identity(3, 3),
+        DMatrix::zeros(3, 1),
+        clock,
+    )
+    .unwrap();
+    let weights = MatrixFunction::polynomial(vec![matrix(2, 6, 6), matrix(2, 6, 7)]).unwrap();
+    let direct = MatrixFunction::constant(matrix(2, 2, 8)).unwrap();
+    let series = SeriesExpansion::new(
+        rigid.clone(),
+        basis.clone(),
+        direct.clone(),
+        weights.clone(),
+        range,
+    )
+    .unwrap();
+    let model = series.to_state_space().unwrap();
+    assert_eq!(model.states(), 2 + 2 * 3);
+    let p = [0.3];
+    let found = model
+        .frozen(&p)
+        .unwrap()
+        .frequency_response(&[0.15])
+        .unwrap()
+        .line(0)
+        .into_owned();
+    let phi = basis.frequency_response(&[0.15]).unwrap();
+    let w = weights.evaluate(&p);
+    let mut expected = rigid.frequency_response(&[0.15]).unwrap().line(0).into_owned()
+        + direct.evaluate(&p).map(Complex::from);
+    for i in 0..3 {
+        expected += w.columns(2 * i, 2).map(Complex::from) * phi.line(0)[(i, 0)];
+    }
+    assert!((found - expected).norm() < 1e-12);
+}
+
+#[test]
+fn moving_p_of_a_continuous_model_against_the_sampled_one() {
+    // With constant p the integrator must give the exact zero-order-hold response.
+    let part = |r, c, s| MatrixFunction::polynomial(vec![matrix(r, c, s), matrix(r, c, s + 1)]).unwrap();
+    let model = LpvStateSpace::new(
+        part(3, 3, 1),
+        part(3, 1, 10),
+        part(1, 3, 20),
+        part(1, 1, 30),
+        SchedulingRange::interval(-1.0, 1.0).unwrap(),
+        Continuous,
+    )
+    .unwrap();
+    let clock = Discrete::new(0.1).unwrap();
+    let u = matrix(1, 40, 50);
+    let p = DMatrix::from_element(1, 40, 0.4);
+    let x0 = DVector::zeros(3);
+    let moving = model.simulate_held(&x0, &u, &p, clock, 1e-11).unwrap();
+    let exact = model
+        .frozen(&[0.4])
+        .unwrap()
+        .zero_order_hold(clock)
+        .unwrap()
+        .simulate(&x0, &u)
+        .unwrap();
+    assert!((moving.outputs - &exact.outputs).amax() < 1e-9 * exact.outputs.amax());
+}
+
+#[test]
+fn json_round_trip_is_exact_and_names_errors() {
+    let model = polynomial_model(2, [-0.3, 0.3], 7);
+    let lfr = model.to_lfr().unwrap();
+    for m in [
+        Model::DiscreteLpv(model.clone()),
+        Model::DiscreteLfr(lfr),
+        Model::DiscreteStateSpace(model.frozen(&[0.1]).unwrap()),
+    ] {
+        let text = m.to_json().unwrap();
+        assert_eq!(Model::from_json(&text).unwrap(), m);
+    }
+    let text = Model::DiscreteLpv(model).to_json().unwrap();
+    let other = text.replacen("\"version\": 1", "\"version\": 9", 1);
+    assert!(matches!(
+        Model::from_json(&other),
+        Err(CoreError::Schema { version: 9, .. })
+    ));
+    let broken = text.replacen("\"shape\"", "\"shap\"", 1);
+    let message = Model::from_json(&broken).unwrap_err().to_string();
+    assert!(message.contains("line") && message.contains("shap"), "{message}");
+}
+
+#[test]
+fn eigenvalues_of_a_badly_scaled_matrix() {
+    // diag(1, 2, 3) hidden behind a scaling over eight decades.
+    let d = DMatrix::from_diagonal(&DVector::from_vec(vec![1e-4, 1.0, 1e4]));
+    let t = dmatrix![1.0, 0.5, 0.2; 0.1, 1.0, 0.3; 0.4, 0.2, 1.0];
+    let core = &t
+        * DMatrix::from_diagonal(&DVector::from_vec(vec![1.0, 2.0, 3.0]))
+        * t.clone().try_inverse().unwrap();
+    let hidden = &d * core * d.clone().try_inverse().unwrap();
+    for (found, expected) in lpv_core::linalg::eigenvalues(&hidden)
+        .unwrap()
+        .iter()
+        .zip([1.0, 2.0, 3.0])
+    {
+        assert!(
+            (found.re - expected).abs() < 1e-10 && found.im.abs() < 1e-10,
+            "{found}"
+        );
+    }
+}
+
+#[test]
+fn gramian_solves_its_equation() {
+    let (a, b) = (matrix(5, 5, 3) * 0.35, matrix(5, 2, 4));
+    let x = lpv_core::linalg::discrete_gramian(&a, &b).unwrap();
+    assert!((&a * &x * a.transpose() + &b * b.transpose() - &x).norm() < 1e-12 * x.norm());
+    assert!(matches!(
+        lpv_core::linalg::discrete_gramian(&DMatrix::identity(2, 2), &matrix(2, 1, 1)),
+        Err(CoreError::Unstable { .. })
+    ));
+}
+
+#[test]
+fn relative_error_counts_the_matrix_as_one() {
+    let c = |v: [f64; 2]| v.map(Complex::from).to_vec();
+    let truth = Frf::new(vec![1.0], 2, 1, c([3.0, 4.0])).unwrap();
+    let other = Frf::new(vec![1.0], 2, 1, c([3.0, 4.5])).unwrap();
+    assert!((other.relative_error(&truth).unwrap()[0] - 0.1).abs() < 1e-15);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn polynomial_models_survive_the_way_to_lfr_and_back(
+        degree in 0_usize..5, lower in -2.0..1.0_f64, width in 0.1..3.0_f64, seed in 0_u64..1000, t in 0.0..1.0_f64,
+    ) {
+        let model = polynomial_model(degree, [lower, lower + width], seed);
+        let p = [lower + t * width];
+        let lfr = model.to_lfr().unwrap();
+        let scale = 1.0 + model.frozen(&p).unwrap().a().norm();
+        prop_assert!(distance(&model.frozen(&p).unwrap(), &lfr.frozen(&p).unwrap()) < 1e-10 * scale);
+        prop_assert!(lfr.delta_count() <= 5 * degree);
+        let posed = matches!(lfr.well_posedness().unwrap(), WellPosedness::Proven { .. });
+        prop_assert!(posed);
+        let back = lfr.to_state_space().unwrap();
+        prop_assert!(distance(&model.frozen(&p).unwrap(), &back.frozen(&p).unwrap()) < 1e-9 * scale);
+    }
+
+    #[test]
+    fn lfr_and_state_space_simulate_alike(seed in 0_u64..1000) {
+        let model = polynomial_model(2, [-0.3, 0.3], seed);
+        let lfr = model.to_lfr().unwrap();
+        let u = matrix(2, 30, seed);
+        let p = matrix(1, 30, seed + 1) * 0.3;
+        let x0 = DVector::zeros(3);
+        let y = model.simulate(&x0, &u, &p).unwrap().outputs;
+        prop_assert!((lfr.simulate(&x0, &u, &p).unwrap().outputs - &y).amax() < 1e-10 * (1.0 + y.amax()));
+    }
+
+    #[test]
+    fn lfr_series_and_parallel_are_those_of_the_frozen_systems(seed in 0_u64..1000, t in -1.0..1.0_f64) {
+        let (f, g) = (polynomial_model(1, [-1.0, 1.0], seed), polynomial_model(2, [-1.0, 1.0], seed + 5));
+        let (lf, lg) = (f.to_lfr().unwrap(), g.to_lfr().unwrap());
+        let (sf, sg) = (f.frozen(&[t]).unwrap(), g.frozen(&[t]).unwrap());
+        let series = lf.then(&lg).unwrap().frozen(&[t]).unwrap();
+        let parallel = lf.plus(&lg).unwrap().frozen(&[t]).unwrap();
+        prop_assert!(distance(&series, &sf.then(&sg).unwrap()) < 1e-10);
+        prop_assert!(distance(&parallel, &sf.plus(&sg).unwrap()) < 1e-10);
+    }
+
+    #[test]
+    fn wild_numbers_never_panic(values in proptest::collection::vec(prop_oneof![any::<f64>(), -2.0..2.0_f64], 4..20), n in 0_usize..3, p in any::<f64>()) {
+        let take = |r: usize, c: usize| DMatrix::from_iterator(r, c, values.iter().copied().cycle().take(r * c));
+        let _ = Discrete::new(values[0]);
+        let _ = SchedulingRange::interval(values[0], values[1]);
+        let _ = FunctionBasis::new(BasisKind::Spline { knots: values.clone() });
+        let _ = FunctionBasis::new(BasisKind::Matern { knots: values.clone(), length_scale: values[0] });
+        let _ = lpv_core::linalg::discrete_gramian(&take(n, n), &take(n, 1));
+        let _ = Frf::new(values.clone(), 1, 1, values.iter().map(|&v| Complex::new(v, p)).collect());
+        if let Ok(s) = StateSpace::new(take(n, n), take(n, 1), take(2, n), take(2, 1), Continuous) {
+            let _ = s.poles();
+            let _ = s.frequency_response(&values);
+            let _ = s.zero_order_hold(Discrete::new(0.1).unwrap());
+            let _ = s.tustin(Discrete::new(0.1).unwrap());
+        }
+        let range = SchedulingRange::interval(-1.0, 1.0).unwrap();
+        let f = |r, c| MatrixFunction::polynomial(vec![take(r, c), take(r, c)]);
+        if let (Ok(a), Ok(b), Ok(c), Ok(d)) = (f(n, n), f(n, 1), f(2, n), f(2, 1)) {
+            let model = LpvStateSpace::new(a, b, c, d, range, Discrete::new(1.0).unwrap()).unwrap();
+            let _ = model.frozen(&[p]);
+            let _ = model.simulate(&DVector::zeros(n), &take(1, 5), &take(1, 5));
+            if let Ok(lfr) = model.to_lfr() {
+                let _ = lfr.well_posedness();
+                let _ = lfr.to_state_space();
+                let _ = lfr.tabulate(3);
+            }
+        }
+    }
+
+    #[test]
+    fn wild_text_is_refused_in_words(text in ".{0,200}") {
+        prop_assert!(Model::from_json(&text).is_err());
+    }
+}

@@ -1,1 +1,71 @@
-//! Experiment bundles on disk: one experiment.toml and its record files
+//! Experiment bundles: files in, records out.
+//!
+//! A bundle is a folder with one `experiment.toml` and the record files that it names. A column `c` of a file holds
+//! the samples `c(k)`, `k = 0 .. N-1`, taken at `t = k T_s`, `T_s = 1 / sample_rate`. This crate reads the description,
+//! multiplies every column by the scale written there, `x(k) = scale * c(k)`, checks the result against every clause
+//! of the format, and hands out [`lpv_core::Record`]s, one at a time. [`BundleWriter`] goes the other way.
+//!
+//! # Glossary
+//!
+//! | term | meaning |
+//! |---|---|
+//! | bundle | folder with `experiment.toml` and record files (`.npz`, `.csv`, `.mat` v5) |
+//! | channel group | list of columns with one role: output y, input u, reference r, scheduling p, auxiliary |
+//! | periodic record | steady multisine, p constant, a whole number (two or more) of periods |
+//! | transient record | anything else |
+//! | injection | known signal that one test added to the controller's output |
+//! | position | the constant p of a record |
+//!
+//! # What it does not do
+//!
+//! It knows no identification. It does not resample, detrend, align or repair: a number that is not finite, a clipped
+//! sensor or a moving scheduling signal is refused with its place, because a silent repair would end as a pole in some
+//! model. It does not look whether the periodic records at one position excite all inputs independently; that needs
+//! spectra and belongs to the FRF estimate. Parquet and MAT v7.3 (HDF5) are refused by name, see
+//! [`RecordError::UnsupportedFormat`] and [`DescriptionError::UnsupportedFormat`].
+//!
+//! What counts as constant and as clipped is written at [`RecordError::Constant`] and [`RecordError::Clipped`].
+//!
+//! # Example
+//!
+//! ```
+//! use experiment_data::{Bundle, RecordEntry};
+//! let folder = std::env::temp_dir().join(format!("bundle-doc-{}", std::process::id()));
+//! std::fs::create_dir_all(&folder)?;
+//! std::fs::write(folder.join("move.csv"), "u,y\n0.0,0.0\n1.0,0.1\n0.5,0.4\n")?;
+//! std::fs::write(
+//!     folder.join("experiment.toml"),
+//!     "format = 1\nname = 'one move'\nsample_rate = 20.0\n[channels.output]\ncolumns = ['y']\n\
+//!      [channels.input]\ncolumns = ['u']\nscale = [2.0]\n\
+//!      [[records]]\nfile = 'move.csv'\nkind = 'transient'\nuse = 'estimation'\n",
+//! )?;
+//! let bundle = Bundle::open(&folder)?;
+//! let record = bundle.load(0)?;
+//! assert_eq!(record.inputs.columns[0], [0.0, 2.0, 1.0]);
+//! # std::fs::remove_dir_all(&folder)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod bundle;
+mod checks;
+mod clipping;
+mod columns;
+mod controller;
+mod description;
+mod description_check;
+mod error;
+mod geometry;
+mod key_path;
+mod mat;
+mod nearest;
+mod paths;
+mod toml_file;
+mod writer;
+
+pub use bundle::Bundle;
+pub use columns::RecordFormat;
+pub use controller::{Controller, ControllerState};
+pub use description::{ChannelGroup, Channels, Description, EntryKind, RecordEntry};
+pub use error::{DataError, DescriptionError, Place, RecordError, RecordPlace};
+pub use geometry::Geometry;
+pub use writer::BundleWriter;

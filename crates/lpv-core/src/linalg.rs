@@ -120,13 +120,14 @@ pub(crate) fn column_space(matrix: &DMatrix<f64>, relative_tolerance: f64) -> DM
     if matrix.is_empty() || matrix.amax() == 0.0 {
         return DMatrix::zeros(matrix.nrows(), 0);
     }
-    let svd = matrix.clone().svd(true, false);
-    let largest = svd.singular_values.max();
-    let keep: Vec<usize> = (0..svd.singular_values.len())
-        .filter(|&i| svd.singular_values[i] > relative_tolerance * largest)
-        .collect();
-    svd.u
-        .map_or_else(|| DMatrix::zeros(matrix.nrows(), 0), |u| u.select_columns(&keep))
+    // Pivoted QR: its Q is orthonormal to rounding whatever the matrix, which the recurrences rely on.
+    let qr = matrix.clone().col_piv_qr();
+    let r = qr.r();
+    let largest = r[(0, 0)].abs();
+    let rank = (0..r.nrows().min(r.ncols()))
+        .take_while(|&i| r[(i, i)].abs() > relative_tolerance * largest)
+        .count();
+    qr.q().columns(0, rank).into_owned()
 }
 
 /// The matrix with another placed at its lower right, zeros elsewhere.

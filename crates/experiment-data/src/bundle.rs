@@ -1,0 +1,303 @@
+//! A bundle on disk: the description in memory, the records where they are.
+
+use crate::checks::{self, Expectation};
+use crate::description::{ChannelGroup, Description};
+use crate::description_check::fault;
+use crate::key_path::KeyPath;
+use crate::{DataError, DescriptionError, RecordError, RecordPlace, columns, paths, toml_file};
+use lpv_core::{Discrete, Record, Signals};
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+/// A parsed and checked description, with its record files known to exist. No samples are loaded.
+#[derive(Debug)]
+pub struct Bundle {
+    folder: PathBuf,
+    file: PathBuf,
+    text: String,
+    description: Description,
+    names: Vec<String>,
+    /// Largest |p| of the bundle; computed only when a record is in doubt.
+    scheduling_scale: OnceLock<f64>,
+}
+
+impl Bundle {
+    /// Opens a bundle by its folder or by its `experiment.toml`.
+    ///
+    /// # Errors
+    /// [`DataError::NotABundle`], [`DataError::Io`], [`DataError::Toml`], [`DataError::Description`] with the position
+    /// in the file: every clause that can be told without reading samples, including record files that are missing,
+    /// of an unsupported kind or outside the folder.
+    pub fn open(folder_or_toml: &Path) -> Result<Self, DataError> {
+        let file = if folder_or_toml.is_dir() {
+            folder_or_toml.join("experiment.toml")
+        } else {
+            folder_or_toml.to_owned()
+        };
+        let folder = match file.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
+            _ => PathBuf::from("."),
+        };
+        if !file.exists() {
+            let folder = if folder_or_toml.is_dir() {
+                folder
+            } else {
+                folder_or_toml.to_owned()
+            };
+            return Err(DataError::NotABundle { folder });
+        }
+        let bytes = std::fs::read(&file).map_err(DataError::io("read", &file))?;
+        let text = String::from_utf8(bytes).map_err(|e| {
+            let valid = String::from_utf8_lossy(&e.as_bytes()[..e.utf8_error().valid_up_to()]).into_owned();
+            let (line, column) = toml_file::position(&valid, valid.len());
+            DataError::Toml {
+                file: file.clone(),
+                line,
+                column,
+                message: "the text is not UTF-8".to_owned(),
+            }
+        })?;
+        let text = text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text);
+        let description = toml_file::parse(&file, &text)?;
+        let bundle = Self {
+            names: record_names(&description),
+            folder,
+            file,
+            text,
+            description,
+            scheduling_scale: OnceLock::new(),
+        };
+        bundle.check_files()?;
+        Ok(bundle)
+    }
+
+    /// The description.
+    pub fn description(&self) -> &Description {
+        &self.description
+    }
+
+    /// Number of records.
+    pub fn len(&self) -> usize {
+        self.description.records.len()
+    }
+
+    /// Whether there is no record; never true for an open bundle.
+    pub fn is_empty(&self) -> bool {
+        self.description.records.is_empty()
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// The description file.
+    pub fn description_file(&self) -> &Path {
+        &self.file
+    }
+
+    /// The file of a record.
+    ///
+    /// # Errors
+    /// [`DataError::Index`]; [`DataError::Description`] if the file has gone since the bundle was opened.
+    pub fn record_path(&self, index: usize) -> Result<PathBuf, DataError> {
+        let entry = self.entry(index)?;
+        paths::resolve(&self.folder, &entry.file).map_err(|p| self.file_fault(index, p))
+    }
+
+    /// The clock of all records.
+    ///
+    /// # Errors
+    /// [`DataError::Core`]; not for a checked description.
+    pub fn clock(&self) -> Result<Discrete, DataError> {
+        Ok(Discrete::from_rate(self.description.sample_rate_hz)?)
+    }
+
+    /// Reads one record: only the columns that the description names, scaled and checked.
+    ///
+    /// The record's name is the file's path without `records/` in front and without its ending (with both, where two
+    /// records would share a name). `position` is the declared one; for a periodic record with one scheduling signal
+    /// and no declaration it is the mean of that column.
+    ///
+    /// # Errors
+    /// [`DataError::Index`], [`DataError::Record`] with the file, the record, the column and the place in it.
+    pub fn load(&self, index: usize) -> Result<Record, DataError> {
+        let entry = self.entry(index)?;
+        let path = self.record_path(index)?;
+        let record = self.read(index, &path).and_then(|mut record| {
+            let expectation = Expectation {
+                limit: self.description.controller.as_ref().and_then(|c| c.limit),
+                declared_position: entry.position,
+                scheduling_scale: &|| self.scale_of_scheduling(),
+            };
+            record.position = checks::check(&record, &expectation)?;
+            Ok(record)
+        });
+        record.map_err(|mut problem| {
+            add_lines(&mut problem, &path);
+            DataError::Record {
+                place: Box::new(RecordPlace {
+                    index,
+                    file: path.clone(),
+                }),
+                problem: Box::new(problem),
+            }
+        })
+    }
+
+    /// All records in order, one in memory at a time.
+    pub fn records(&self) -> impl Iterator<Item = Result<Record, DataError>> {
+        (0..self.len()).map(|index| self.load(index))
+    }
+
+    fn entry(&self, index: usize) -> Result<&crate::RecordEntry, DataError> {
+        let records = self.len();
+        self.description
+            .records
+            .get(index)
+            .ok_or(DataError::Index { index, records })
+    }
+
+    fn check_files(&self) -> Result<(), DataError> {
+        let mut seen: Vec<PathBuf> = Vec::new();
+        for (index, entry) in self.description.records.iter().enumerate() {
+            let path = self.record_path(index)?;
+            // After following links, so that one file under two names is seen too.
+            let real = path.canonicalize().map_err(DataError::io("open", &path))?;
+            if let Some(first) = seen.iter().position(|s| *s == real) {
+                let problem = DescriptionError::DuplicateRecord {
+                    file: entry.file.clone(),
+                    first,
+                };
+                return Err(self.file_fault(index, problem));
+            }
+            seen.push(real);
+        }
+        Ok(())
+    }
+
+    fn file_fault(&self, index: usize, problem: DescriptionError) -> DataError {
+        let path = KeyPath::key("records").at(index).then("file");
+        toml_file::locate_in(&self.file, &self.text, fault(path, problem))
+    }
+
+    fn read(&self, index: usize, path: &Path) -> Result<Record, RecordError> {
+        let entry = &self.description.records[index];
+        let c = &self.description.channels;
+        let groups = [
+            &c.output,
+            &c.input,
+            &c.reference,
+            &c.scheduling,
+            &c.auxiliary,
+            &entry.injection,
+        ];
+        let mut names: Vec<&str> = Vec::new();
+        for column in groups.iter().flat_map(|g| &g.columns) {
+            if !names.contains(&column.as_str()) {
+                names.push(column);
+            }
+        }
+        let mut data: Vec<Option<Vec<f64>>> = columns::read(path, &names)?.into_iter().map(Some).collect();
+        let mut uses: Vec<usize> = names
+            .iter()
+            .map(|n| {
+                groups
+                    .iter()
+                    .flat_map(|g| &g.columns)
+                    .filter(|c| c.as_str() == *n)
+                    .count()
+            })
+            .collect();
+        let mut signals = |group: &ChannelGroup| -> Signals {
+            let mut columns = Vec::with_capacity(group.len());
+            for (k, name) in group.columns.iter().enumerate() {
+                let Some(i) = names.iter().position(|n| n == name) else {
+                    continue;
+                };
+                uses[i] -= 1;
+                // The last use takes the samples; earlier ones copy.
+                let samples = if uses[i] == 0 {
+                    data[i].take()
+                } else {
+                    data[i].clone()
+                };
+                let mut samples = samples.unwrap_or_default();
+                if let Some(&scale) = group.scale.get(k)
+                    && scale != 1.0
+                {
+                    samples.iter_mut().for_each(|v| *v *= scale);
+                }
+                columns.push(samples);
+            }
+            Signals {
+                names: group.columns.clone(),
+                units: group.units.clone(),
+                columns,
+            }
+        };
+        Ok(Record {
+            name: self.names[index].clone(),
+            kind: entry.record_kind(),
+            purpose: entry.purpose,
+            position: entry.position,
+            outputs: signals(&c.output),
+            inputs: signals(&c.input),
+            references: signals(&c.reference),
+            scheduling: signals(&c.scheduling),
+            auxiliary: signals(&c.auxiliary),
+            injection: signals(&entry.injection),
+        })
+    }
+
+    /// Largest |p| over all records that can be read; the others report themselves when they are loaded.
+    fn scale_of_scheduling(&self) -> f64 {
+        *self.scheduling_scale.get_or_init(|| {
+            let group = &self.description.channels.scheduling;
+            let names: Vec<&str> = group.columns.iter().map(String::as_str).collect();
+            let mut largest = 0.0f64;
+            for index in 0..self.len() {
+                let Ok(path) = self.record_path(index) else {
+                    continue;
+                };
+                let Ok(columns) = columns::read(&path, &names) else {
+                    continue;
+                };
+                for (k, column) in columns.iter().enumerate() {
+                    let scale = group.scale.get(k).copied().unwrap_or(1.0);
+                    largest = column
+                        .iter()
+                        .map(|v| (v * scale).abs())
+                        .filter(|v| v.is_finite())
+                        .fold(largest, f64::max);
+                }
+            }
+            largest
+        })
+    }
+}
+
+/// Short names where they are unique, the files otherwise.
+fn record_names(description: &Description) -> Vec<String> {
+    let short = |file: &str| {
+        let path = Path::new(file).with_extension("");
+        let path = path.strip_prefix("records").unwrap_or(&path);
+        path.to_string_lossy().into_owned()
+    };
+    let names: Vec<String> = description.records.iter().map(|e| short(&e.file)).collect();
+    let unique = |n: &String| !n.is_empty() && names.iter().filter(|m| *m == n).count() == 1;
+    names
+        .iter()
+        .zip(&description.records)
+        .map(|(n, entry)| if unique(n) { n.clone() } else { entry.file.clone() })
+        .collect()
+}
+
+/// CSV rows also have line numbers, which differ from them where blank lines or line breaks in quotes occur.
+fn add_lines(problem: &mut RecordError, path: &Path) {
+    if let RecordError::NotFinite { rows, lines, .. } = problem
+        && columns::is_csv(path)
+    {
+        *lines = columns::csv_lines(path, rows);
+    }
+}

@@ -1,0 +1,176 @@
+//! Does a signal stay at its extreme value? The rules are documented at [`crate::RecordError::Clipped`].
+
+/// A plateau at an extreme value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Clipped {
+    pub(crate) extreme: f64,
+    pub(crate) samples: usize,
+}
+
+/// Signals with fewer different values are switching signals.
+const LEVELS: usize = 16;
+
+/// Clipping of a steady periodic signal, by counting.
+pub(crate) fn periodic(x: &[f64]) -> Option<Clipped> {
+    const SHARE: f64 = 1e-3;
+    if switches(x) {
+        return None;
+    }
+    [1.0, -1.0].into_iter().find_map(|sign| {
+        let (mut top, mut at_top) = (f64::NEG_INFINITY, 0usize);
+        let (mut next, mut at_next) = (f64::NEG_INFINITY, 0usize);
+        for v in x.iter().map(|v| sign * v) {
+            if v > top {
+                (next, at_next) = (top, at_top);
+                (top, at_top) = (v, 1);
+            } else if v == top {
+                at_top += 1;
+            } else if v > next {
+                (next, at_next) = (v, 1);
+            } else if v == next {
+                at_next += 1;
+            }
+        }
+        let clipped = at_top >= 5 && at_top as f64 > SHARE * x.len() as f64 && at_top > 4 * at_next;
+        clipped.then_some(Clipped {
+            extreme: sign * top,
+            samples: at_top,
+        })
+    })
+}
+
+/// Clipping of a signal that may rest, by plateaus that are entered and left at speed.
+pub(crate) fn transient(x: &[f64], limit: Option<f64>) -> Option<Clipped> {
+    const SHARE: f64 = 2e-3;
+    const SLOPE: f64 = 0.3;
+    if switches(x) || piecewise_linear(x) {
+        return None;
+    }
+    let steps = || x.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > 0.0);
+    let converter_step = steps().fold(f64::INFINITY, f64::min);
+    let moving = steps().count();
+    let rms = (steps().map(|d| d * d).sum::<f64>() / moving as f64).sqrt();
+    let steep = |d: f64| d.abs() > SLOPE * rms && d.abs() > 3.0 * converter_step;
+    [1.0, -1.0].into_iter().find_map(|sign| {
+        let top = x.iter().map(|v| sign * v).fold(f64::NEG_INFINITY, f64::max);
+        // A saturation that the description declares; the margin covers the scale's rounding.
+        if limit.is_some_and(|limit| top >= 0.999 * limit) {
+            return None;
+        }
+        let (mut samples, mut k) = (0, 0);
+        while k < x.len() {
+            let start = k;
+            while k < x.len() && sign * x[k] == top {
+                k += 1;
+            }
+            // One step further out than the edge, too, because the plateau has cut the step at the edge.
+            if k >= start + 3 && start >= 2 && k + 1 < x.len() {
+                let entered = steep(x[start] - x[start - 1]) || steep(x[start - 1] - x[start - 2]);
+                let left = steep(x[k] - x[k - 1]) || steep(x[k + 1] - x[k]);
+                if entered && left {
+                    samples += k - start;
+                }
+            }
+            k += 1;
+        }
+        let clipped = samples >= 5 && samples as f64 > SHARE * x.len() as f64;
+        clipped.then_some(Clipped {
+            extreme: sign * top,
+            samples,
+        })
+    })
+}
+
+fn switches(x: &[f64]) -> bool {
+    let mut seen: Vec<f64> = Vec::with_capacity(LEVELS);
+    for v in x {
+        if !seen.contains(v) {
+            seen.push(*v);
+            if seen.len() == LEVELS {
+                return false;
+            }
+        }
+    }
+    true
+}
+
+/// Whether more than half of the moving samples continue the line through the two before.
+fn piecewise_linear(x: &[f64]) -> bool {
+    let range =
+        x.iter().copied().fold(f64::NEG_INFINITY, f64::max) - x.iter().copied().fold(f64::INFINITY, f64::min);
+    let (mut straight, mut moving) = (0usize, 0usize);
+    for w in x.windows(3) {
+        if w[1] != w[0] {
+            moving += 1;
+            straight += usize::from((w[2] - 2.0 * w[1] + w[0]).abs() < 1e-9 * range);
+        }
+    }
+    2 * straight > moving
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::f64::consts::TAU;
+
+    fn multisine(n: usize, period: usize) -> Vec<f64> {
+        let f = |k: usize, line: f64, phase: f64| (TAU * line * k as f64 / period as f64 + phase).sin();
+        (0..n)
+            .map(|k| f(k, 3.0, 0.2) + 0.7 * f(k, 7.0, 1.3) + 0.5 * f(k, 11.0, 2.9))
+            .collect()
+    }
+
+    #[test]
+    fn finds_cut_multisines_and_passes_whole_and_coarse_ones() {
+        let x = multisine(4 * 512, 512);
+        assert_eq!(periodic(&x), None);
+        let cut: Vec<f64> = x.iter().map(|v| v.min(1.4)).collect();
+        let found = periodic(&cut).unwrap();
+        assert_eq!(found.extreme, 1.4);
+        assert_eq!(found.samples, x.iter().filter(|v| **v >= 1.4).count());
+        let low: Vec<f64> = x.iter().map(|v| v.max(-1.2)).collect();
+        assert_eq!(periodic(&low).unwrap().extreme, -1.2);
+        let coarse: Vec<f64> = x.iter().map(|v| (v * 20.0).round() / 20.0).collect();
+        assert_eq!(periodic(&coarse), None);
+        let binary: Vec<f64> = x.iter().map(|v| v.signum()).collect();
+        assert_eq!(periodic(&binary), None);
+    }
+
+    #[test]
+    fn rest_is_not_clipping_but_a_cut_motion_is() {
+        // Smooth back-and-forth with rests at both ends, through a coarse encoder.
+        let smooth = |s: f64| s * s * s * (10.0 + s * (-15.0 + 6.0 * s));
+        let mut x = Vec::new();
+        for _ in 0..3 {
+            x.extend((0..200).map(|k| smooth(f64::from(k) / 200.0)));
+            x.extend([1.0; 80]);
+            x.extend((0..200).map(|k| 1.0 - smooth(f64::from(k) / 200.0)));
+            x.extend([0.0; 80]);
+        }
+        let encoder: Vec<f64> = x.iter().map(|v| (v * 1e5).round() / 1e5).collect();
+        assert_eq!(transient(&x, None), None);
+        assert_eq!(transient(&encoder, None), None);
+        let cut: Vec<f64> = encoder.iter().map(|v| v.min(0.7)).collect();
+        assert_eq!(transient(&cut, None).unwrap().extreme, 0.7);
+        assert_eq!(transient(&cut, Some(0.7)), None);
+        assert_eq!(transient(&cut, Some(7.0)).unwrap().extreme, 0.7);
+    }
+
+    #[test]
+    fn trapezoid_profiles_pass() {
+        let profile = |k: usize| (k % 400) as f64;
+        let x: Vec<f64> = (0..2000)
+            .map(|k| (profile(k) / 50.0).min(1.0).min((400.0 - profile(k)) / 50.0))
+            .collect();
+        assert_eq!(transient(&x, None), None);
+    }
+
+    proptest! {
+        #[test]
+        fn wild_signals_never_panic(x in prop::collection::vec(any::<f64>(), 0..200), limit in prop::option::of(any::<f64>())) {
+            let _ = periodic(&x);
+            let _ = transient(&x, limit);
+        }
+    }
+}

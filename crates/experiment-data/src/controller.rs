@@ -1,0 +1,274 @@
+//! The controller of the experiment, and its state.
+
+use crate::description_check::{Fault, fault};
+use crate::key_path::KeyPath;
+use crate::{DataError, DescriptionError, Place};
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// Decentralised discrete-time controller, one loop an input:
+/// `u_i = sat(B_r,i / A_i r_i - B_y,i / A_i y_i)`, coefficients of `z^0, z^-1, ...`.
+///
+/// The injection of a record is added behind the saturation and is not part of this.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Controller {
+    /// B_r, one polynomial a loop, not empty.
+    pub reference_numerator: Vec<Vec<f64>>,
+    /// B_y, one polynomial a loop, not empty.
+    pub feedback_numerator: Vec<Vec<f64>>,
+    /// A, one polynomial a loop; its first coefficient is not zero.
+    pub denominator: Vec<Vec<f64>>,
+    /// Saturation of |u_i| in scaled input units, above zero; none for a linear controller.
+    #[serde(default)]
+    pub limit: Option<f64>,
+}
+
+impl Controller {
+    /// Number of loops.
+    pub fn loops(&self) -> usize {
+        self.denominator.len()
+    }
+
+    /// A controller at rest.
+    ///
+    /// # Errors
+    /// [`DataError::Description`] if the polynomials are empty, not finite, not causal or not one a loop.
+    pub fn start(&self) -> Result<ControllerState, DataError> {
+        let loops = self.loops();
+        self.check(loops, loops, loops)
+            .map_err(|f| DataError::Description {
+                place: Box::new(Place {
+                    file: PathBuf::new(),
+                    position: None,
+                    key: f.path.to_string(),
+                }),
+                problem: Box::new(f.problem),
+            })?;
+        let loops = (0..loops)
+            .map(|i| {
+                Loop::new(
+                    &self.reference_numerator[i],
+                    &self.feedback_numerator[i],
+                    &self.denominator[i],
+                )
+            })
+            .collect();
+        Ok(ControllerState {
+            loops,
+            limit: self.limit.unwrap_or(f64::INFINITY),
+        })
+    }
+
+    pub(crate) fn check(&self, inputs: usize, outputs: usize, references: usize) -> Result<(), Fault> {
+        let root = KeyPath::key("controller");
+        let lists = [
+            ("reference_numerator", &self.reference_numerator),
+            ("feedback_numerator", &self.feedback_numerator),
+            ("denominator", &self.denominator),
+        ];
+        for (key, polynomials) in lists {
+            let path = root.then(key);
+            if polynomials.is_empty() || polynomials.len() != inputs {
+                let problem = DescriptionError::Loops {
+                    expected: inputs,
+                    found: polynomials.len(),
+                };
+                return Err(fault(path, problem));
+            }
+            for (i, polynomial) in polynomials.iter().enumerate() {
+                if polynomial.is_empty() {
+                    return Err(fault(path.at(i), DescriptionError::EmptyPolynomial));
+                }
+                if let Some(k) = polynomial.iter().position(|c| !c.is_finite()) {
+                    let problem = DescriptionError::NotFinite { value: polynomial[k] };
+                    return Err(fault(path.at(i).at(k), problem));
+                }
+                // Dividing by a subnormal first coefficient would overflow, which is no controller either.
+                if key == "denominator" && !polynomial[0].is_normal() {
+                    return Err(fault(path.at(i).at(0), DescriptionError::NotCausal));
+                }
+            }
+        }
+        if let Some(value) = self.limit
+            && !(value.is_finite() && value > 0.0)
+        {
+            return Err(fault(root.then("limit"), DescriptionError::Limit { value }));
+        }
+        // A regulator without setpoints has no reference at all: r = 0.
+        for (signal, found, absent_is_fine) in [("output", outputs, false), ("reference", references, true)] {
+            if found < inputs && !(absent_is_fine && found == 0) {
+                return Err(fault(
+                    root,
+                    DescriptionError::LoopSignals {
+                        loops: inputs,
+                        signal,
+                        found,
+                    },
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The controller while it runs: direct form II transposed, one state a delay, shared by both numerators.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ControllerState {
+    loops: Vec<Loop>,
+    limit: f64,
+}
+
+impl ControllerState {
+    /// One sample: reads r(k), y(k), writes u(k) behind the saturation, without injection.
+    ///
+    /// The slices hold one number a loop. Missing entries of `r` and `y` count as zero, further ones are not used;
+    /// entries of `u` beyond the loops stay as they are. The state is that of the linear controller: the saturation
+    /// is not fed back (no anti-windup), as the formula of the format says.
+    pub fn step(&mut self, r: &[f64], y: &[f64], u: &mut [f64]) {
+        for (i, lp) in self.loops.iter_mut().enumerate() {
+            let v = lp.step(r.get(i).copied().unwrap_or(0.0), y.get(i).copied().unwrap_or(0.0));
+            if let Some(u) = u.get_mut(i) {
+                *u = v.clamp(-self.limit, self.limit);
+            }
+        }
+    }
+
+    /// Back to rest.
+    pub fn reset(&mut self) {
+        for lp in &mut self.loops {
+            lp.s.fill(0.0);
+        }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Loop {
+    b_r: Vec<f64>,
+    b_y: Vec<f64>,
+    a: Vec<f64>,
+    /// Delays, with a zero behind the last that the recursion reads.
+    s: Vec<f64>,
+}
+
+impl Loop {
+    /// Pads all polynomials to one length and divides by the first coefficient of A.
+    fn new(b_r: &[f64], b_y: &[f64], a: &[f64]) -> Self {
+        let n = b_r.len().max(b_y.len()).max(a.len());
+        let scaled = |p: &[f64]| {
+            let mut p: Vec<f64> = p.iter().map(|c| c / a[0]).collect();
+            p.resize(n, 0.0);
+            p
+        };
+        Self {
+            b_r: scaled(b_r),
+            b_y: scaled(b_y),
+            a: scaled(a),
+            s: vec![0.0; n],
+        }
+    }
+
+    fn step(&mut self, r: f64, y: f64) -> f64 {
+        let v = self.b_r[0] * r - self.b_y[0] * y + self.s[0];
+        for k in 1..self.a.len() {
+            self.s[k - 1] = self.b_r[k] * r - self.b_y[k] * y - self.a[k] * v + self.s[k];
+        }
+        v
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn one(b_r: &[f64], b_y: &[f64], a: &[f64], limit: Option<f64>) -> Controller {
+        Controller {
+            reference_numerator: vec![b_r.to_vec()],
+            feedback_numerator: vec![b_y.to_vec()],
+            denominator: vec![a.to_vec()],
+            limit,
+        }
+    }
+
+    #[test]
+    fn integrator_by_hand() {
+        // u(k) = u(k-1) + 0.5 (r(k-1) - y(k-1)), written with A = 2 - 2 z^-1.
+        let mut state = one(&[0.0, 1.0], &[0.0, 1.0], &[2.0, -2.0], Some(1.2))
+            .start()
+            .unwrap();
+        let mut seen = Vec::new();
+        for (r, y) in [(1.0, 0.0), (1.0, -1.0), (1.0, 1.0), (0.0, 0.0)] {
+            let mut u = [0.0];
+            state.step(&[r], &[y], &mut u);
+            seen.push(u[0]);
+        }
+        // 0, 0.5, 1.5 saturated, and 1.5 again: the state is not saturated.
+        assert_eq!(seen, [0.0, 0.5, 1.2, 1.2]);
+        state.reset();
+        let mut u = [7.0, 8.0];
+        state.step(&[1.0], &[], &mut u);
+        assert_eq!(u, [0.0, 8.0]);
+    }
+
+    #[test]
+    fn refuses_what_is_no_controller() {
+        let text = |c: Controller| c.start().unwrap_err().to_string();
+        assert!(text(one(&[1.0], &[1.0], &[0.0, 1.0], None)).contains("controller.denominator[0][0]"));
+        assert!(text(one(&[], &[1.0], &[1.0], None)).contains("reference_numerator[0]: an empty polynomial"));
+        assert!(text(one(&[1.0], &[f64::NAN], &[1.0], None)).contains("NaN is not a finite number"));
+        assert!(text(one(&[1.0], &[1.0], &[1.0], Some(0.0))).contains("controller.limit: limit 0"));
+        let mut c = one(&[1.0], &[1.0], &[1.0], None);
+        c.feedback_numerator.clear();
+        assert!(text(c).contains("coefficients for 0 loops"));
+    }
+
+    proptest! {
+        /// The recursion equals the difference equation A u = B_r r - B_y y.
+        #[test]
+        fn satisfies_the_difference_equation(
+            b_r in prop::collection::vec(-2.0..2.0f64, 1..5),
+            b_y in prop::collection::vec(-2.0..2.0f64, 1..5),
+            tail in prop::collection::vec(-0.3..0.3f64, 0..4),
+            a0 in prop_oneof![0.5..2.0f64, -2.0..-0.5f64],
+            signals in prop::collection::vec((-1.0..1.0f64, -1.0..1.0f64), 1..30),
+        ) {
+            let mut a = vec![a0];
+            a.extend(&tail);
+            let mut state = one(&b_r, &b_y, &a, None).start().unwrap();
+            let mut us = Vec::new();
+            for (r, y) in &signals {
+                let mut u = [0.0];
+                state.step(&[*r], &[*y], &mut u);
+                us.push(u[0]);
+            }
+            let fir = |p: &[f64], x: &dyn Fn(usize) -> f64, k: usize| -> f64 {
+                (0..p.len().min(k + 1)).map(|i| p[i] * x(k - i)).sum()
+            };
+            for k in 0..us.len() {
+                let left = fir(&a, &|i| us[i], k);
+                let right = fir(&b_r, &|i| signals[i].0, k) - fir(&b_y, &|i| signals[i].1, k);
+                let size = us.iter().fold(1.0f64, |m, u| m.max(u.abs()));
+                prop_assert!((left - right).abs() < 1e-12 * size, "{left} {right}");
+            }
+        }
+
+        /// Any numbers at all: an error or a run, never a panic.
+        #[test]
+        fn wild_numbers_never_panic(
+            lists in prop::collection::vec(prop::collection::vec(prop::collection::vec(any::<f64>(), 0..4), 0..3), 3),
+            limit in prop::option::of(any::<f64>()),
+            x in any::<f64>(),
+        ) {
+            let c = Controller {
+                reference_numerator: lists[0].clone(),
+                feedback_numerator: lists[1].clone(),
+                denominator: lists[2].clone(),
+                limit,
+            };
+            if let Ok(mut state) = c.start() {
+                let mut u = [0.0; 2];
+                state.step(&[x], &[x, x, x], &mut u);
+            }
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! What an engineer writes down next to a measurement.
+
+use crate::{Controller, Geometry};
+use lpv_core::{Purpose, RecordKind};
+use serde::{Deserialize, Serialize};
+
+/// The content of `experiment.toml`, format 1.
+///
+/// | field | key | required | meaning, range |
+/// |---|---|---|---|
+/// | `name` | `name` | yes | any text |
+/// | `sample_rate_hz` | `sample_rate` | yes | Hz, finite, above zero |
+/// | `channels` | `[channels.*]` | output, input | see [`Channels`] |
+/// | `controller` | `[controller]` | no | see [`Controller`] |
+/// | `geometry` | `[geometry]` | no | see [`Geometry`] |
+/// | `records` | `[[records]]` | at least one | see [`RecordEntry`] |
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Description {
+    /// Name of the experiment.
+    pub name: String,
+    /// Samples a second (or a unit of time), above zero.
+    pub sample_rate_hz: f64,
+    /// The columns and their roles.
+    pub channels: Channels,
+    /// The loop that was closed, where there was one.
+    #[serde(default)]
+    pub controller: Option<Controller>,
+    /// What lies between the logged channels and the motors, where known.
+    #[serde(default)]
+    pub geometry: Option<Geometry>,
+    /// The records, in the file's order.
+    #[serde(default)]
+    pub records: Vec<RecordEntry>,
+}
+
+impl Description {
+    /// A description with names only; add units, a controller or a geometry through the public fields. Record entries
+    /// come from [`crate::BundleWriter::write`].
+    pub fn new(name: &str, sample_rate_hz: f64, output: &[&str], input: &[&str]) -> Self {
+        Self {
+            name: name.to_owned(),
+            sample_rate_hz,
+            channels: Channels {
+                output: ChannelGroup::new(output),
+                input: ChannelGroup::new(input),
+                ..Channels::default()
+            },
+            controller: None,
+            geometry: None,
+            records: Vec::new(),
+        }
+    }
+}
+
+/// Columns by role. An absent group is an empty one.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Channels {
+    /// Plant outputs y, at least one.
+    pub output: ChannelGroup,
+    /// Plant inputs u, at least one.
+    pub input: ChannelGroup,
+    /// Excitation or setpoints r.
+    #[serde(skip_serializing_if = "ChannelGroup::is_empty")]
+    pub reference: ChannelGroup,
+    /// Scheduling p; empty means that the machine is treated as LTI.
+    #[serde(skip_serializing_if = "ChannelGroup::is_empty")]
+    pub scheduling: ChannelGroup,
+    /// Other measured signals.
+    #[serde(skip_serializing_if = "ChannelGroup::is_empty")]
+    pub auxiliary: ChannelGroup,
+}
+
+/// Columns of one role.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ChannelGroup {
+    /// Column or variable names in the record files.
+    pub columns: Vec<String>,
+    /// Units, one a column, or none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub units: Vec<String>,
+    /// Factors applied on reading, one a column, or none for 1; finite, not zero.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub scale: Vec<f64>,
+}
+
+impl ChannelGroup {
+    /// Columns without units and scales.
+    pub fn new(columns: &[&str]) -> Self {
+        Self {
+            columns: columns.iter().map(ToString::to_string).collect(),
+            ..Self::default()
+        }
+    }
+    /// Number of columns.
+    pub fn len(&self) -> usize {
+        self.columns.len()
+    }
+    /// Whether there is no column.
+    pub fn is_empty(&self) -> bool {
+        self.columns.is_empty()
+    }
+}
+
+/// `kind` of a record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EntryKind {
+    /// Steady multisine, p constant.
+    Periodic,
+    /// Anything else.
+    Transient,
+}
+
+/// One `[[records]]` table.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordEntry {
+    /// File, relative to the bundle folder, inside it.
+    pub file: String,
+    /// Kind of excitation.
+    pub kind: EntryKind,
+    /// Samples a period: at least 2 for a periodic record, absent for a transient one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub period: Option<usize>,
+    /// Whether it may be fitted or is held out.
+    #[serde(rename = "use", with = "PurposeName")]
+    pub purpose: Purpose,
+    /// The constant p, else the mean of the scheduling column.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position: Option<f64>,
+    /// Known signals that this test added to the controller's output.
+    #[serde(default, skip_serializing_if = "ChannelGroup::is_empty")]
+    pub injection: ChannelGroup,
+}
+
+impl RecordEntry {
+    /// The kind with its period; a periodic entry without a period, which no checked description has, counts as
+    /// transient.
+    pub fn record_kind(&self) -> RecordKind {
+        match (self.kind, self.period) {
+            (EntryKind::Periodic, Some(period)) => RecordKind::Periodic { period },
+            _ => RecordKind::Transient,
+        }
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Purpose", rename_all = "lowercase")]
+enum PurposeName {
+    Estimation,
+    Validation,
+}

@@ -1,0 +1,175 @@
+use crate::nearest::hint;
+
+/// What can be wrong with a value of `experiment.toml`.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DescriptionError {
+    /// Another version of the format.
+    #[error("format {found} is not known; this program reads format 1")]
+    Format {
+        /// What the file says.
+        found: String,
+    },
+    /// A key that the format does not have.
+    #[error("unknown key `{key}`{}; known here: {}", hint(nearest), known.join(", "))]
+    UnknownKey {
+        /// The last part of the key.
+        key: String,
+        /// Known keys that look like it.
+        nearest: Vec<String>,
+        /// All keys known at that place.
+        known: Vec<&'static str>,
+    },
+    /// A sample rate that no clock can have.
+    #[error("sample rate {value} Hz; it must be finite and above zero")]
+    SampleRate {
+        /// What the file says.
+        value: f64,
+    },
+    /// A group that must have columns has none.
+    #[error("no columns; a record needs at least one output and one input")]
+    NoColumns,
+    /// A column without a name.
+    #[error("a column name is empty")]
+    EmptyName,
+    /// One column in two roles. Only scheduling may repeat a column of another group, and a reference may repeat an
+    /// input (open loop).
+    #[error("column `{column}` is already listed under {first}; a column has one role")]
+    DuplicateColumn {
+        /// The column.
+        column: String,
+        /// Key of its first listing.
+        first: String,
+    },
+    /// A list with another length than `columns`.
+    #[error("{found} entries for {expected} columns; give one a column, or leave the list out")]
+    ListLength {
+        /// Number of columns.
+        expected: usize,
+        /// Length of the list.
+        found: usize,
+    },
+    /// A scale that loses the signal.
+    #[error("scale {value} of column `{column}`; it must be finite and not zero")]
+    Scale {
+        /// The column.
+        column: String,
+        /// What the file says.
+        value: f64,
+    },
+    /// A number that is NaN or infinite.
+    #[error("{value} is not a finite number")]
+    NotFinite {
+        /// What the file says.
+        value: f64,
+    },
+    /// A bundle without records.
+    #[error("the bundle lists no record; add a [[records]] table")]
+    NoRecords,
+    /// A periodic record that does not say its period.
+    #[error("a periodic record needs `period`, the number of samples a period")]
+    PeriodMissing,
+    /// A period on a record that has none.
+    #[error("`period` = {period} on a transient record; remove it or set kind = \"periodic\"")]
+    PeriodOfTransient {
+        /// What the file says.
+        period: usize,
+    },
+    /// A period that holds no oscillation.
+    #[error("period of {period} samples; at least 2 are needed")]
+    PeriodShort {
+        /// What the file says.
+        period: usize,
+    },
+    /// A file ending that this program does not read.
+    #[error("`{ending}` is not supported; supported: {supported}")]
+    UnsupportedFormat {
+        /// The ending, with its dot.
+        ending: String,
+        /// The endings that are.
+        supported: &'static str,
+    },
+    /// A record file that is not there.
+    #[error(
+        "the record file `{file}` does not exist or is no regular file{}",
+        hint(nearest)
+    )]
+    FileMissing {
+        /// The file as written.
+        file: String,
+        /// Files beside it that look like it.
+        nearest: Vec<String>,
+    },
+    /// A record file outside the bundle's folder.
+    #[error("the record file `{file}` is outside the bundle: {reason}; move it into the folder")]
+    Outside {
+        /// The file as written.
+        file: String,
+        /// Why it is outside.
+        reason: &'static str,
+    },
+    /// One file listed twice: it could be fitted and held out at once.
+    #[error("the file `{file}` is already records[{first}]; list a file once")]
+    DuplicateRecord {
+        /// The file as written.
+        file: String,
+        /// Index of its first listing.
+        first: usize,
+    },
+    /// Coefficients for another number of loops.
+    #[error(
+        "coefficients for {found} loops, but there are {expected} inputs; give one list for all or one a loop"
+    )]
+    Loops {
+        /// Number of inputs.
+        expected: usize,
+        /// Lists given.
+        found: usize,
+    },
+    /// A polynomial without coefficients.
+    #[error("an empty polynomial; give at least one coefficient")]
+    EmptyPolynomial,
+    /// A denominator that starts with zero.
+    #[error("the first coefficient of the denominator is zero, so the controller is not causal")]
+    NotCausal,
+    /// A saturation that is no positive number.
+    #[error("limit {value}; it must be finite and above zero")]
+    Limit {
+        /// What the file says.
+        value: f64,
+    },
+    /// Loops without signals to close them.
+    #[error("{loops} loops (one an input) need as many {signal}s; the bundle has {found}")]
+    LoopSignals {
+        /// Number of loops.
+        loops: usize,
+        /// `output` or `reference`.
+        signal: &'static str,
+        /// Signals of the bundle.
+        found: usize,
+    },
+    /// A matrix of another size.
+    #[error("a {rows} x {columns} matrix is needed here; found {found} in {place}")]
+    MatrixSize {
+        /// Rows needed.
+        rows: usize,
+        /// Columns needed.
+        columns: usize,
+        /// What was counted.
+        found: usize,
+        /// Where it was counted: `rows` or a row.
+        place: String,
+    },
+    /// A number of matrices that is no polynomial of degree 0 to 2.
+    #[error("{found} matrices; give [T0], [T0, T1] or [T0, T1, T2]")]
+    MatrixCount {
+        /// Matrices found.
+        found: usize,
+    },
+    /// A geometry that depends on p where p is no single signal.
+    #[error("a force that depends on p needs exactly one scheduling signal; the bundle has {found}")]
+    GeometryScheduling {
+        /// Scheduling signals.
+        found: usize,
+    },
+}

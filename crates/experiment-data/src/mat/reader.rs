@@ -1,0 +1,291 @@
+use super::element::{COMPRESSED, Damage, Elements, MATRIX};
+use crate::RecordError;
+use crate::columns::{SUPPORTED, missing, vector_length};
+use flate2::read::ZlibDecoder;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
+
+/// Structs deeper than this are no measurement.
+const DEEPEST: usize = 16;
+
+/// The named variables, in the order of the names; `a.b` is the field `b` of the struct `a`.
+pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
+    let mut wanted = Wanted {
+        names,
+        found: vec![None; names.len()],
+        present: None,
+    };
+    walk(path, &mut wanted)?;
+    if let Some(absent) = wanted.found.iter().position(Option::is_none) {
+        // Only now the names of everything in the file are worth their time.
+        wanted.present = Some(Vec::new());
+        walk(path, &mut wanted)?;
+        return Err(missing(names[absent], &wanted.present.unwrap_or_default()));
+    }
+    Ok(wanted.found.into_iter().flatten().collect())
+}
+
+struct Wanted<'a> {
+    names: &'a [&'a str],
+    found: Vec<Option<Vec<f64>>>,
+    /// Names of numeric variables, while they are collected.
+    present: Option<Vec<String>>,
+}
+
+impl Wanted<'_> {
+    fn index(&self, name: &str) -> Option<usize> {
+        if self.present.is_some() {
+            None
+        } else {
+            self.names.iter().position(|n| *n == name)
+        }
+    }
+    fn enters(&self, name: &str) -> bool {
+        let inside = |n: &&str| n.strip_prefix(name).is_some_and(|rest| rest.starts_with('.'));
+        self.present.is_some() || self.names.iter().any(inside)
+    }
+}
+
+/// What stops a walk.
+enum Stop {
+    Damage(Damage),
+    Refuse(RecordError),
+}
+
+impl<T: Into<Damage>> From<T> for Stop {
+    fn from(damage: T) -> Self {
+        Self::Damage(damage.into())
+    }
+}
+
+fn walk(path: &Path, wanted: &mut Wanted<'_>) -> Result<(), RecordError> {
+    let file = File::open(path).map_err(RecordError::io("open"))?;
+    let length = file.metadata().map_err(RecordError::io("read"))?.len();
+    let mut file = BufReader::new(file);
+    let big_endian = file_header(&mut file)?;
+    let mut at = 128;
+    while at + 8 <= length {
+        let here = |d: Damage, name: String| RecordError::Malformed {
+            format: "MAT",
+            variable: name,
+            problem: format!("{} (element at byte {at})", d.0),
+        };
+        file.seek(SeekFrom::Start(at)).map_err(RecordError::io("read"))?;
+        let mut elements = Elements::new(&mut file, big_endian, length - at);
+        let tag = elements.tag().map_err(|d| here(d, String::new()))?;
+        let (left, bytes) = (elements.left(), u64::from(tag.bytes));
+        if bytes > left {
+            let d = format!("an element claims {bytes} bytes, the file has {left} more");
+            return Err(here(Damage(d), String::new()));
+        }
+        let mut name = String::new();
+        let result = match tag.kind {
+            MATRIX => {
+                let mut inner = Elements::new((&mut file).take(bytes), big_endian, bytes);
+                matrix(&mut inner, "", 0, wanted, &mut name)
+            }
+            COMPRESSED => compressed((&mut file).take(bytes), big_endian, wanted, &mut name),
+            // Anything else at the top level is no variable.
+            _ => Ok(()),
+        };
+        match result {
+            Ok(()) => {}
+            Err(Stop::Damage(d)) => return Err(here(d, name)),
+            Err(Stop::Refuse(e)) => return Err(e),
+        }
+        // Compressed elements are not padded.
+        let padding = if tag.kind == COMPRESSED {
+            0
+        } else {
+            (8 - bytes % 8) % 8
+        };
+        at += 8 + bytes + padding;
+        if wanted.present.is_none() && wanted.found.iter().all(Option::is_some) {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// The 128 bytes in front; true for big endian.
+fn file_header(file: &mut impl Read) -> Result<bool, RecordError> {
+    let malformed = |problem: &str| RecordError::Malformed {
+        format: "MAT",
+        variable: String::new(),
+        problem: problem.to_owned(),
+    };
+    let mut header = Vec::new();
+    file.take(128)
+        .read_to_end(&mut header)
+        .map_err(RecordError::io("read"))?;
+    let refused = |found: &str| {
+        Err(RecordError::UnsupportedFormat {
+            found: found.to_owned(),
+            supported: SUPPORTED,
+        })
+    };
+    if header.starts_with(b"MATLAB 7.3") || header.starts_with(b"\x89HDF\r\n\x1a\n") {
+        return refused("a MAT file of version 7.3 (HDF5; save it with `-v7`)");
+    }
+    if header.len() < 128 {
+        return Err(malformed("it is shorter than the header of a MAT file"));
+    }
+    match &header[126..128] {
+        b"IM" => Ok(false),
+        b"MI" => Ok(true),
+        // Level 4 files start with a number below 5000 and have no text.
+        _ if header[..4].contains(&0) => refused("a MAT file of level 4 (save it with `-v7`)"),
+        _ => Err(malformed("it does not have the mark of a level 5 MAT file")),
+    }
+}
+
+fn compressed(
+    source: impl Read,
+    big_endian: bool,
+    wanted: &mut Wanted<'_>,
+    name: &mut String,
+) -> Result<(), Stop> {
+    let mut outer = Elements::new(ZlibDecoder::new(source), big_endian, 8);
+    let tag = outer.tag()?;
+    if tag.kind != MATRIX {
+        return Ok(());
+    }
+    let bytes = u64::from(tag.bytes);
+    let mut inner = Elements::new(outer.into_source(), big_endian, bytes);
+    let found = |w: &Wanted<'_>| w.found.iter().flatten().count();
+    let before = found(wanted);
+    matrix(&mut inner, "", 0, wanted, name)?;
+    // What was decoded must also have the right checksum, which stands at the end.
+    if found(wanted) > before {
+        inner.finish()?;
+    }
+    Ok(())
+}
+
+/// One array: flags, dimensions, name, content. Leaves off anywhere if the rest is not needed.
+fn matrix<R: Read>(
+    e: &mut Elements<R>,
+    path: &str,
+    depth: usize,
+    wanted: &mut Wanted<'_>,
+    name: &mut String,
+) -> Result<(), Stop> {
+    // An empty element is MATLAB's [].
+    if e.left() == 0 {
+        return Ok(());
+    }
+    let tag = e.tag()?;
+    let flags = e.data(tag)?;
+    if flags.len() < 4 {
+        return Err("array flags of less than four bytes".into());
+    }
+    let flags = e.u32(&flags);
+    let (class, complex) = (flags & 0xff, flags & 0x800 != 0);
+    if class == 17 {
+        // An opaque object has no dimensions; only its own program knows what follows.
+        return Ok(());
+    }
+    let tag = e.tag()?;
+    let dimensions = e.data(tag)?;
+    let mut shape = Vec::new();
+    for n in e.i32s(&dimensions) {
+        shape.push(u64::try_from(n).map_err(|_| Damage("a negative dimension".to_owned()))?);
+    }
+    let tag = e.tag()?;
+    let own = String::from_utf8_lossy(&e.data(tag)?)
+        .trim_end_matches('\0')
+        .to_owned();
+    // Fields carry their name in the struct.
+    let full = if depth == 0 { own } else { path.to_owned() };
+    name.clone_from(&full);
+    let index = wanted.index(&full);
+    let not_numeric = |found: &str| {
+        Stop::Refuse(RecordError::NotNumeric {
+            column: full.clone(),
+            found: found.to_owned(),
+        })
+    };
+    match class {
+        6..=15 => {
+            if let Some(present) = &mut wanted.present {
+                present.push(full);
+                return Ok(());
+            }
+            let Some(index) = index else { return Ok(()) };
+            if complex {
+                return Err(not_numeric("complex numbers"));
+            }
+            let length = vector_length(&full, &shape).map_err(Stop::Refuse)?;
+            let tag = e.tag()?;
+            let data = e.data(tag)?;
+            let numbers = e
+                .numbers(tag.kind, &data)
+                .ok_or_else(|| Damage("numbers of no known type".to_owned()))?;
+            if numbers.len() as u64 != length {
+                let d = format!("dimensions for {length} numbers, data for {}", numbers.len());
+                return Err(Damage(d).into());
+            }
+            wanted.found[index] = Some(numbers);
+            Ok(())
+        }
+        2 if wanted.enters(&full) => {
+            if shape.iter().any(|n| *n != 1) {
+                return if wanted.present.is_some() {
+                    Ok(())
+                } else {
+                    Err(not_numeric("a struct array"))
+                };
+            }
+            if depth >= DEEPEST {
+                return Err("structs nested too deep".into());
+            }
+            fields(e, &full, depth, wanted, name)
+        }
+        _ if index.is_some() => Err(not_numeric(match class {
+            1 => "a cell array",
+            2 => "a struct (name a field with a dot)",
+            3 => "an object",
+            4 => "characters",
+            5 => "a sparse matrix",
+            16 => "a function",
+            _ => "a variable of unknown class",
+        })),
+        _ => Ok(()),
+    }
+}
+
+/// The fields of a 1 x 1 struct.
+fn fields<R: Read>(
+    e: &mut Elements<R>,
+    path: &str,
+    depth: usize,
+    wanted: &mut Wanted<'_>,
+    name: &mut String,
+) -> Result<(), Stop> {
+    let tag = e.tag()?;
+    let length = e.data(tag)?;
+    let length = e.i32s(&length).first().copied().unwrap_or(0);
+    let length = usize::try_from(length).unwrap_or(0);
+    if length == 0 {
+        return Err("field names of no length".into());
+    }
+    let tag = e.tag()?;
+    let names = e.data(tag)?;
+    for field in names.chunks_exact(length) {
+        let field = field.split(|b| *b == 0).next().unwrap_or_default();
+        let full = format!("{path}.{}", String::from_utf8_lossy(field));
+        let tag = e.tag()?;
+        if tag.kind != MATRIX {
+            return Err("a field that is no array".into());
+        }
+        if wanted.index(&full).is_none() && !wanted.enters(&full) {
+            e.skip(tag)?;
+            continue;
+        }
+        let outside = e.enter(tag)?;
+        matrix(e, &full, depth + 1, wanted, name)?;
+        e.leave(outside)?;
+    }
+    Ok(())
+}

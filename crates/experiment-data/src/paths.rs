@@ -1,0 +1,60 @@
+//! Record files stay inside the bundle.
+
+use crate::DescriptionError;
+use crate::nearest::nearest;
+use std::path::{Component, Path, PathBuf};
+
+/// The path of a record file, after following links, if it is a regular file inside `folder`.
+pub(crate) fn resolve(folder: &Path, file: &str) -> Result<PathBuf, DescriptionError> {
+    let relative = inside(file)?;
+    let path = folder.join(&relative);
+    let missing = || DescriptionError::FileMissing {
+        file: file.to_owned(),
+        nearest: neighbours(&path),
+    };
+    let (Ok(root), Ok(real)) = (folder.canonicalize(), path.canonicalize()) else {
+        return Err(missing());
+    };
+    if !real.starts_with(&root) {
+        return Err(outside(file, "a link leads out of the folder"));
+    }
+    if real.is_file() { Ok(path) } else { Err(missing()) }
+}
+
+/// The path without `.` parts, refused where it could leave the folder.
+pub(crate) fn inside(file: &str) -> Result<PathBuf, DescriptionError> {
+    let mut clean = PathBuf::new();
+    for component in Path::new(file).components() {
+        match component {
+            Component::Normal(part) => clean.push(part),
+            Component::CurDir => {}
+            Component::ParentDir => return Err(outside(file, "it contains `..`")),
+            Component::RootDir | Component::Prefix(_) => return Err(outside(file, "it is absolute")),
+        }
+    }
+    Ok(clean)
+}
+
+fn outside(file: &str, reason: &'static str) -> DescriptionError {
+    DescriptionError::Outside {
+        file: file.to_owned(),
+        reason,
+    }
+}
+
+/// Files of the same folder with a similar name.
+fn neighbours(path: &Path) -> Vec<String> {
+    let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else {
+        return Vec::new();
+    };
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        return Vec::new();
+    };
+    let mut names: Vec<String> = entries
+        .take(10_000)
+        .flatten()
+        .map(|e| e.file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    nearest(&name.to_string_lossy(), &names)
+}

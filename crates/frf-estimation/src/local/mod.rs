@@ -1,0 +1,140 @@
+//! Local methods for arbitrary excitation: a small model of response and transient in a window around each line.
+
+mod data;
+mod fit;
+mod polynomial;
+mod rational;
+mod settings;
+
+pub use settings::{CheckedLocalSettings, HalfWidth, LocalLines, LocalSettings, Regressor};
+
+use crate::FrfError;
+use crate::gain::{GainKernel, add_residual_covariance, response};
+use crate::periodic::{Condition, worst};
+use data::LocalData;
+use fit::{LocalFit, Window};
+use lpv_core::{Discrete, Frf, FrfEstimate, Record};
+use num_complex::Complex;
+
+type C64 = Complex<f64>;
+
+/// An FRF from a local method with its account.
+#[derive(Debug, Clone)]
+pub struct LocalEstimate {
+    /// The FRF with covariance from the residuals of the local fits. Windows of neighbouring lines overlap, so their
+    /// errors are correlated; the covariance is that of each line alone.
+    pub estimate: FrfEstimate,
+    /// Estimated lines, in cycles a record.
+    pub lines: Vec<usize>,
+    /// Lines in a window.
+    pub window: usize,
+    /// Equations in a window for one output: lines times records.
+    pub equations: usize,
+    /// Unknowns for one output, the common denominator not counted.
+    pub unknowns: usize,
+    /// Ratio of the largest to the smallest diagonal entry of `R` in the QR factorisation of the scaled regressors.
+    pub condition: Condition,
+}
+
+/// Local polynomial method (Pintelon and Schoukens, System Identification, 2nd ed., ch. 7): around each line `k`
+///
+/// `Y_e(k+r) = sum_s F_s r^s U_e(k+r) + sum_s t_{e,s} r^s + V`, `s = 0..degree`,
+///
+/// with one response for all records and a transient `t_e` for each, by least squares; the estimate is `F_0`.
+///
+/// # Errors
+/// [`FrfError::NoRecords`], [`FrfError::Mismatch`], [`FrfError::NotFinite`], [`FrfError::WindowTooWide`],
+/// [`FrfError::LocalRank`], [`FrfError::Line`], [`FrfError::References`].
+pub fn local_polynomial(
+    records: &[&Record],
+    clock: Discrete,
+    settings: &CheckedLocalSettings,
+) -> Result<LocalEstimate, FrfError> {
+    run(records, clock, settings, 0, polynomial::fit)
+}
+
+/// Local rational method (McKelvey and Guerin, SYSID 2012): as [`local_polynomial`], with response and transient over one
+/// denominator, common to all channels and records,
+///
+/// `Y_e(k+r) = (sum_s N_s r^s U_e(k+r) + sum_s t_{e,s} r^s) / (1 + sum_{s>0} d_s r^s) + V`.
+///
+/// Linear least squares on the equation times the denominator, then repeated with the equation divided by the last
+/// denominator (Sanathanan and Koerner), so that the residual is that of the output. The covariance includes the
+/// uncertainty of the denominator to first order; since that couples the outputs, `S` is the mean over outputs, each
+/// scaled by its noise.
+///
+/// # Errors
+/// As [`local_polynomial`].
+pub fn local_rational(
+    records: &[&Record],
+    clock: Discrete,
+    settings: &CheckedLocalSettings,
+) -> Result<LocalEstimate, FrfError> {
+    let denominator = settings.get().denominator_degree;
+    run(records, clock, settings, denominator, rational::fit)
+}
+
+fn run(
+    records: &[&Record],
+    clock: Discrete,
+    settings: &CheckedLocalSettings,
+    denominator: usize,
+    fit: fn(&Window<'_>, &LocalSettings) -> Result<LocalFit, f64>,
+) -> Result<LocalEstimate, FrfError> {
+    let settings = settings.get();
+    let data = LocalData::new(records, clock, settings.regressor)?;
+    let shape = data.shape(settings, denominator)?;
+    let lines: Vec<usize> = match &settings.lines {
+        LocalLines::All => (1..=data.lines).collect(),
+        LocalLines::List(list) => list.clone(),
+    };
+    crate::settings::check_lines(&lines, data.lines)?;
+    let (ny, nu) = (data.outputs, data.inputs);
+    let frequencies_hz: Vec<f64> = lines.iter().map(|&k| k as f64 * data.resolution_hz).collect();
+    let mut values = Vec::with_capacity(lines.len() * ny * nu);
+    let mut c_v = vec![C64::new(0.0, 0.0); lines.len() * ny * ny];
+    let mut s = Vec::with_capacity(lines.len() * nu * nu);
+    let mut by_line = Vec::with_capacity(lines.len());
+    let mut inverse = GainKernel::new(nu, nu);
+    for (l, &k) in lines.iter().enumerate() {
+        let rank = |condition: f64| FrfError::LocalRank {
+            line: k,
+            frequency_hz: frequencies_hz[l],
+            condition,
+        };
+        let window = Window::new(&data, k, shape.half_width, settings.degree);
+        let local = fit(&window, settings).map_err(rank)?;
+        by_line.push(local.condition);
+        let c_line = &mut c_v[l * ny * ny..(l + 1) * ny * ny];
+        match settings.regressor {
+            Regressor::Inputs => {
+                values.extend_from_slice(local.response.as_slice());
+                c_line.copy_from_slice(local.covariance.as_slice());
+                s.extend_from_slice(local.factor.as_slice());
+            }
+            // F = G_y G_u^-1, hence dF = [I -F] dG_z G_u^-1.
+            Regressor::References => {
+                let (g_y, g_u) = (local.response.rows(0, ny), local.response.rows(ny, nu));
+                let condition = inverse.compute(g_u.clone_owned().as_slice(), None);
+                if condition.is_infinite() {
+                    return Err(rank(condition));
+                }
+                let mut f = vec![C64::new(0.0, 0.0); ny * nu];
+                response(g_y.clone_owned().as_slice(), inverse.gain(), ny, nu, &mut f);
+                add_residual_covariance(local.covariance.as_slice(), &f, ny, nu, 1.0, c_line);
+                let g = nalgebra::DMatrixView::from_slice(inverse.gain(), nu, nu);
+                s.extend_from_slice((g.adjoint() * &local.factor * g).as_slice());
+                values.extend_from_slice(&f);
+            }
+        }
+    }
+    let frf = Frf::new(frequencies_hz, ny, nu, values)?;
+    Ok(LocalEstimate {
+        condition: worst(&by_line, &lines, frf.frequencies_hz()),
+        estimate: FrfEstimate::new(frf, c_v, s, shape.degrees_of_freedom, data.position)?,
+        lines,
+        window: 2 * shape.half_width + 1,
+        equations: shape.equations,
+        unknowns: shape.unknowns,
+    })
+}

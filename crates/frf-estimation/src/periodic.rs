@@ -1,0 +1,343 @@
+//! From averaged spectra to the FRF, its covariance and the account.
+
+use crate::accumulator::{Experiment, Layout};
+use crate::detection::{self, DetectionLines};
+use crate::gain::{GainKernel, add_residual_covariance, response};
+use crate::realisations::{self, RealisationDistortion};
+use crate::selection;
+use crate::{CovarianceSource, FrfError, Instrument, PeriodicSettings};
+use lpv_core::{Frf, FrfEstimate};
+use num_complex::Complex;
+
+type C64 = Complex<f64>;
+const ZERO: C64 = C64::new(0.0, 0.0);
+
+/// The FRF at one position with everything that tells how far to trust it. "By line" means by estimated line, in the
+/// order of `excited_lines`; spectra are amplitude spectra `(1/N) sum x exp(-j...)` in the units of the signals.
+#[derive(Debug, Clone)]
+pub struct PeriodicEstimate {
+    /// Equation (15) where references are the instruments, else (14), with covariance, excited lines only.
+    pub estimate: FrfEstimate,
+    /// Equation (14), `Y U^-1`; least squares where there are more experiments than inputs. Biased in closed loop.
+    pub direct: Frf,
+    /// The instrument that was used; never `Auto`.
+    pub instrument: Instrument,
+    /// Estimated lines, in cycles a period.
+    pub excited_lines: Vec<usize>,
+    /// Periods used of the experiment that has the fewest.
+    pub periods_used: usize,
+    /// Periods dropped at the start of each experiment.
+    pub periods_skipped: usize,
+    /// Power of the averaged output over the noise power in it, by line, then by output; infinite without noise.
+    pub output_snr: Vec<f64>,
+    /// The same for the inputs.
+    pub input_snr: Vec<f64>,
+    /// Conditioning of `U R^H`.
+    pub condition: Condition,
+    /// Noise where nothing was excited; empty if every line was.
+    pub noise_floor: NoiseFloor,
+    /// What the plant adds beyond a linear response and noise, where the experiments can show it.
+    pub distortion: Option<Distortion>,
+}
+
+/// Condition number `||A||_F ||A^-1||_F / n_u` of the matrix `A` that was inverted at each line (`U R^H`; for (14) `U`, or
+/// `U U^H` for more experiments than inputs), rows and columns scaled to unit length so that units do not count.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Condition {
+    /// By line.
+    pub by_line: Vec<f64>,
+    /// The largest.
+    pub worst: f64,
+    /// Line of the largest, in cycles a period.
+    pub worst_line: usize,
+    /// Its frequency, cycles per unit of time.
+    pub worst_frequency_hz: f64,
+}
+
+/// Standard deviation from period to period of the spectra at lines that were not excited, pooled over experiments.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct NoiseFloor {
+    /// The lines, in cycles a period.
+    pub lines: Vec<usize>,
+    /// Deviation of one period, by line, then by output.
+    pub outputs: Vec<f64>,
+    /// Deviation of one period, by line, then by input.
+    pub inputs: Vec<f64>,
+}
+
+/// Nonlinear distortion, by the two methods of Pintelon and Schoukens (System Identification, 2nd ed., ch. 4).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Distortion {
+    /// Robust method: variance over realisations against variance over periods; needs at least `2 n_u` experiments.
+    pub realisations: Option<RealisationDistortion>,
+    /// Fast method: levels at detection lines between the excited ones.
+    pub detection: Option<DetectionLines>,
+}
+
+/// Averages of all experiments at one position.
+pub(crate) struct Averages<'a> {
+    pub(crate) layout: Layout,
+    pub(crate) settings: &'a PeriodicSettings,
+    pub(crate) position: Option<f64>,
+    pub(crate) skipped: usize,
+    /// Lines 1 to this are kept.
+    pub(crate) lines: usize,
+    pub(crate) experiments: &'a [Experiment],
+}
+
+impl Averages<'_> {
+    pub(crate) fn estimate(&self) -> Result<PeriodicEstimate, FrfError> {
+        let Layout {
+            outputs: ny,
+            inputs: nu,
+            experiments: ne,
+            ..
+        } = self.layout;
+        let instrument = self.choose_instrument()?;
+        let selection = selection::select(self, instrument)?;
+        let excited = selection.lines;
+        let frequencies_hz: Vec<f64> = excited.iter().map(|&k| self.layout.frequency_hz(k)).collect();
+        let mut frf = Frf::zeros(frequencies_hz.clone(), ny, nu)?;
+        let mut direct = frf.clone();
+        let mut c_v = vec![ZERO; excited.len() * ny * ny];
+        let mut s = vec![ZERO; excited.len() * nu * nu];
+        let mut by_line = Vec::with_capacity(excited.len());
+        let mut totals = self
+            .wants_realisations()
+            .then(|| realisations::Residuals::new(ny, ne));
+
+        let mut kernel = GainKernel::new(nu, ne);
+        let mut scratch = LineScratch::new(&self.layout);
+        let weights = self.weights();
+        for (l, &k) in excited.iter().enumerate() {
+            self.gather(k, &mut scratch);
+            let LineSpectra { y, u, r } = &scratch.spectra;
+            let singular = |condition: f64| FrfError::Singular {
+                line: k,
+                frequency_hz: frequencies_hz[l],
+                condition,
+            };
+            let mut condition = kernel.compute(u, None);
+            if condition.is_infinite() {
+                return Err(singular(condition));
+            }
+            response(y, kernel.gain(), ny, ne, direct.line_slice_mut(l));
+            let f = frf.line_slice_mut(l);
+            if instrument == Instrument::References {
+                condition = kernel.compute(u, Some(r));
+                if condition <= self.settings.max_condition {
+                    response(y, kernel.gain(), ny, ne, f);
+                }
+            } else {
+                f.copy_from_slice(direct.line_slice(l));
+            }
+            if condition.is_nan() || condition > self.settings.max_condition {
+                return Err(singular(condition));
+            }
+            by_line.push(condition);
+            let c_line = &mut c_v[l * ny * ny..(l + 1) * ny * ny];
+            add_residual_covariance(&scratch.scatter, f, ny, nu, weights.covariance_scale, c_line);
+            let g = kernel.gain();
+            let s_line = &mut s[l * nu * nu..(l + 1) * nu * nu];
+            for j in 0..nu {
+                for i in 0..nu {
+                    s_line[j * nu + i] = (0..ne)
+                        .map(|e| g[i * ne + e].conj() * g[j * ne + e] * weights.experiment[e])
+                        .sum();
+                }
+            }
+            if let Some(totals) = &mut totals {
+                totals.push(&scratch.spectra, f, g, c_line);
+            }
+        }
+
+        let mut degrees = weights.degrees_of_freedom;
+        let realisations = totals.map(|t| {
+            let smoothed = t.smooth(self.settings.smoothing_half_width, ny);
+            if self.settings.covariance == CovarianceSource::Auto {
+                for (c, n) in c_v.iter_mut().zip(&smoothed.nonlinear) {
+                    *c += n;
+                }
+                degrees = degrees.min(smoothed.degrees_of_freedom);
+            }
+            smoothed.distortion
+        });
+        let detection = detection::detect(self, &excited, &selection.quiet, &frf);
+        let condition = worst(&by_line, &excited, &frequencies_hz);
+        Ok(PeriodicEstimate {
+            noise_floor: self.noise_floor(&selection.quiet),
+            output_snr: self.snr(&excited, 0..ny),
+            input_snr: self.snr(&excited, ny..ny + nu),
+            estimate: FrfEstimate::new(
+                Frf::new(frequencies_hz, ny, nu, frf.values().to_vec())?,
+                c_v,
+                s,
+                degrees,
+                self.position,
+            )?,
+            direct: Frf::new(direct.frequencies_hz().to_vec(), ny, nu, direct.values().to_vec())?,
+            instrument,
+            excited_lines: excited,
+            periods_used: self
+                .experiments
+                .iter()
+                .map(|e| e.moments.count())
+                .min()
+                .unwrap_or(0),
+            periods_skipped: self.skipped,
+            condition,
+            distortion: (realisations.is_some() || detection.is_some()).then_some(Distortion {
+                realisations,
+                detection,
+            }),
+        })
+    }
+
+    fn wants_realisations(&self) -> bool {
+        self.layout.experiments >= 2 * self.layout.inputs
+    }
+
+    fn choose_instrument(&self) -> Result<Instrument, FrfError> {
+        let Layout {
+            references, inputs, ..
+        } = self.layout;
+        let moves = self.experiments.iter().any(|e| e.reference_moves);
+        match self.settings.instrument {
+            Instrument::Auto if references == inputs && moves => Ok(Instrument::References),
+            Instrument::Auto | Instrument::Inputs => Ok(Instrument::Inputs),
+            Instrument::References if references != inputs => {
+                Err(FrfError::References { references, inputs })
+            }
+            Instrument::References if !moves => Err(FrfError::NoExcitation {
+                what: "the reference",
+            }),
+            Instrument::References => Ok(Instrument::References),
+        }
+    }
+
+    /// Spectra and pooled scatter of line `k`.
+    pub(crate) fn gather(&self, k: usize, scratch: &mut LineScratch) {
+        let Layout {
+            outputs: ny,
+            inputs: nu,
+            references: nr,
+            ..
+        } = self.layout;
+        let l = k - 1;
+        scratch.scatter.fill(ZERO);
+        for (e, data) in self.experiments.iter().enumerate() {
+            for i in 0..ny {
+                scratch.spectra.y[e * ny + i] = data.moments.mean(i, l);
+            }
+            for i in 0..nu {
+                scratch.spectra.u[e * nu + i] = data.moments.mean(ny + i, l);
+            }
+            for i in 0..nr {
+                scratch.spectra.r[e * nr + i] = data.reference.mean(i, l);
+            }
+            data.moments.add_scatter(l, &mut scratch.scatter);
+        }
+    }
+
+    /// With `M_e` periods the mean of experiment `e` has covariance `C / M_e`, `C` pooled over the experiments with
+    /// `sum (M_e - 1)` degrees of freedom. `C_V = C / M` with `M` the harmonic mean of the `M_e`; the ratios `M / M_e`
+    /// enter `S = G^H diag(M / M_e) G`, so unequal numbers of periods are exact.
+    pub(crate) fn weights(&self) -> Weights {
+        let counts = || self.experiments.iter().map(|e| e.moments.count() as f64);
+        let degrees_of_freedom: f64 = counts().map(|m| m - 1.0).sum();
+        let mean = self.experiments.len() as f64 / counts().map(|m| 1.0 / m).sum::<f64>();
+        Weights {
+            covariance_scale: 1.0 / (degrees_of_freedom * mean),
+            experiment: counts().map(|m| mean / m).collect(),
+            degrees_of_freedom,
+        }
+    }
+
+    /// Ratio of signal power to noise power in the averaged channels, both summed over experiments.
+    pub(crate) fn snr(&self, lines: &[usize], channels: std::ops::Range<usize>) -> Vec<f64> {
+        let mut snr = Vec::with_capacity(lines.len() * channels.len());
+        for &k in lines {
+            for c in channels.clone() {
+                let (mut signal, mut noise) = (0.0, 0.0);
+                for e in self.experiments {
+                    let m = e.moments.count() as f64;
+                    signal += e.moments.mean(c, k - 1).norm_sqr();
+                    noise += e.moments.scatter_diagonal(c, k - 1) / (m * (m - 1.0));
+                }
+                snr.push(if signal == 0.0 { 0.0 } else { signal / noise });
+            }
+        }
+        snr
+    }
+
+    fn noise_floor(&self, lines: &[usize]) -> NoiseFloor {
+        let Layout {
+            outputs: ny,
+            inputs: nu,
+            ..
+        } = self.layout;
+        let degrees = self.weights().degrees_of_freedom;
+        let deviation = |channels: std::ops::Range<usize>| {
+            let mut values = Vec::with_capacity(lines.len() * channels.len());
+            for &k in lines {
+                for c in channels.clone() {
+                    let scatter = |e: &Experiment| e.moments.scatter_diagonal(c, k - 1);
+                    let sum: f64 = self.experiments.iter().map(scatter).sum();
+                    values.push((sum / degrees).sqrt());
+                }
+            }
+            values
+        };
+        NoiseFloor {
+            lines: lines.to_vec(),
+            outputs: deviation(0..ny),
+            inputs: deviation(ny..ny + nu),
+        }
+    }
+}
+
+pub(crate) fn worst(by_line: &[f64], lines: &[usize], frequencies_hz: &[f64]) -> Condition {
+    let at = (0..by_line.len()).fold(0, |b, i| if by_line[i] > by_line[b] { i } else { b });
+    Condition {
+        worst: by_line[at],
+        worst_line: lines[at],
+        worst_frequency_hz: frequencies_hz[at],
+        by_line: by_line.to_vec(),
+    }
+}
+
+/// Factors that turn pooled scatter into covariance.
+pub(crate) struct Weights {
+    pub(crate) covariance_scale: f64,
+    pub(crate) experiment: Vec<f64>,
+    pub(crate) degrees_of_freedom: f64,
+}
+
+/// Averaged spectra of one line: `Y` (`n_y x n_e`), `U` (`n_u x n_e`), `R` (`n_r x n_e`), column-major.
+pub(crate) struct LineSpectra {
+    pub(crate) y: Vec<C64>,
+    pub(crate) u: Vec<C64>,
+    pub(crate) r: Vec<C64>,
+}
+
+/// Buffers of one line.
+pub(crate) struct LineScratch {
+    pub(crate) spectra: LineSpectra,
+    /// Scatter of outputs and inputs, summed over experiments.
+    pub(crate) scatter: Vec<C64>,
+}
+
+impl LineScratch {
+    pub(crate) fn new(layout: &Layout) -> Self {
+        let nz = layout.outputs + layout.inputs;
+        let plane = |n: usize| vec![ZERO; n * layout.experiments];
+        Self {
+            spectra: LineSpectra {
+                y: plane(layout.outputs),
+                u: plane(layout.inputs),
+                r: plane(layout.references),
+            },
+            scatter: vec![ZERO; nz * nz],
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! Whole records into the accumulator, with the transient judged from all periods.
+
+use crate::accumulator::{finite, shape};
+use crate::{CheckedSettings, FrfError, Layout, PeriodicAccumulator, PeriodicEstimate, SkipRule};
+use lpv_core::{Clock, Discrete, PeriodBlock, Record, RecordKind, Signals};
+
+/// Factor above what the later periods show that a difference must exceed to be called a transient.
+const EXCESS: f64 = 1.2;
+/// Differences below this part of the signal's root mean square do not matter, whatever the later periods show.
+const FLOOR: f64 = 1e-9;
+
+/// Estimates the FRF from periodic records of one plant at one position, one record an experiment.
+///
+/// Under [`SkipRule::Auto`] the last period is taken as settled. For each output and input, the mean square
+/// of the difference between a period and the last one is compared with its largest value over the second half of the
+/// record; every period of the first half up to the last one that is more than 20 % above is dropped, and as many from
+/// every record, so that all keep their steady part. At most half of the periods are dropped.
+///
+/// # Errors
+/// [`FrfError::NoRecords`], [`FrfError::NotPeriodic`], [`FrfError::Mismatch`] where records differ in period, channels or
+/// position, [`FrfError::BlockShape`], [`FrfError::NotFinite`], and all of [`PeriodicAccumulator`].
+pub fn estimate_records(
+    records: &[&Record],
+    clock: Discrete,
+    settings: &CheckedSettings,
+) -> Result<PeriodicEstimate, FrfError> {
+    let first = *records.first().ok_or(FrfError::NoRecords)?;
+    let mut periods = Vec::with_capacity(records.len());
+    for (index, record) in records.iter().enumerate() {
+        let RecordKind::Periodic { period } = record.kind else {
+            return Err(FrfError::NotPeriodic {
+                record: index,
+                name: record.name.clone(),
+            });
+        };
+        periods.push(period);
+        check_alike(index, record, first)?;
+        if period != periods[0] {
+            return Err(mismatch(
+                index,
+                record,
+                "the period",
+                periods[0] as f64,
+                period as f64,
+            ));
+        }
+        record.check()?;
+    }
+    let period = periods[0];
+    let layout = Layout {
+        period,
+        outputs: first.outputs.channels(),
+        inputs: first.inputs.channels(),
+        references: first.references.channels(),
+        experiments: records.len(),
+        sample_rate_hz: 2.0 * clock.nyquist_hz(),
+    };
+    let skip = match settings.get().skip {
+        SkipRule::Fixed(n) => n,
+        SkipRule::Auto => records
+            .iter()
+            .map(|r| unsettled_periods(r, period))
+            .max()
+            .unwrap_or(0),
+    };
+    let fixed = settings.with_skip(SkipRule::Fixed(skip));
+    let mut accumulator = PeriodicAccumulator::new(layout, &fixed, first.position)?;
+    for (experiment, record) in records.iter().enumerate() {
+        for m in 0..record.len() / period {
+            let cut = |signals: &Signals| -> Vec<Vec<f64>> {
+                let range = m * period..(m + 1) * period;
+                signals
+                    .columns
+                    .iter()
+                    .map(|c| c[range.clone()].to_vec())
+                    .collect()
+            };
+            let (outputs, inputs) = (cut(&record.outputs), cut(&record.inputs));
+            let references = cut(&record.references);
+            accumulator.push(&PeriodBlock {
+                experiment,
+                period: m,
+                outputs: &outputs,
+                inputs: &inputs,
+                references: &references,
+            })?;
+        }
+    }
+    accumulator.finish()
+}
+
+/// Periods at the start of the record in which the transient shows.
+fn unsettled_periods(record: &Record, period: usize) -> usize {
+    let count = record.len() / period;
+    let half = count / 2;
+    let channels = record.outputs.columns.iter().chain(&record.inputs.columns);
+    let unsettled = channels.map(|samples| {
+        let part = |m: usize| &samples[m * period..(m + 1) * period];
+        let last = part(count - 1);
+        let power: f64 = last.iter().map(|x| x * x).sum();
+        let difference = |m: usize| -> f64 { part(m).iter().zip(last).map(|(a, b)| (a - b) * (a - b)).sum() };
+        // Two periods leave nothing to compare with.
+        let Some(settled) = (half..count - 1).map(difference).reduce(f64::max) else {
+            return 0;
+        };
+        let limit = (EXCESS * settled).max(FLOOR * FLOOR * power);
+        (0..half)
+            .rev()
+            .find(|&m| difference(m) > limit)
+            .map_or(0, |m| m + 1)
+    });
+    unsettled.max().unwrap_or(0)
+}
+
+/// Channels, position and finite samples; for all estimators that take several records.
+pub(crate) fn check_alike(index: usize, record: &Record, first: &Record) -> Result<(), FrfError> {
+    let groups = [
+        ("output", "the number of outputs", &record.outputs, &first.outputs),
+        ("input", "the number of inputs", &record.inputs, &first.inputs),
+        (
+            "reference",
+            "the number of references",
+            &record.references,
+            &first.references,
+        ),
+    ];
+    for (kind, what, signals, reference) in groups {
+        let (expected, found) = (reference.channels(), signals.channels());
+        if expected != found {
+            return Err(mismatch(index, record, what, expected as f64, found as f64));
+        }
+        for (channel, samples) in signals.columns.iter().enumerate() {
+            shape(index, "samples of a channel", record.len(), samples.len())?;
+            finite(index, kind, channel, samples)?;
+        }
+    }
+    let position = |r: &Record| r.position.unwrap_or(f64::NAN);
+    let (expected, found) = (position(first), position(record));
+    if record.position != first.position {
+        return Err(mismatch(index, record, "the position", expected, found));
+    }
+    Ok(())
+}
+
+pub(crate) fn mismatch(
+    record: usize,
+    which: &Record,
+    what: &'static str,
+    expected: f64,
+    found: f64,
+) -> FrfError {
+    FrfError::Mismatch {
+        record,
+        name: which.name.clone(),
+        what,
+        expected,
+        found,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lpv_core::Purpose;
+
+    fn record(samples: Vec<f64>, period: usize) -> Record {
+        Record {
+            name: "r".into(),
+            kind: RecordKind::Periodic { period },
+            purpose: Purpose::Estimation,
+            position: None,
+            outputs: Signals::new(&["y"], vec![samples]),
+            inputs: Signals::default(),
+            references: Signals::default(),
+            scheduling: Signals::default(),
+            auxiliary: Signals::default(),
+            injection: Signals::default(),
+        }
+    }
+
+    #[test]
+    fn decaying_transient_is_skipped() {
+        // Periods of one value and a zero: 100, 10, 1, 0.1 off, then steady but for +-0.01.
+        let values = [100.0, 10.0, 1.0, 0.1, 0.01, -0.01, 0.01, -0.01, 0.01, 0.0];
+        let samples: Vec<f64> = values.iter().flat_map(|v| [5.0 + v, 5.0]).collect();
+        assert_eq!(unsettled_periods(&record(samples, 2), 2), 4);
+        assert_eq!(unsettled_periods(&record(vec![1.0; 12], 2), 2), 0);
+        assert_eq!(unsettled_periods(&record(vec![1.0, 0.0, 2.0, 0.0], 2), 2), 0);
+    }
+}

@@ -1,0 +1,115 @@
+//! Which lines carry excitation.
+
+use crate::periodic::Averages;
+use crate::settings::check_lines;
+use crate::{FrfError, Instrument, LineSelection};
+
+/// Lines on either side over which the strongest one is looked for.
+const NEIGHBOURS: usize = 32;
+/// Amplitude relative to the strongest line of all below which a line is rounding.
+const FLOOR: f64 = 1e-6;
+/// Power of the averaged input over its noise that an excited line must reach (10 dB).
+const LEAST_SNR: f64 = 10.0;
+/// Threshold that tells quiet lines where the settings give none.
+const DEFAULT_THRESHOLD: f64 = 1e-2;
+
+/// Lines to estimate and lines without excitation, in cycles a period; a weakly excited line is in neither.
+pub(crate) struct Selection {
+    pub(crate) lines: Vec<usize>,
+    pub(crate) quiet: Vec<usize>,
+}
+
+/// Applies the settings to the averages.
+pub(crate) fn select(averages: &Averages<'_>, instrument: Instrument) -> Result<Selection, FrfError> {
+    let lines = averages.lines;
+    let threshold = match averages.settings.lines {
+        LineSelection::Excited { relative_threshold } => relative_threshold,
+        _ => DEFAULT_THRESHOLD,
+    };
+    let strong = strong_lines(&levels(averages, instrument), threshold);
+    let chosen: Vec<usize> = match &averages.settings.lines {
+        LineSelection::All => (1..=lines).collect(),
+        LineSelection::List(list) => {
+            check_lines(list, lines)?;
+            list.clone()
+        }
+        LineSelection::Excited { .. } => {
+            let (ny, nu) = (averages.layout.outputs, averages.layout.inputs);
+            let candidates: Vec<usize> = (1..=lines).filter(|k| strong[k - 1]).collect();
+            let snr = averages.snr(&candidates, ny..ny + nu);
+            let clear = |s: &[f64]| s.iter().sum::<f64>() >= LEAST_SNR * nu as f64;
+            let pairs = candidates.iter().zip(snr.chunks_exact(nu));
+            pairs.filter(|(_, s)| clear(s)).map(|(&k, _)| k).collect()
+        }
+    };
+    if chosen.is_empty() {
+        return Err(FrfError::NoExcitation {
+            what: match instrument {
+                Instrument::References => "the reference, or the input in response to it,",
+                _ => "the input",
+            },
+        });
+    }
+    let mut quiet: Vec<bool> = strong.iter().map(|s| !s).collect();
+    chosen.iter().for_each(|k| quiet[k - 1] = false);
+    Ok(Selection {
+        lines: chosen,
+        quiet: (1..=lines).filter(|k| quiet[k - 1]).collect(),
+    })
+}
+
+/// Amplitude of the instrument by line. Each channel is scaled by its largest value first, so that units do not count.
+fn levels(averages: &Averages<'_>, instrument: Instrument) -> Vec<f64> {
+    let layout = &averages.layout;
+    let channels = match instrument {
+        Instrument::References => 0..layout.references,
+        _ => layout.outputs..layout.outputs + layout.inputs,
+    };
+    let mut level = vec![0.0; averages.lines];
+    for c in channels {
+        let power = |l: usize| {
+            let means = averages.experiments.iter().map(|e| match instrument {
+                Instrument::References => e.reference.mean(c, l),
+                _ => e.moments.mean(c, l),
+            });
+            means.map(|x| x.norm_sqr()).sum::<f64>()
+        };
+        let powers: Vec<f64> = (0..averages.lines).map(power).collect();
+        let largest = powers.iter().copied().fold(0.0, f64::max);
+        if largest > 0.0 {
+            level.iter_mut().zip(powers).for_each(|(a, p)| *a += p / largest);
+        }
+    }
+    level.into_iter().map(f64::sqrt).collect()
+}
+
+fn strong_lines(level: &[f64], threshold: f64) -> Vec<bool> {
+    let global = level.iter().copied().fold(0.0, f64::max);
+    let local = windowed_maximum(level, NEIGHBOURS);
+    let strong = |(a, m): (&f64, &f64)| *a > 0.0 && *a >= threshold * m && *a >= FLOOR * global;
+    level.iter().zip(&local).map(strong).collect()
+}
+
+/// Largest value within `half` entries on either side.
+fn windowed_maximum(values: &[f64], half: usize) -> Vec<f64> {
+    let window = |i: usize| &values[i.saturating_sub(half)..(i + half + 1).min(values.len())];
+    (0..values.len())
+        .map(|i| window(i).iter().copied().fold(0.0, f64::max))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coloured_excitation_with_gaps() {
+        // Amplitude falls by 1/k over three decades; every third line is empty but for distortion 60 dB below.
+        let amplitude = |k: usize| if k.is_multiple_of(3) { 1e-3 } else { 1.0 } / k as f64;
+        let level: Vec<f64> = (1..=1000).map(amplitude).collect();
+        let strong = strong_lines(&level, 1e-2);
+        let weak = |k: &usize| k.is_multiple_of(3);
+        assert!((1..=1000usize).all(|k| strong[k - 1] != weak(&k)));
+        assert!(strong_lines(&[0.0; 4], 1e-2).iter().all(|s| !s));
+    }
+}

@@ -1,0 +1,66 @@
+//! Amplitude spectra of real signals, with plan and buffers kept.
+
+use crate::FrfError;
+use num_complex::Complex;
+use realfft::{RealFftPlanner, RealToComplex};
+use std::sync::Arc;
+
+/// Transforms signals of one length: `X_k = (1/N) sum_t x(t) exp(-2 pi j k t / N)`.
+pub(crate) struct Spectra {
+    plan: Arc<dyn RealToComplex<f64>>,
+    input: Vec<f64>,
+    output: Vec<Complex<f64>>,
+    scratch: Vec<Complex<f64>>,
+}
+
+impl Spectra {
+    pub(crate) fn new(length: usize) -> Self {
+        let plan = RealFftPlanner::new().plan_fft_forward(length);
+        Self {
+            input: plan.make_input_vec(),
+            output: plan.make_output_vec(),
+            scratch: plan.make_scratch_vec(),
+            plan,
+        }
+    }
+
+    /// Lines between zero and Nyquist, both left out.
+    pub(crate) fn lines(length: usize) -> usize {
+        length.saturating_sub(1) / 2
+    }
+
+    /// Writes lines `1..=lines` of the channels' spectra, one plane of real and one of imaginary parts a channel.
+    pub(crate) fn planes<'a>(
+        &mut self,
+        channels: impl Iterator<Item = &'a [f64]>,
+        lines: usize,
+        planes: &mut [f64],
+    ) -> Result<(), FrfError> {
+        for (signal, plane) in channels.zip(planes.chunks_exact_mut(2 * lines)) {
+            let (re, im) = plane.split_at_mut(lines);
+            self.transform(signal, re, im)?;
+        }
+        Ok(())
+    }
+
+    /// Writes lines `1..=re.len()` of the spectrum, real and imaginary parts apart.
+    fn transform(&mut self, signal: &[f64], re: &mut [f64], im: &mut [f64]) -> Result<(), FrfError> {
+        let scale = 1.0 / signal.len() as f64;
+        // A constant offset is removed by hand: its leakage is zero in theory, and rounding of a large offset would
+        // raise the noise of every line.
+        let mean = signal.iter().sum::<f64>() * scale;
+        if self.input.len() != signal.len() {
+            return Err(realfft::FftError::InputBuffer(self.input.len(), signal.len()).into());
+        }
+        for (b, s) in self.input.iter_mut().zip(signal) {
+            *b = s - mean;
+        }
+        self.plan
+            .process_with_scratch(&mut self.input, &mut self.output, &mut self.scratch)?;
+        for ((r, i), x) in re.iter_mut().zip(im.iter_mut()).zip(&self.output[1..]) {
+            *r = x.re * scale;
+            *i = x.im * scale;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,217 @@
+//! From samples of the coefficient functions to functions of p. Every kind is linear in the samples.
+
+use crate::IdentError;
+use lpv_core::{BasisKind, FunctionBasis, MatrixFunction, SchedulingRange, matern52};
+use nalgebra::DMatrix;
+
+/// How the samples `W(p_q)` become a function `W(p)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Interpolation {
+    /// Least-squares polynomial of this order through the samples (kept in Chebyshev polynomials, which spans the same
+    /// functions in a basis that stays well conditioned).
+    Polynomial {
+        /// Highest power.
+        order: usize,
+    },
+    /// Chebyshev interpolant of this order of the cubic spline through the samples: a polynomial, so it has an exact
+    /// LFR, without the end oscillations of a polynomial through equidistant points.
+    Chebyshev {
+        /// Highest power.
+        order: usize,
+    },
+    /// Not-a-knot cubic spline through the samples.
+    Spline,
+    /// Straight lines between the samples.
+    Linear,
+    /// Mean of a Gaussian process with a Matern-5/2 kernel of this length, an unknown constant mean and a relative
+    /// noise variance of 1e-10 (interpolating, up to rounding).
+    GaussianProcess {
+        /// Correlation length, units of p.
+        length_scale: f64,
+    },
+}
+
+/// Noise variance of the Gaussian process relative to the kernel's: keeps the kernel matrix invertible.
+const NUGGET: f64 = 1e-10;
+
+impl Interpolation {
+    /// A short name for tables.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Polynomial { order } => format!("polynomial, order {order}"),
+            Self::Chebyshev { order } => format!("Chebyshev, order {order}"),
+            Self::Spline => "cubic spline".to_owned(),
+            Self::Linear => "linear".to_owned(),
+            Self::GaussianProcess { length_scale } => format!("Gaussian process, length {length_scale:.3}"),
+        }
+    }
+
+    /// Whether the result is a polynomial in p and so has an exact LFR.
+    pub fn is_polynomial(&self) -> bool {
+        matches!(self, Self::Polynomial { .. } | Self::Chebyshev { .. })
+    }
+
+    /// The linear map of this interpolation at the given positions.
+    ///
+    /// # Errors
+    /// [`IdentError::TooFewPositions`], [`IdentError::Setting`], or positions that are not increasing.
+    pub fn operator(&self, positions: &[f64]) -> Result<InterpolationOperator, IdentError> {
+        let n = positions.len();
+        let need = |what, needed| {
+            if n < needed {
+                Err(IdentError::TooFewPositions {
+                    what,
+                    needed,
+                    found: n,
+                })
+            } else {
+                Ok(())
+            }
+        };
+        need("interpolation", 1)?;
+        if n == 1 {
+            // One position: the model does not depend on p.
+            return Ok(InterpolationOperator {
+                basis: FunctionBasis::constant(),
+                map: DMatrix::from_element(1, 1, 1.0),
+            });
+        }
+        let range = || SchedulingRange::interval(positions[0], positions[n - 1]);
+        let chebyshev = |order| {
+            Ok::<_, IdentError>(FunctionBasis::new(BasisKind::Chebyshev {
+                degree: order,
+                range: range()?,
+            })?)
+        };
+        match *self {
+            Self::Polynomial { order } => {
+                need("a polynomial of this order", order.saturating_add(1))?;
+                let basis = chebyshev(order)?;
+                let f = design(&basis, positions);
+                let singular = IdentError::TooFewPositions {
+                    what: "this polynomial",
+                    needed: order + 1,
+                    found: n,
+                };
+                let map = f.svd(true, true).pseudo_inverse(1e-13).map_err(|_| singular)?;
+                Ok(InterpolationOperator { basis, map })
+            }
+            Self::Chebyshev { order } => {
+                let spline = FunctionBasis::new(BasisKind::Spline {
+                    knots: positions.to_vec(),
+                })?;
+                let basis = chebyshev(order)?;
+                let range = range()?;
+                let (centre, half, count) = (range.centre()[0], range.half_width()[0], order + 1);
+                let angle = |j: usize| std::f64::consts::PI * (j as f64 + 0.5) / count as f64;
+                let nodes: Vec<f64> = (0..count).map(|j| centre + half * angle(j).cos()).collect();
+                let transform = DMatrix::from_fn(count, count, |k, j| {
+                    (if k == 0 { 1.0 } else { 2.0 }) / count as f64 * (k as f64 * angle(j)).cos()
+                });
+                Ok(InterpolationOperator {
+                    basis,
+                    map: transform * design(&spline, &nodes),
+                })
+            }
+            Self::Spline => {
+                let basis = FunctionBasis::new(BasisKind::Spline {
+                    knots: positions.to_vec(),
+                })?;
+                Ok(InterpolationOperator {
+                    basis,
+                    map: DMatrix::identity(n, n),
+                })
+            }
+            Self::Linear => {
+                let basis = FunctionBasis::new(BasisKind::Tabulated {
+                    knots: positions.to_vec(),
+                })?;
+                Ok(InterpolationOperator {
+                    basis,
+                    map: DMatrix::identity(n, n),
+                })
+            }
+            Self::GaussianProcess { length_scale } => {
+                let problem = "give a finite length above zero";
+                if !(length_scale.is_finite() && length_scale > 0.0) {
+                    return Err(IdentError::Setting {
+                        name: "length_scale",
+                        value: length_scale,
+                        problem,
+                    });
+                }
+                let basis = FunctionBasis::new(BasisKind::Matern {
+                    knots: positions.to_vec(),
+                    length_scale,
+                })?;
+                let kernel = DMatrix::from_fn(n, n, |i, j| {
+                    matern52((positions[i] - positions[j]) / length_scale) + if i == j { NUGGET } else { 0.0 }
+                });
+                let refused = || IdentError::Setting {
+                    name: "length_scale",
+                    value: length_scale,
+                    problem: "the kernel matrix is singular at this length; shorten it",
+                };
+                let inverse = kernel.cholesky().ok_or_else(refused)?.inverse();
+                // Generalised least squares for the constant mean, then the kernel weights of what is left.
+                let ones = DMatrix::from_element(n, 1, 1.0);
+                let total = (ones.transpose() * &inverse * &ones)[(0, 0)];
+                let mean = ones.transpose() * &inverse / total;
+                let weights = &inverse * (DMatrix::identity(n, n) - &ones * &mean);
+                let mut map = DMatrix::zeros(n + 1, n);
+                map.row_mut(0).copy_from(&mean.row(0));
+                map.rows_mut(1, n).copy_from(&weights);
+                Ok(InterpolationOperator { basis, map })
+            }
+        }
+    }
+}
+
+fn design(basis: &FunctionBasis, points: &[f64]) -> DMatrix<f64> {
+    let rows: Vec<f64> = points.iter().flat_map(|&p| basis.evaluate(&[p])).collect();
+    DMatrix::from_row_slice(points.len(), basis.len(), &rows)
+}
+
+/// `Theta = map * samples`, `W(p) = sum_j Theta_j f_j(p)`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InterpolationOperator {
+    basis: FunctionBasis,
+    map: DMatrix<f64>,
+}
+
+impl InterpolationOperator {
+    /// The weight of each sample in the value at p: `W(p) = sum_q l_q(p) W(p_q)`.
+    pub fn cardinals(&self, p: f64) -> Vec<f64> {
+        let f = DMatrix::from_row_slice(1, self.basis.len(), &self.basis.evaluate(&[p]));
+        (f * &self.map).iter().copied().collect()
+    }
+
+    /// The function through (or near) the samples, one matrix a position.
+    ///
+    /// # Errors
+    /// If the samples differ in number from the positions, or in shape from one another.
+    pub fn apply(&self, samples: &[&DMatrix<f64>]) -> Result<MatrixFunction, IdentError> {
+        let (rows, columns) = samples.first().map_or((0, 0), |m| m.shape());
+        if samples.len() != self.map.ncols() {
+            let what = "interpolation: samples";
+            return Err(lpv_core::CoreError::Dimension {
+                what,
+                expected: self.map.ncols(),
+                found: samples.len(),
+            }
+            .into());
+        }
+        let coefficients = self
+            .map
+            .row_iter()
+            .map(|weights| {
+                let zero = DMatrix::zeros(rows, columns);
+                weights
+                    .iter()
+                    .zip(samples)
+                    .fold(zero, |sum, (&w, s)| if w == 0.0 { sum } else { sum + *s * w })
+            })
+            .collect();
+        Ok(MatrixFunction::new(self.basis.clone(), coefficients)?)
+    }
+}

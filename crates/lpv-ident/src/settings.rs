@@ -1,0 +1,115 @@
+//! What is fitted and how it is weighted.
+
+use crate::IdentError;
+
+/// A rigid-body term `c phi_R(q)` in one channel, `phi_R(z) = (z + 1) / (z - 1)^2`, equation (12); `c` is shared by all
+/// positions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RigidTerm {
+    /// Output, from 0.
+    pub output: usize,
+    /// Input, from 0.
+    pub input: usize,
+}
+
+/// How a line is weighted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Weighting {
+    /// By the covariance of the FRF: maximum likelihood.
+    #[default]
+    Covariance,
+    /// By `1 / ||F||_F` of the line: the relative error.
+    Relative,
+    /// All lines and channels alike.
+    Uniform,
+}
+
+/// Unchecked settings of the regression; [`RegressionSettings::check`] makes them usable.
+///
+/// | setting | default | meaning | range |
+/// |---|---|---|---|
+/// | `rigid_body` | none | channels with a term `c phi_R` | existing channels, no doubles |
+/// | `weighting` | covariance | weight of a line | |
+/// | `band_hz` | all lines | lines that are fitted | lower < upper, both finite |
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct RegressionSettings {
+    rigid_body: Vec<RigidTerm>,
+    weighting: Weighting,
+    band_hz: Option<(f64, f64)>,
+}
+
+impl RegressionSettings {
+    /// The defaults.
+    pub fn new() -> Self {
+        Self::default()
+    }
+    /// The channels with a rigid-body term.
+    #[must_use]
+    pub fn rigid_body(mut self, terms: Vec<RigidTerm>) -> Self {
+        self.rigid_body = terms;
+        self
+    }
+    /// A rigid-body term in each of the first `channels` diagonal channels, as in (13).
+    #[must_use]
+    pub fn diagonal_rigid_body(self, channels: usize) -> Self {
+        self.rigid_body((0..channels).map(|i| RigidTerm { output: i, input: i }).collect())
+    }
+    /// The weighting.
+    #[must_use]
+    pub fn weighting(mut self, weighting: Weighting) -> Self {
+        self.weighting = weighting;
+        self
+    }
+    /// Only lines in this band, cycles per unit of time.
+    #[must_use]
+    pub fn band_hz(mut self, lower: f64, upper: f64) -> Self {
+        self.band_hz = Some((lower, upper));
+        self
+    }
+
+    /// The settings that the regression accepts.
+    ///
+    /// # Errors
+    /// [`IdentError::Setting`].
+    pub fn check(self) -> Result<CheckedRegression, IdentError> {
+        if let Some((lower, upper)) = self.band_hz
+            && !(lower.is_finite() && upper.is_finite() && lower < upper)
+        {
+            let problem = "the band must be finite with its lower end below its upper end";
+            return Err(IdentError::Setting {
+                name: "band_hz",
+                value: lower,
+                problem,
+            });
+        }
+        for (i, term) in self.rigid_body.iter().enumerate() {
+            if self.rigid_body[..i].contains(term) {
+                let problem = "this rigid-body term is listed twice";
+                return Err(IdentError::Setting {
+                    name: "rigid_body",
+                    value: i as f64,
+                    problem,
+                });
+            }
+        }
+        Ok(CheckedRegression(self))
+    }
+}
+
+/// Checked settings.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CheckedRegression(RegressionSettings);
+
+impl CheckedRegression {
+    pub(crate) fn rigid_body(&self) -> &[RigidTerm] {
+        &self.0.rigid_body
+    }
+    pub(crate) fn weighting(&self) -> Weighting {
+        self.0.weighting
+    }
+    pub(crate) fn keeps(&self, frequency_hz: f64) -> bool {
+        self.0
+            .band_hz
+            .is_none_or(|(lower, upper)| frequency_hz >= lower && frequency_hz <= upper)
+    }
+}

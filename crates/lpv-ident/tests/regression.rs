@@ -1,0 +1,319 @@
+//! The regression against a joint solve, the covariance against a Monte Carlo, the interpolations against known functions.
+
+use lpv_core::nalgebra::{DMatrix, DVector, dmatrix};
+use lpv_core::num_complex::Complex;
+use lpv_core::{Discrete, Frf, FrfEstimate, StateSpace};
+use lpv_ident::{IdentError, Interpolation, RegressionSettings, Weighting, recommend, regress};
+use proptest::prelude::*;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+type C64 = Complex<f64>;
+
+fn bank() -> StateSpace<Discrete> {
+    StateSpace::new(
+        dmatrix![0.8, -0.5; 0.5, 0.8],
+        dmatrix![1.0; 0.3],
+        DMatrix::identity(2, 2),
+        DMatrix::zeros(2, 1),
+        Discrete::new(1.0).unwrap(),
+    )
+    .unwrap()
+}
+
+fn lines(n: usize) -> Vec<f64> {
+    (1..=n).map(|k| 0.49 * k as f64 / n as f64).collect()
+}
+
+fn truth(p: f64) -> DMatrix<f64> {
+    dmatrix![1.0 + p, 0.2 * p, p * p, 0.1; 0.3, -p, 0.5, 1.0 - p * p]
+}
+
+/// `diag(2, 3) phi_R + sum_i W_i(p) phi_i`, two by two.
+fn response(p: f64, frequencies: &[f64]) -> Frf {
+    let phi = bank().frequency_response(frequencies).unwrap();
+    let mut frf = Frf::zeros(frequencies.to_vec(), 2, 2).unwrap();
+    for k in 0..frequencies.len() {
+        let z = Complex::from_polar(1.0, std::f64::consts::TAU * frequencies[k]);
+        let phi_r = (z + 1.0) / ((z - 1.0) * (z - 1.0));
+        let mut g = DMatrix::from_diagonal(&DVector::from_vec(vec![phi_r * 2.0, phi_r * 3.0]));
+        for i in 0..2 {
+            g += truth(p).columns(2 * i, 2).map(C64::from) * phi.line(k)[(i, 0)];
+        }
+        frf.line_slice_mut(k).copy_from_slice(g.as_slice());
+    }
+    frf
+}
+
+/// Noise with the full Kronecker covariance, different on every line.
+fn noisy(p: f64, frequencies: &[f64], scale: f64, rng: &mut ChaCha8Rng) -> FrfEstimate {
+    let mut frf = response(p, frequencies);
+    let (mut c, mut s) = (Vec::new(), Vec::new());
+    for k in 0..frequencies.len() {
+        let size = scale * (1.0 + frequencies[k]);
+        let lc = DMatrix::from_row_slice(
+            2,
+            2,
+            &[
+                C64::new(1.0, 0.0),
+                C64::new(0.0, 0.0),
+                C64::new(0.4, 0.3),
+                C64::new(0.5, 0.0),
+            ],
+        ) * C64::from(size);
+        let ls = DMatrix::from_row_slice(
+            2,
+            2,
+            &[
+                C64::new(1.0, 0.0),
+                C64::new(0.0, 0.0),
+                C64::new(-0.2, 0.6),
+                C64::new(2.0, 0.0),
+            ],
+        );
+        let n = DMatrix::from_fn(2, 2, |_, _| {
+            let (re, im): (f64, f64) = (StandardNormal.sample(rng), StandardNormal.sample(rng));
+            C64::new(re, im) * 0.5_f64.sqrt()
+        });
+        let error = &lc * n * ls.adjoint();
+        frf.line_slice_mut(k)
+            .iter_mut()
+            .zip(error.iter())
+            .for_each(|(f, e)| *f += e);
+        c.extend((&lc * lc.adjoint()).iter());
+        s.extend((&ls * ls.adjoint()).iter());
+    }
+    FrfEstimate::new(frf, c, s, f64::INFINITY, Some(p)).unwrap()
+}
+
+fn settings() -> lpv_ident::CheckedRegression {
+    RegressionSettings::new().diagonal_rigid_body(2).check().unwrap()
+}
+
+#[test]
+fn recovers_what_made_the_data() {
+    let positions = [-1.0, -0.5, 0.0, 0.5, 1.0];
+    let estimates: Vec<_> = positions
+        .iter()
+        .map(|&p| FrfEstimate::with_unit_covariance(response(p, &lines(60)), Some(p)).unwrap())
+        .collect();
+    let fits = regress(&estimates, &bank(), &settings()).unwrap();
+    assert!((fits.gains().0 - DVector::from_vec(vec![2.0, 3.0])).norm() < 1e-11);
+    for f in fits.fits() {
+        assert!((&f.weights - truth(f.position)).norm() < 1e-10);
+        assert!(f.cost < 1e-18);
+    }
+    let model = fits.interpolate(Interpolation::Polynomial { order: 2 }).unwrap();
+    let p = 0.37;
+    let error = model
+        .response(p, &lines(33))
+        .unwrap()
+        .relative_error(&response(p, &lines(33)))
+        .unwrap();
+    assert!(error.iter().all(|&e| e < 1e-11));
+    let lpv = model.series().unwrap().to_state_space().unwrap();
+    assert_eq!(lpv.states(), 4 + 2 * 2);
+    let error = lpv.frozen(&[p]).unwrap().frequency_response(&lines(33)).unwrap();
+    assert!(
+        error
+            .relative_error(&response(p, &lines(33)))
+            .unwrap()
+            .iter()
+            .all(|&e| e < 1e-11)
+    );
+}
+
+#[test]
+fn work_is_one_factorisation_a_block_of_rows() {
+    let estimates = [FrfEstimate::with_unit_covariance(response(0.0, &lines(600)), Some(0.0)).unwrap()];
+    let fits = regress(&estimates, &bank(), &settings()).unwrap();
+    // 600 lines of 8 real rows: 4800 rows in blocks of 2048.
+    assert_eq!(fits.fits()[0].factorisations, 3);
+}
+
+#[test]
+fn stated_covariances_are_those_of_a_monte_carlo() {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let frequencies = lines(40);
+    let positions = [-1.0, 0.0, 1.0];
+    let runs = 400;
+    let (p, at) = (0.5, [0.1, 0.3]);
+    let mut gain_errors = Vec::new();
+    let mut response_error = vec![DMatrix::<f64>::zeros(2, 2); 2];
+    let mut cost = 0.0;
+    let mut last = None;
+    for _ in 0..runs {
+        let estimates: Vec<_> = positions
+            .iter()
+            .map(|&q| noisy(q, &frequencies, 1e-2, &mut rng))
+            .collect();
+        let fits = regress(&estimates, &bank(), &settings()).unwrap();
+        gain_errors.push(fits.gains().0[0] - 2.0);
+        cost += fits.fits().iter().map(|f| f.cost).sum::<f64>();
+        let model = fits.interpolate(Interpolation::Polynomial { order: 2 }).unwrap();
+        let (g, g0) = (model.response(p, &at).unwrap(), response(p, &at));
+        for k in 0..2 {
+            response_error[k] += (g.line(k) - g0.line(k)).map(|e| e.norm_sqr());
+        }
+        last = Some(model);
+    }
+    let model = last.unwrap();
+    let fits = model.fits();
+    let unknowns: usize = fits.fits().iter().map(|f| f.unknowns).sum::<usize>() + 2;
+    let expected = (fits.fits().iter().map(|f| f.equations).sum::<usize>() - unknowns) as f64;
+    assert!(
+        (cost / f64::from(runs) / expected - 1.0).abs() < 0.03,
+        "{} {}",
+        cost / f64::from(runs),
+        expected
+    );
+    let spread = (gain_errors.iter().map(|e| e * e).sum::<f64>() / f64::from(runs)).sqrt();
+    let stated = fits.gains().1[(0, 0)].sqrt();
+    assert!((spread / stated - 1.0).abs() < 0.12, "{spread} {stated}");
+    for (found, stated) in response_error
+        .iter()
+        .zip(model.response_deviation(p, &at).unwrap())
+    {
+        for (f, s) in found.iter().zip(stated.iter()) {
+            let ratio = (f / f64::from(runs)).sqrt() / s;
+            assert!((ratio - 1.0).abs() < 0.12, "{ratio}");
+        }
+    }
+}
+
+#[test]
+fn interpolations_pass_the_samples_and_reproduce_what_they_can() {
+    let positions: Vec<f64> = (0..9).map(|i| -1.0 + 0.25 * f64::from(i)).collect();
+    let cubic = |p: f64| 1.0 - p + 2.0 * p.powi(3);
+    for (kind, between) in [
+        (Interpolation::Polynomial { order: 8 }, 1e-11_f64),
+        (Interpolation::Polynomial { order: 3 }, 1e-12),
+        (Interpolation::Chebyshev { order: 3 }, 1e-12),
+        (Interpolation::Spline, 1e-12),
+        (Interpolation::GaussianProcess { length_scale: 2.0 }, 0.05),
+        (Interpolation::Linear, 0.2),
+    ] {
+        let operator = kind.operator(&positions).unwrap();
+        for p in [-1.0, -0.6, 0.1, 0.25, 0.9, 1.0] {
+            let value: f64 = operator
+                .cardinals(p)
+                .iter()
+                .zip(&positions)
+                .map(|(l, &q)| l * cubic(q))
+                .sum();
+            let at_position = positions.iter().any(|&q| q == p);
+            assert!(
+                (value - cubic(p)).abs() < if at_position { between.min(1e-6) } else { between },
+                "{}",
+                kind.name()
+            );
+        }
+    }
+}
+
+#[test]
+fn leave_one_out_prefers_the_order_that_made_the_data() {
+    let mut rng = ChaCha8Rng::seed_from_u64(11);
+    let estimates: Vec<_> = (0..9)
+        .map(|i| noisy(-1.0 + 0.25 * f64::from(i), &lines(60), 3e-2, &mut rng))
+        .collect();
+    let fits = regress(&estimates, &bank(), &settings()).unwrap();
+    let orders: Vec<_> = (0..=6).map(|order| Interpolation::Polynomial { order }).collect();
+    let table = fits.leave_one_out(&orders).unwrap();
+    assert_eq!(
+        recommend(&table, 1.0).unwrap().interpolation,
+        Interpolation::Polynomial { order: 2 }
+    );
+    assert!(table[0].cost > 100.0 * table[2].cost);
+}
+
+#[test]
+fn refusals_say_where() {
+    let good = |p| FrfEstimate::with_unit_covariance(response(p, &lines(20)), Some(p)).unwrap();
+    let s = settings();
+    assert_eq!(regress(&[], &bank(), &s).unwrap_err(), IdentError::NoEstimates);
+    assert!(matches!(
+        regress(&[good(1.0), good(1.0)], &bank(), &s),
+        Err(IdentError::Position { index: 1, .. })
+    ));
+    let few = FrfEstimate::with_unit_covariance(response(0.0, &[0.1]), Some(0.0)).unwrap();
+    assert!(matches!(
+        regress(&[few], &bank(), &s),
+        Err(IdentError::TooFewLines { lines: 1, .. })
+    ));
+    // Twice the same function.
+    let twin = StateSpace::new(
+        dmatrix![0.5, 0.0; 0.0, 0.5],
+        dmatrix![1.0; 1.0],
+        DMatrix::identity(2, 2),
+        DMatrix::zeros(2, 1),
+        Discrete::new(1.0).unwrap(),
+    )
+    .unwrap();
+    assert!(matches!(
+        regress(&[good(0.0)], &twin, &s),
+        Err(IdentError::RankDeficient { .. })
+    ));
+    let zeros = vec![C64::new(0.0, 0.0); 20 * 4];
+    let unweighted =
+        FrfEstimate::new(response(0.0, &lines(20)), zeros.clone(), zeros, 5.0, Some(0.0)).unwrap();
+    assert!(matches!(
+        regress(&[unweighted], &bank(), &s),
+        Err(IdentError::Covariance { line: 0, .. })
+    ));
+    assert!(RegressionSettings::new().band_hz(2.0, 1.0).check().is_err());
+    let fits = regress(&[good(0.0), good(0.5)], &bank(), &s).unwrap();
+    assert!(matches!(
+        fits.leave_one_out(&[Interpolation::Spline]),
+        Err(IdentError::TooFewPositions { found: 2, .. })
+    ));
+    assert!(fits.interpolate(Interpolation::Polynomial { order: 2 }).is_err());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn one_joint_problem_and_elimination_agree(seed in 0_u64..500, weighting in prop_oneof![
+        Just(Weighting::Covariance), Just(Weighting::Relative), Just(Weighting::Uniform)
+    ]) {
+        // Shared gains make the positions one problem; with a single position the joint solution is a plain one.
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let e = noisy(0.3, &lines(12), 1e-1, &mut rng);
+        let s = RegressionSettings::new().diagonal_rigid_body(2).weighting(weighting).check().unwrap();
+        let alone = regress(std::slice::from_ref(&e), &bank(), &s).unwrap();
+        // The same data at three positions must give the same gains, and a gain covariance three times smaller.
+        let copies: Vec<_> = [-1.0, 0.0, 1.0]
+            .iter()
+            .map(|&p| {
+                let all: Vec<_> = (0..e.frf().len()).collect();
+                let c = all.iter().flat_map(|&k| e.output_covariance(k).iter().copied().collect::<Vec<_>>()).collect();
+                let f = all.iter().flat_map(|&k| e.input_factor(k).iter().copied().collect::<Vec<_>>()).collect();
+                FrfEstimate::new(e.frf().clone(), c, f, f64::INFINITY, Some(p)).unwrap()
+            })
+            .collect();
+        let joint = regress(&copies, &bank(), &s).unwrap();
+        prop_assert!((joint.gains().0 - alone.gains().0).norm() < 1e-9 * alone.gains().0.norm());
+        if weighting == Weighting::Covariance {
+            prop_assert!((joint.gains().1 * 3.0 - alone.gains().1).norm() < 1e-9 * alone.gains().1.norm());
+        }
+        prop_assert!((&joint.fits()[1].weights - &alone.fits()[0].weights).norm() < 1e-8);
+    }
+
+    #[test]
+    fn wild_settings_never_panic(order in any::<u16>(), length in any::<f64>(), positions in proptest::collection::vec(any::<f64>(), 0..8), low in any::<f64>(), high in any::<f64>()) {
+        let _ = RegressionSettings::new().band_hz(low, high).check();
+        for kind in [
+            Interpolation::Polynomial { order: usize::from(order) },
+            Interpolation::Chebyshev { order: usize::from(order % 64) },
+            Interpolation::Spline,
+            Interpolation::Linear,
+            Interpolation::GaussianProcess { length_scale: length },
+        ] {
+            if let Ok(o) = kind.operator(&positions) {
+                let _ = o.cardinals(low);
+            }
+        }
+    }
+}

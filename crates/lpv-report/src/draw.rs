@@ -1,0 +1,329 @@
+//! The drawing of a layout.
+
+use crate::curves::{dashes, symbols};
+use crate::layout::{
+    FIGURE_TITLE_SIZE, Labels, Layout, NAME_SIZE, Placed, TICK_SIZE, TITLE_SIZE, factor_label,
+};
+use crate::legend::{self, Rows};
+use crate::series::{Place, Style};
+use crate::svg::{Anchor, FINE, FONTS, FRAME, GRID, INK, MUTED, PAPER, Svg, Tone, path, px};
+use crate::{curves, text};
+
+/// Where the SVG goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Mode {
+    /// A file of its own.
+    Standalone,
+    /// Part of an HTML page, which may hold other drawings.
+    Inline {
+        /// Number of the drawing on the page.
+        number: usize,
+    },
+}
+
+/// The whole SVG.
+pub(crate) fn document(layout: &Layout, mode: Mode) -> String {
+    let mut svg = Svg::default();
+    let (width, height) = (px(layout.width), px(layout.height));
+    let size = match mode {
+        Mode::Standalone => {
+            format!(" xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\"")
+        }
+        Mode::Inline { .. } => String::new(),
+    };
+    let name = text::escape(&layout.figure.title);
+    svg.push(&format!(
+        "<svg{size} viewBox=\"0 0 {width} {height}\" font-family=\"{FONTS}\" role=\"img\" aria-label=\"{name}\">"
+    ));
+    svg.rect(PAPER, 0.0, 0.0, layout.width, layout.height);
+    let (title, title_size) = text::fit(&layout.figure.title, FIGURE_TITLE_SIZE, layout.width - 16.0);
+    svg.text(
+        (0.5 * layout.width, 21.0),
+        Anchor::Middle,
+        title_size,
+        INK,
+        &title,
+        " font-weight=\"600\"",
+    );
+    legend(&mut svg, &layout.legend, layout.legend_at);
+    for (index, placed) in layout.panels.iter().enumerate() {
+        let id = match mode {
+            Mode::Standalone => format!("p{index}"),
+            Mode::Inline { number } => format!("f{number}p{index}"),
+        };
+        panel(&mut svg, placed, &id);
+    }
+    svg.push("</svg>");
+    svg.body
+}
+
+fn panel(svg: &mut Svg, placed: &Placed, id: &str) {
+    let (width, height) = (px(placed.width), px(placed.height));
+    svg.push(&format!(
+        "<g transform=\"translate({} {})\">",
+        px(placed.left),
+        px(placed.top)
+    ));
+    grid(svg, placed);
+    svg.push(&format!(
+        "<clipPath id=\"{id}\"><rect width=\"{width}\" height=\"{height}\"/></clipPath><g clip-path=\"url(#{id})\">"
+    ));
+    marker_lines(svg, placed);
+    for series in &placed.panel.series {
+        curves::series(svg, placed, series);
+    }
+    svg.push("</g>");
+    svg.furniture(FRAME, 0.8, &format!("M0 0H{width}V{height}H0Z"));
+    ticks(svg, placed);
+    marker_texts(svg, placed);
+    names(svg, placed);
+    svg.push("</g>");
+}
+
+/// Lines at the ticks, fine ones first.
+fn grid(svg: &mut Svg, placed: &Placed) {
+    let (width, height) = (px(placed.width), px(placed.height));
+    let vertical = |at: f64| format!("M{} 0V{height}", px(placed.width * placed.x.unit(at)));
+    let horizontal = |at: f64| format!("M0 {}H{width}", px(placed.height * (1.0 - placed.y.unit(at))));
+    let (x, y) = (&placed.x.ticks, &placed.y.ticks);
+    let fine: String = x
+        .minor
+        .iter()
+        .map(|&at| vertical(at))
+        .chain(y.minor.iter().map(|&at| horizontal(at)))
+        .collect();
+    let main: String = x
+        .major
+        .iter()
+        .map(|t| vertical(t.0))
+        .chain(y.major.iter().map(|t| horizontal(t.0)))
+        .collect();
+    svg.furniture(FINE, 0.6, &fine);
+    svg.furniture(GRID, 0.6, &main);
+}
+
+/// Tick marks inside the frame and the numbers outside.
+fn ticks(svg: &mut Svg, placed: &Placed) {
+    let (width, height) = (placed.width, placed.height);
+    let mut data = String::new();
+    for (places, length) in [
+        (&placed.x.ticks.minor, 2.2),
+        (&majors(&placed.x.ticks.major), 4.0),
+    ] {
+        for &at in places {
+            data.push_str(&format!(
+                "M{} {}v-{}",
+                px(width * placed.x.unit(at)),
+                px(height),
+                px(length)
+            ));
+        }
+    }
+    for (places, length) in [
+        (&placed.y.ticks.minor, 2.2),
+        (&majors(&placed.y.ticks.major), 4.0),
+    ] {
+        for &at in places {
+            data.push_str(&format!(
+                "M0 {}h{}",
+                px(height * (1.0 - placed.y.unit(at))),
+                px(length)
+            ));
+        }
+    }
+    svg.furniture(FRAME, 0.7, &data);
+    if placed.x_labels == Labels::Shown {
+        for (at, label) in &placed.x.ticks.major {
+            let x = width * placed.x.unit(*at);
+            svg.text((x, height + 14.5), Anchor::Middle, TICK_SIZE, INK, label, "");
+        }
+    }
+    if placed.y_labels == Labels::Shown {
+        for (at, label) in &placed.y.ticks.major {
+            let y = height * (1.0 - placed.y.unit(*at)) + 3.6;
+            svg.text((-5.0, y), Anchor::End, TICK_SIZE, INK, label, "");
+        }
+    }
+}
+
+fn majors(major: &[(f64, String)]) -> Vec<f64> {
+    major.iter().map(|(at, _)| *at).collect()
+}
+
+/// Title, legend, axis names, factors and the remark on what is not shown.
+fn names(svg: &mut Svg, placed: &Placed) {
+    let (panel, width, height) = (placed.panel, placed.width, placed.height);
+    let factor_row = if placed.has_factor_row { 12.0 } else { 0.0 };
+    let legend_top = -3.0 - factor_row - legend::ROW * placed.legend.len() as f64;
+    legend(svg, &placed.legend, (0.0, legend_top));
+    let (title, size) = text::fit(&panel.title, TITLE_SIZE, width + 12.0);
+    svg.text(
+        (0.5 * width, legend_top - 3.0),
+        Anchor::Middle,
+        size,
+        INK,
+        &title,
+        "",
+    );
+
+    if let (Some(exponent), Labels::Shown) = (placed.y.ticks.factor, placed.y_labels) {
+        svg.text(
+            (0.0, -4.5),
+            Anchor::Start,
+            TICK_SIZE,
+            INK,
+            &factor_label(exponent),
+            "",
+        );
+    }
+    if placed.y_labels == Labels::Shown {
+        let (name, size) = text::fit(&panel.y.label, NAME_SIZE, height + 20.0);
+        let x = -placed.y_name;
+        let turned = format!(" transform=\"rotate(-90 {} {})\"", px(x), px(0.5 * height));
+        svg.text((x, 0.5 * height), Anchor::Middle, size, INK, &name, &turned);
+    }
+    if placed.x_labels == Labels::Shown {
+        let factor = placed.x.ticks.factor.map(factor_label);
+        let factor_width = factor.as_deref().map_or(0.0, |f| text::width(f, TICK_SIZE) + 8.0);
+        let (name, size) = text::fit(&panel.x.label, NAME_SIZE, width + 20.0 - 2.0 * factor_width);
+        svg.text((0.5 * width, height + 30.5), Anchor::Middle, size, INK, &name, "");
+        let factor = factor.unwrap_or_default();
+        svg.text((width, height + 30.5), Anchor::End, TICK_SIZE, INK, &factor, "");
+    }
+
+    if placed.ranges.placed == 0 && !panel.series.is_empty() {
+        svg.text(
+            (0.5 * width, 0.5 * height),
+            Anchor::Middle,
+            NAME_SIZE,
+            MUTED,
+            "no point to show",
+            "",
+        );
+    } else if placed.ranges.not_positive > 0 {
+        let remark = format!("{} points ≤ 0 not shown", placed.ranges.not_positive);
+        halo(svg, (width - 5.0, height - 7.0), Anchor::End, MUTED, &remark);
+    }
+}
+
+fn marker_lines(svg: &mut Svg, placed: &Placed) {
+    for marker in &placed.panel.markers {
+        let data = match marker.place {
+            Place::Vertical(x) => placed
+                .x
+                .place(x)
+                .map(|u| format!("M{} 0V{}", px(placed.width * u), px(placed.height))),
+            Place::Horizontal(y) => placed
+                .y
+                .place(y)
+                .map(|u| format!("M0 {}H{}", px(placed.height * (1.0 - u)), px(placed.width))),
+            Place::Point(..) => continue,
+        };
+        if let Ok(data) = data {
+            svg.stroke(marker.colour, 1.0, " stroke-dasharray=\"4.5 2.5\"", &data);
+        }
+    }
+}
+
+fn marker_texts(svg: &mut Svg, placed: &Placed) {
+    let within = |u: f64| (0.0..=1.0).contains(&u);
+    let (width, height) = (placed.width, placed.height);
+    let mut taken: Vec<(f64, f64, f64)> = Vec::new();
+    for marker in &placed.panel.markers {
+        let Some(label) = marker.label.as_deref() else {
+            continue;
+        };
+        let length = text::width(label, TICK_SIZE);
+        let (x, mut y, anchor) = match marker.place {
+            Place::Vertical(x) => match placed.x.place(x) {
+                Ok(u) if within(u) && width * u + length + 5.0 > width => {
+                    (width * u - 4.0, 12.0, Anchor::End)
+                }
+                Ok(u) if within(u) => (width * u + 4.0, 12.0, Anchor::Start),
+                _ => continue,
+            },
+            Place::Horizontal(y) => match placed.y.place(y) {
+                Ok(u) if within(u) => {
+                    let line = height * (1.0 - u);
+                    (
+                        width - 5.0,
+                        if line < 16.0 { line + 12.0 } else { line - 4.0 },
+                        Anchor::End,
+                    )
+                }
+                _ => continue,
+            },
+            Place::Point(x, y) => match (placed.x.place(x), placed.y.place(y)) {
+                (Ok(u), Ok(v)) if within(u) && within(v) => {
+                    let right = width * u + 6.0 + length <= width;
+                    let x = if right { width * u + 6.0 } else { width * u - 6.0 };
+                    (
+                        x,
+                        height * (1.0 - v) + 3.5,
+                        if right { Anchor::Start } else { Anchor::End },
+                    )
+                }
+                _ => continue,
+            },
+        };
+        let left = if anchor == Anchor::End { x - length } else { x };
+        // Names of neighbouring vertical lines stand one below the other.
+        while matches!(marker.place, Place::Vertical(_))
+            && y + 12.0 < height
+            && taken
+                .iter()
+                .any(|&(l, r, t)| left < r && left + length > l && (t - y).abs() < 11.0)
+        {
+            y += 12.0;
+        }
+        taken.push((left - 3.0, left + length + 3.0, y));
+        let tone = if matches!(marker.place, Place::Point(..)) {
+            INK
+        } else {
+            MUTED
+        };
+        halo(svg, (x, y), anchor, tone, label);
+    }
+}
+
+/// Text over data: with a rim in the colour of the paper.
+fn halo(svg: &mut Svg, at: (f64, f64), anchor: Anchor, tone: Tone, content: &str) {
+    let Tone(_, paper, _) = PAPER;
+    let rim =
+        format!(" stroke=\"{paper}\" stroke-width=\"3\" stroke-linejoin=\"round\" paint-order=\"stroke\"");
+    svg.text(at, anchor, TICK_SIZE, tone, content, &rim);
+}
+
+/// Samples and names.
+fn legend(svg: &mut Svg, rows: &Rows, at: (f64, f64)) {
+    for (row, entries) in rows.iter().enumerate() {
+        let y = at.1 + legend::ROW * (row as f64 + 0.5);
+        for entry in entries {
+            let (x, series) = (at.0 + entry.offset, entry.series);
+            let end = x + legend::sample(series);
+            match series.style {
+                Style::Band { .. } => {
+                    let box_of = [(x, y - 4.5), (end, y - 4.5), (end, y + 4.5), (x, y + 4.5)];
+                    svg.fill(series.colour, 0.22, &(path(&box_of) + "z"));
+                }
+                Style::Dots | Style::Circles | Style::Crosses => {
+                    symbols(svg, series, &[(0.5 * (x + end), y)])
+                }
+                _ => svg.stroke(
+                    series.colour,
+                    series.drawn_width(),
+                    dashes(&series.style),
+                    &path(&[(x, y), (end, y)]),
+                ),
+            }
+            svg.text(
+                (end + 5.0, y + 3.7),
+                Anchor::Start,
+                entry.size,
+                INK,
+                &entry.label,
+                "",
+            );
+        }
+    }
+}

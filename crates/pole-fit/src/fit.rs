@@ -1,0 +1,322 @@
+//! The fit and its result.
+
+use crate::basis::Recurrence;
+use crate::model::Setup;
+use crate::realise::realise;
+use crate::search::{StopReason, search};
+use crate::uncertainty::{denominator_covariance, expected_cost, root_covariance};
+use crate::weights::Lines;
+use crate::{CheckedPoleFitSettings, NumeratorDegree, PoleFitError};
+use lpv_core::{Clock, CoreError, Discrete, Frf, FrfEstimate, StateSpace};
+use nalgebra::{DMatrix, DVector, Matrix2};
+use num_complex::Complex;
+
+type C64 = Complex<f64>;
+
+/// Poles and numerators of a common-denominator model, with an account of how they were found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoleFit {
+    /// All roots of the denominator: the fixed integrators first, then by natural frequency `|ln z|`; of a conjugate
+    /// pair the one with positive imaginary part first.
+    pub poles: Vec<C64>,
+    /// How many of them, at the front, were fixed at `z = 1`.
+    pub fixed_integrators: usize,
+    /// Covariance of `(Re, Im)` of each pole; zero for fixed ones.
+    pub pole_covariance: Vec<Matrix2<f64>>,
+    /// How the fit went.
+    pub account: Account,
+    recurrence: Recurrence,
+    alpha: DVector<f64>,
+    beta: DMatrix<f64>,
+    channels: (usize, usize),
+    clock: Discrete,
+    delay_samples: usize,
+    rigid_body_hz: f64,
+}
+
+/// How a fit went.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Account {
+    /// Degree of the denominator.
+    pub order: usize,
+    /// Why the search ended.
+    pub stop: StopReason,
+    /// Passes of the start whose best result the search began with.
+    pub start_iterations: usize,
+    /// Gauss-Newton trials.
+    pub iterations: usize,
+    /// Cholesky factorisations of the numerators' normal matrix: the unit of work.
+    pub factorisations: usize,
+    /// Weighted sum of squares `sum_k r^H K r`; in complex equations, so noise alone gives about one for each.
+    pub cost: f64,
+    /// What [`Account::cost`] would be on average if only noise were left.
+    pub expected_cost: f64,
+    /// Standard deviation of that.
+    pub expected_cost_deviation: f64,
+    /// Real equations: two a line and channel.
+    pub equations: usize,
+    /// Real unknowns.
+    pub unknowns: usize,
+    /// Condition number of the normal matrix of the denominator, its diagonal scaled to one; about 1e15 and above
+    /// means that the data do not determine all poles.
+    pub condition: f64,
+    /// Root mean square over the lines of `||F - model||_F / ||F||_F`.
+    pub relative_error_rms: f64,
+    /// The largest of these.
+    pub relative_error_max: f64,
+    /// Lines used.
+    pub lines: usize,
+    /// Lines outside the band, or at `z = 1` with fixed integrators.
+    pub lines_left_out: usize,
+    /// Lines whose covariance was not positive definite, so that its diagonal was used.
+    pub diagonal_fallbacks: usize,
+    /// Indices of the poles with `|z| >= 1` that are not fixed integrators.
+    pub unstable_poles: Vec<usize>,
+}
+
+impl Account {
+    /// How far the cost is above what noise alone would give, in standard deviations. Around zero: the noise level is
+    /// reached; far above: something is not modelled, or the covariance is too small.
+    #[must_use]
+    pub fn cost_excess(&self) -> f64 {
+        (self.cost - self.expected_cost) / self.expected_cost_deviation
+    }
+}
+
+/// A pole as an oscillation: `z = exp(s T_s)`, `s = w (-d + j sqrt(1 - d^2))`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mode {
+    /// Index of the pole.
+    pub pole: usize,
+    /// Natural frequency `|s| / (2 pi)`, cycles per unit of time.
+    pub frequency_hz: f64,
+    /// Its standard deviation.
+    pub frequency_deviation_hz: f64,
+    /// Damping ratio `-Re s / |s|`.
+    pub damping: f64,
+    /// Its standard deviation.
+    pub damping_deviation: f64,
+}
+
+/// Fits `F(z) = z^-d B(z) / ((z-1)^m a(z))` to an estimated frequency response.
+///
+/// # Errors
+/// [`PoleFitError`]: no lines, no channels, too few lines for the order, a covariance from too little data, lines above
+/// Nyquist, numbers that overflow. A fit that is merely poor is a result; the [`Account`] says so.
+pub fn fit(
+    estimate: &FrfEstimate,
+    clock: Discrete,
+    settings: &CheckedPoleFitSettings,
+) -> Result<PoleFit, PoleFitError> {
+    fit_lines(&Lines::new(estimate, clock, settings)?, clock, settings)
+}
+
+pub(crate) fn fit_lines(
+    lines: &Lines,
+    clock: Discrete,
+    settings: &CheckedPoleFitSettings,
+) -> Result<PoleFit, PoleFitError> {
+    let set = settings.get();
+    let m = settings.fixed_integrators();
+    let setup = Setup {
+        lines,
+        t: lines.z.iter().map(|z| (z - 1.0).powu(m as u32)).collect(),
+        order: set.order,
+        n_a: set.order - m + 1,
+        n_b: match set.numerator {
+            NumeratorDegree::Proper => set.order + 1,
+            NumeratorDegree::StrictlyProper => set.order,
+        },
+    };
+    if setup.equations() <= setup.unknowns() {
+        return Err(PoleFitError::TooFewLines {
+            order: set.order,
+            equations: setup.equations(),
+            unknowns: setup.unknowns(),
+        });
+    }
+    let found = search(&setup, settings)?;
+    let covariance = denominator_covariance(&setup, &found, set.weighting)?;
+    let recurrence = found.basis.recurrence.clone();
+    let alpha = found.point.alpha.clone();
+    let roots = recurrence.roots(&alpha)?;
+    let mut poles = vec![C64::new(1.0, 0.0); m];
+    let mut pole_covariance = vec![Matrix2::zeros(); m];
+    for root in roots {
+        poles.push(root);
+        pole_covariance.push(root_covariance(&recurrence, &alpha, &covariance, root));
+    }
+    let (relative_error_rms, relative_error_max) = relative_error(lines, &found.point.residual);
+    let (expected_cost, expected_cost_deviation) = expected_cost(&setup, set.weighting);
+    let account = Account {
+        order: set.order,
+        stop: found.stop,
+        start_iterations: found.start_iterations,
+        iterations: found.iterations,
+        factorisations: found.factorisations,
+        cost: found.point.cost,
+        expected_cost,
+        expected_cost_deviation,
+        equations: setup.equations(),
+        unknowns: setup.unknowns(),
+        condition: covariance.condition,
+        relative_error_rms,
+        relative_error_max,
+        lines: lines.len(),
+        lines_left_out: lines.lines_left_out,
+        diagonal_fallbacks: lines.diagonal_fallbacks,
+        unstable_poles: (m..poles.len()).filter(|&i| poles[i].norm() >= 1.0).collect(),
+    };
+    let lowest = lines
+        .frequencies_hz
+        .iter()
+        .copied()
+        .find(|&f| f > 0.0)
+        .unwrap_or(0.0);
+    Ok(PoleFit {
+        poles,
+        fixed_integrators: m,
+        pole_covariance,
+        account,
+        recurrence,
+        alpha,
+        beta: found.point.beta,
+        channels: (lines.n_y, lines.n_u),
+        clock,
+        delay_samples: set.delay_samples,
+        rigid_body_hz: set.rigid_body_hz.unwrap_or(lowest.max(0.01 * clock.nyquist_hz())),
+    })
+}
+
+/// Root mean square and maximum; lines where the response vanishes are measured by its mean.
+fn relative_error(lines: &Lines, residual: &[C64]) -> (f64, f64) {
+    let n_c = lines.channels();
+    let square = |x: &[C64]| x.iter().map(|v| v.norm_sqr()).sum::<f64>();
+    let mean = square(&lines.f) / lines.len() as f64;
+    let (mut sum, mut largest) = (0.0, 0.0f64);
+    for (r, f) in residual.chunks_exact(n_c).zip(lines.f.chunks_exact(n_c)) {
+        let size = square(f);
+        let error = square(r) / if size > 0.0 { size } else { mean };
+        sum += error;
+        largest = largest.max(error);
+    }
+    ((sum / lines.len() as f64).sqrt(), largest.sqrt())
+}
+
+impl PoleFit {
+    /// The poles other than integrators.
+    ///
+    /// With `Integrators::Fixed` these are exactly the estimated poles. With `Free` they are those whose natural
+    /// frequency `|ln z| / (2 pi T_s)` is at least `rigid_body_hz` of the settings, by default the lowest line used
+    /// that is not zero, but no less than a hundredth of Nyquist: below the first line nothing tells a slow mode
+    /// from an integrator.
+    #[must_use]
+    pub fn flexible_poles(&self) -> Vec<C64> {
+        let flexible = self.flexible_indices();
+        flexible.into_iter().map(|i| self.poles[i]).collect()
+    }
+
+    /// Indices of [`PoleFit::flexible_poles`] in [`PoleFit::poles`].
+    #[must_use]
+    pub fn flexible_indices(&self) -> Vec<usize> {
+        (self.fixed_integrators..self.poles.len())
+            .filter(|&i| self.fixed_integrators > 0 || self.natural_frequency_hz(i) >= self.rigid_body_hz)
+            .collect()
+    }
+
+    fn natural_frequency_hz(&self, i: usize) -> f64 {
+        self.poles[i].ln().norm() / (std::f64::consts::TAU * self.clock.sample_time())
+    }
+
+    /// Natural frequency and damping of the flexible poles, one entry a conjugate pair or real pole.
+    #[must_use]
+    pub fn modes(&self) -> Vec<Mode> {
+        let indices = self.flexible_indices().into_iter();
+        indices
+            .filter(|&i| self.poles[i].im >= 0.0)
+            .map(|i| self.mode(i))
+            .collect()
+    }
+
+    fn mode(&self, i: usize) -> Mode {
+        let z = self.poles[i];
+        let s = z.ln();
+        let size = s.norm();
+        // ds = dz / z; rows of the Jacobian of (|s|, -Re s / |s|) with respect to (Re z, Im z).
+        let (dx, dy) = (z.inv(), C64::i() / z);
+        let slope = |d: C64| {
+            let growth = (s.conj() * d).re / size;
+            (growth, -d.re / size + s.re * growth / (size * size))
+        };
+        let ((fx, gx), (fy, gy)) = (slope(dx), slope(dy));
+        let deviation = |x: f64, y: f64| {
+            let c = &self.pole_covariance[i];
+            (c[(0, 0)] * x * x + 2.0 * c[(0, 1)] * x * y + c[(1, 1)] * y * y)
+                .max(0.0)
+                .sqrt()
+        };
+        let to_hz = 1.0 / (std::f64::consts::TAU * self.clock.sample_time());
+        Mode {
+            pole: i,
+            frequency_hz: size * to_hz,
+            frequency_deviation_hz: deviation(fx, fy) * to_hz,
+            damping: -s.re / size,
+            damping_deviation: deviation(gx, gy),
+        }
+    }
+
+    /// The clock of the poles.
+    #[must_use]
+    pub fn clock(&self) -> Discrete {
+        self.clock
+    }
+
+    /// The fitted response, delay included, at frequencies in cycles per unit of time.
+    ///
+    /// # Errors
+    /// [`CoreError::Frequency`] for frequencies that are negative, not finite, not increasing or above Nyquist,
+    /// [`CoreError::PoleOnLine`] where the response is infinite.
+    pub fn response(&self, frequencies_hz: &[f64]) -> Result<Frf, CoreError> {
+        let (n_y, n_u) = self.channels;
+        let limit = self.clock.nyquist_hz() * (1.0 + 1e-12);
+        if let Some(index) = frequencies_hz.iter().position(|&f| f > limit) {
+            return Err(CoreError::Frequency {
+                index,
+                value_hz: frequencies_hz[index],
+                problem: "above the Nyquist frequency of the fit",
+            });
+        }
+        let mut frf = Frf::zeros(frequencies_hz.to_vec(), n_y, n_u)?;
+        for (k, &frequency_hz) in frequencies_hz.iter().enumerate() {
+            let z = self.clock.point(frequency_hz);
+            let p = self.recurrence.values(z);
+            let a: C64 = p.iter().zip(self.alpha.iter()).map(|(p, a)| p * *a).sum();
+            let fixed = (z - 1.0).powu(self.fixed_integrators as u32);
+            let factor = (a * fixed * z.powu(self.delay_samples as u32)).inv();
+            if !factor.is_finite() {
+                return Err(CoreError::PoleOnLine { frequency_hz });
+            }
+            for (value, beta) in frf.line_slice_mut(k).iter_mut().zip(self.beta.column_iter()) {
+                let b: C64 = p.iter().zip(beta.iter()).map(|(p, b)| p * *b).sum();
+                *value = b * factor;
+            }
+        }
+        Ok(frf)
+    }
+
+    /// A state space of `B / ((z-1)^m a)` with `order * min(n_y, n_u)` states, minimal only if all residues have full
+    /// rank. Fixed integrators are exact. The delay of the settings is not part of it.
+    ///
+    /// # Errors
+    /// [`CoreError::NotFinite`] or [`CoreError::Singular`] if the leading coefficient of the denominator vanishes.
+    pub fn state_space(&self) -> Result<StateSpace<Discrete>, CoreError> {
+        realise(
+            &self.recurrence,
+            &self.alpha,
+            &self.beta,
+            self.fixed_integrators,
+            self.channels,
+            self.clock,
+        )
+    }
+}

@@ -1,0 +1,246 @@
+//! From data to a denominator: reweighted total least squares, then Gauss-Newton with damping.
+
+use crate::basis::Basis;
+use crate::model::{Point, Reduced, Setup};
+use crate::moments::Products;
+use crate::{CheckedPoleFitSettings, PoleFitError};
+use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
+use num_complex::Complex;
+
+/// Why the search ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum StopReason {
+    /// The next step is shorter than the tolerance, in standard deviations.
+    StepBelowTolerance,
+    /// The residual is rounding: noise-free data, fitted exactly.
+    ResidualAtRounding,
+    /// No step lowers the cost although the gradient does not vanish: rounding, or a flat direction.
+    NoDescent,
+    /// `max_iterations` was reached first.
+    IterationLimit,
+    /// All poles are fixed; the numerators follow in one step.
+    Linear,
+}
+
+/// Where the search ended, and the work it took.
+pub(crate) struct Found {
+    pub(crate) basis: Basis,
+    pub(crate) products: Products,
+    pub(crate) point: Point,
+    pub(crate) stop: StopReason,
+    pub(crate) start_iterations: usize,
+    pub(crate) iterations: usize,
+    pub(crate) factorisations: usize,
+}
+
+pub(crate) fn search(setup: &Setup<'_>, settings: &CheckedPoleFitSettings) -> Result<Found, PoleFitError> {
+    let found = start(setup, settings)?;
+    if setup.n_a == 1 {
+        return Ok(Found {
+            stop: StopReason::Linear,
+            ..found
+        });
+    }
+    refine(setup, settings, found)
+}
+
+/// Bootstrapped total least squares (Van Huffel, Pintelon): at each pass the equation error `t a F - B` is divided by
+/// the last `t a` and `a` minimises its sum of squares over what noise alone would give. Unlike the iteration of
+/// Sanathanan and Koerner with a fixed coefficient it has no bias from the noise.
+fn start(setup: &Setup<'_>, settings: &CheckedPoleFitSettings) -> Result<Found, PoleFitError> {
+    let n = setup.lines.len();
+    let mut a = vec![Complex::new(1.0, 0.0); n];
+    let mut best: Option<Found> = None;
+    let mut factorisations = 0;
+    let mut poor = 0;
+    for pass in 0..=settings.get().start_iterations {
+        let basis = setup.basis(&a)?;
+        let products = Products::new(&basis);
+        let alpha = normalised(basis.project(setup.n_a, &a));
+        let point = match Point::new(setup, &basis, &products, alpha) {
+            Ok(point) => point,
+            Err(error) => match best {
+                Some(_) => break,
+                None => return Err(error),
+            },
+        };
+        factorisations += 1;
+        let next = point
+            .reduce(setup, &basis, &products, &setup.lines.f)
+            .and_then(|reduced| total_least_squares(&reduced));
+        let previous = best.as_ref().map_or(f64::INFINITY, |b| b.point.cost);
+        if point.cost < previous {
+            poor = if point.cost > 0.98 * previous { poor + 1 } else { 0 };
+            best = Some(Found {
+                basis: basis.clone(),
+                products,
+                point,
+                stop: StopReason::IterationLimit,
+                start_iterations: pass,
+                iterations: 0,
+                factorisations,
+            });
+        } else {
+            poor += 1;
+        }
+        match next {
+            Some(alpha) if poor < 2 && setup.n_a > 1 => a = basis.combine(alpha.as_slice()),
+            _ => break,
+        }
+    }
+    best.map(|b| Found { factorisations, ..b })
+        .ok_or(PoleFitError::Numerators { order: setup.order })
+}
+
+fn normalised(alpha: DVector<f64>) -> DVector<f64> {
+    let norm = alpha.norm();
+    if norm > 0.0 && norm.is_finite() {
+        alpha / norm
+    } else {
+        let mut one = DVector::zeros(alpha.len());
+        one[0] = 1.0;
+        one
+    }
+}
+
+/// The `alpha` of least `alpha^T M alpha / alpha^T C alpha`.
+fn total_least_squares(reduced: &Reduced) -> Option<DVector<f64>> {
+    let n = reduced.m.nrows();
+    let lift = 1e-13 * reduced.noise.trace() / n as f64;
+    let factor = Cholesky::new(&reduced.noise + DMatrix::identity(n, n) * lift)?.l();
+    let mut half = reduced.m.clone();
+    let mut whole = DMatrix::zeros(n, n);
+    if factor.solve_lower_triangular_mut(&mut half) {
+        whole = half.transpose();
+    }
+    if !factor.solve_lower_triangular_mut(&mut whole) || !whole.iter().all(|v| v.is_finite()) {
+        return None;
+    }
+    let symmetric = (&whole + whole.transpose()) * 0.5;
+    let eigen = SymmetricEigen::try_new(symmetric, f64::EPSILON, 1000)?;
+    let least = eigen.eigenvalues.imin();
+    let mut alpha = eigen.eigenvectors.column(least).into_owned();
+    factor
+        .tr_solve_lower_triangular_mut(&mut alpha)
+        .then(|| normalised(alpha))
+}
+
+/// Orthonormal basis of the directions that change `alpha` other than in scale, `n_a x (n_a - 1)`.
+pub(crate) fn tangent(alpha: &DVector<f64>) -> DMatrix<f64> {
+    let n = alpha.len();
+    let mut v = normalised(alpha.clone());
+    v[0] += if v[0] < 0.0 { -1.0 } else { 1.0 };
+    let scale = 2.0 / v.norm_squared();
+    DMatrix::from_fn(n, n - 1, |i, j| {
+        f64::from(u8::from(i == j + 1)) - scale * v[i] * v[j + 1]
+    })
+}
+
+fn refine(setup: &Setup<'_>, settings: &CheckedPoleFitSettings, found: Found) -> Result<Found, PoleFitError> {
+    let set = settings.get();
+    let Found {
+        basis,
+        products,
+        mut point,
+        start_iterations,
+        mut factorisations,
+        ..
+    } = found;
+    let (mut iterations, mut lambda) = (0, 0.0);
+    // Response squared and weighted: what the cost is when nothing is explained.
+    let all = {
+        let mut weighted = vec![Complex::new(0.0, 0.0); setup.lines.channels()];
+        let mut sum = 0.0;
+        for (k, f) in setup.lines.f.chunks_exact(weighted.len()).enumerate() {
+            setup.lines.apply_weight(k, f, &mut weighted);
+            sum += f
+                .iter()
+                .zip(&weighted)
+                .map(|(a, b)| (a.conj() * b).re)
+                .sum::<f64>();
+        }
+        sum
+    };
+    let free = setup.equations().saturating_sub(setup.unknowns()).max(1) as f64;
+    let exact = |cost: f64| cost <= all * 1e-20;
+    let stop = 'search: loop {
+        let model = point.model(setup.lines);
+        let Some(reduced) = point.reduce(setup, &basis, &products, &model) else {
+            break StopReason::NoDescent;
+        };
+        let q = tangent(&point.alpha);
+        let r = q.tr_mul(&reduced.m) * &q;
+        let g = q.tr_mul(&point.gradient(setup, &basis));
+        loop {
+            let raise = |lambda: f64| (lambda * 10.0f64).max(1e-4);
+            let Some(step) = damped_step(&r, &g, lambda) else {
+                lambda = raise(lambda);
+                if lambda > 1e8 {
+                    break 'search StopReason::NoDescent;
+                }
+                continue;
+            };
+            // Twice the decrease that the quadratic model promises: the squared length of the step measured by the
+            // covariance that a residual of this size implies, a factor apart.
+            let decrement = -step.dot(&g);
+            if decrement <= set.tolerance.powi(2) * point.cost / free {
+                break 'search if lambda < 1.0 {
+                    StopReason::StepBelowTolerance
+                } else {
+                    StopReason::NoDescent
+                };
+            }
+            if iterations >= set.max_iterations {
+                break 'search StopReason::IterationLimit;
+            }
+            iterations += 1;
+            let length = step.norm();
+            let alpha = normalised(&point.alpha + &q * step);
+            let trial = Point::new(setup, &basis, &products, alpha);
+            factorisations += 1;
+            match trial {
+                Ok(trial) if trial.cost < point.cost => {
+                    point = trial;
+                    lambda = if lambda > 1e-4 { lambda * 0.1 } else { 0.0 };
+                    break;
+                }
+                // In an orthonormal basis such a step is rounding of the coefficients.
+                _ if length < 1e-11 => {
+                    break 'search if exact(point.cost) {
+                        StopReason::ResidualAtRounding
+                    } else {
+                        StopReason::NoDescent
+                    };
+                }
+                _ => {
+                    lambda = raise(lambda);
+                    if lambda > 1e8 {
+                        break 'search StopReason::NoDescent;
+                    }
+                }
+            }
+        }
+    };
+    Ok(Found {
+        basis,
+        products,
+        point,
+        stop,
+        start_iterations,
+        iterations,
+        factorisations,
+    })
+}
+
+/// `-(R + lambda diag R)^-1 g`; the diagonal never counts as less than a rounding of the largest entry.
+fn damped_step(r: &DMatrix<f64>, g: &DVector<f64>, lambda: f64) -> Option<DVector<f64>> {
+    let mut damped = r.clone();
+    let least = f64::EPSILON * r.diagonal().amax();
+    for i in 0..r.nrows() {
+        let d = r[(i, i)].max(least);
+        damped[(i, i)] = d * (1.0 + lambda);
+    }
+    let step = Cholesky::new(damped)?.solve(g);
+    step.iter().all(|v| v.is_finite()).then_some(-step)
+}

@@ -1,0 +1,395 @@
+//! The lines of a fit with their weights: covariance in, inverse covariance `K` out.
+//!
+//! Channels of a line are numbered `c = j n_y + i` (column-major). From `dF = V G` with `E[v v^H] = C_V` and
+//! `S = G^H G` follows `E[dF_ij conj dF_kl] = C_V[i,k] S[l,j]`, the matrix `S^T (x) C_V`, whose inverse is
+//! `K = conj(S^-1) (x) C_V^-1`.
+
+use crate::hermitian::inverse_or_diagonal;
+use crate::{CheckedPoleFitSettings, PoleFitError, Weighting};
+use lpv_core::{Clock, CoreError, Discrete, FrfEstimate};
+use num_complex::Complex;
+
+type C64 = Complex<f64>;
+const ZERO: C64 = C64::new(0.0, 0.0);
+
+/// Part of a diagonal that is added to it, so that a nearly singular matrix keeps a Cholesky factor.
+const DIAGONAL_LIFT: f64 = 1e-12;
+
+/// What the fit works on: lines in the band, the delay taken out.
+#[derive(Debug)]
+pub(crate) struct Lines {
+    pub(crate) n_y: usize,
+    pub(crate) n_u: usize,
+    pub(crate) frequencies_hz: Vec<f64>,
+    pub(crate) z: Vec<C64>,
+    /// Response, line after line.
+    pub(crate) f: Vec<C64>,
+    /// Inverse covariance (the weight), `n_c x n_c` a line.
+    pub(crate) k: Vec<C64>,
+    /// `C_V` as used (smoothed, with its floor) and `S` (with its floor).
+    c_v: Vec<C64>,
+    s: Vec<C64>,
+    /// Pairs `c < d` of channels that the weight couples on some line.
+    pub(crate) coupled: Vec<(usize, usize)>,
+    /// Mean weight of the channels on each line, each channel divided by its mean over the lines.
+    pub(crate) profile: Vec<f64>,
+    /// Complex degrees of freedom of the smoothed covariance, mean over the lines.
+    pub(crate) degrees_of_freedom: f64,
+    pub(crate) lines_left_out: usize,
+    pub(crate) diagonal_fallbacks: usize,
+}
+
+impl Lines {
+    pub(crate) fn channels(&self) -> usize {
+        self.n_y * self.n_u
+    }
+    pub(crate) fn len(&self) -> usize {
+        self.z.len()
+    }
+
+    pub(crate) fn new(
+        estimate: &FrfEstimate,
+        clock: Discrete,
+        settings: &CheckedPoleFitSettings,
+    ) -> Result<Self, PoleFitError> {
+        let set = settings.get();
+        let frf = estimate.frf();
+        let (n_y, n_u) = (frf.outputs(), frf.inputs());
+        for (what, n) in [
+            ("outputs", n_y),
+            ("inputs", n_u),
+            ("lines of the response", frf.len()),
+        ] {
+            if n == 0 {
+                return Err(PoleFitError::Empty { what });
+            }
+        }
+        let limit = clock.nyquist_hz() * (1.0 + 1e-12);
+        let (lower_hz, upper_hz) = set.band.unwrap_or((0.0, limit));
+        let frequencies = frf.frequencies_hz();
+        let fixed = settings.fixed_integrators() > 0;
+        let index: Vec<usize> = (0..frf.len())
+            .filter(|&k| (lower_hz..=upper_hz).contains(&frequencies[k]) || set.band.is_none())
+            // A fixed integrator makes the model infinite at z = 1, whatever the data say.
+            .filter(|&k| !(fixed && clock.point(frequencies[k]) == C64::new(1.0, 0.0)))
+            .collect();
+        if index.is_empty() {
+            return Err(PoleFitError::EmptyBand {
+                lower_hz,
+                upper_hz,
+                lines: frf.len(),
+            });
+        }
+        if let Some(&k) = index.iter().find(|&&k| frequencies[k] > limit) {
+            return Err(PoleFitError::Core(CoreError::Frequency {
+                index: k,
+                value_hz: frequencies[k],
+                problem: "above the Nyquist frequency of the clock",
+            }));
+        }
+        let z: Vec<C64> = index.iter().map(|&k| clock.point(frequencies[k])).collect();
+        let mut f = Vec::with_capacity(index.len() * n_y * n_u);
+        for (&k, z) in index.iter().zip(&z) {
+            let advance = z.powu(set.delay_samples as u32);
+            f.extend(frf.line_slice(k).iter().map(|v| v * advance));
+        }
+        if f.iter().all(|v| *v == ZERO) {
+            return Err(PoleFitError::ZeroResponse);
+        }
+        let mut lines = Self {
+            n_y,
+            n_u,
+            frequencies_hz: index.iter().map(|&k| frequencies[k]).collect(),
+            z,
+            f,
+            k: Vec::new(),
+            c_v: Vec::new(),
+            s: Vec::new(),
+            coupled: Vec::new(),
+            profile: Vec::new(),
+            degrees_of_freedom: estimate.degrees_of_freedom(),
+            lines_left_out: frf.len() - index.len(),
+            diagonal_fallbacks: 0,
+        };
+        lines.smooth(estimate, &index, set.smoothing_lines);
+        lines.lift(set.relative_floor);
+        let needed = match set.weighting {
+            Weighting::Covariance => n_y as f64 + 1.0,
+            Weighting::DiagonalCovariance => 2.0,
+            Weighting::Relative | Weighting::Uniform => -1.0,
+        };
+        if lines.degrees_of_freedom <= needed {
+            return Err(PoleFitError::DegreesOfFreedom {
+                found: lines.degrees_of_freedom,
+                needed,
+            });
+        }
+        lines.weigh(set.weighting);
+        lines.check_range(&index)?;
+        lines.summarise();
+        Ok(lines)
+    }
+
+    /// Hermitian parts of `C_V`, averaged over neighbours, and of `S`.
+    fn smooth(&mut self, estimate: &FrfEstimate, index: &[usize], half: usize) {
+        let (n, m) = (self.n_y, self.n_u);
+        let count = index.len();
+        let mut terms = 0;
+        for k in 0..count {
+            let window = &index[k.saturating_sub(half)..(k + half + 1).min(count)];
+            terms += window.len();
+            let start = self.c_v.len();
+            self.c_v.resize(start + n * n, ZERO);
+            for &l in window {
+                let c = estimate.output_covariance(l);
+                for j in 0..n {
+                    for i in 0..n {
+                        self.c_v[start + j * n + i] +=
+                            (c[(i, j)] + c[(j, i)].conj()) * (0.5 / window.len() as f64);
+                    }
+                }
+            }
+            let s = estimate.input_factor(index[k]);
+            for j in 0..m {
+                for i in 0..m {
+                    self.s.push((s[(i, j)] + s[(j, i)].conj()) * 0.5);
+                }
+            }
+        }
+        // Each line adds its own degrees of freedom to the mean.
+        self.degrees_of_freedom *= terms as f64 / count as f64;
+    }
+
+    /// Floors that keep both factors positive definite on noise-free data.
+    fn lift(&mut self, relative_floor: f64) {
+        let (n, m) = (self.n_y, self.n_u);
+        let mut floors = vec![0.0f64; self.len() * n];
+        for k in 0..self.len() {
+            let s = &mut self.s[k * m * m..(k + 1) * m * m];
+            let mean = (0..m).map(|j| s[j * m + j].re.max(0.0)).sum::<f64>() / m as f64;
+            // Where S says nothing, the response is taken to be measured by unit inputs.
+            let (mean, blank) = if mean > 0.0 { (mean, false) } else { (1.0, true) };
+            for j in 0..m {
+                if blank {
+                    s[j * m..(j + 1) * m].fill(ZERO);
+                    s[j * m + j] = C64::new(1.0, 0.0);
+                }
+                let d = &mut s[j * m + j];
+                *d = C64::new(d.re.max(0.0) + DIAGONAL_LIFT * mean, 0.0);
+            }
+            for i in 0..n {
+                let row = (0..m).map(|j| self.f[k * n * m + j * n + i].norm_sqr());
+                floors[k * n + i] = relative_floor.powi(2) * row.sum::<f64>() / (m as f64 * mean);
+            }
+        }
+        let largest = floors.iter().copied().fold(0.0, f64::max);
+        for k in 0..self.len() {
+            for i in 0..n {
+                let d = &mut self.c_v[k * n * n + i * n + i];
+                let lifted = d.re.max(0.0) * (1.0 + DIAGONAL_LIFT) + floors[k * n + i];
+                // An output that is zero without any noise gets the floor of the largest line.
+                *d = C64::new(if lifted > 0.0 { lifted } else { largest }, 0.0);
+            }
+        }
+    }
+
+    fn weigh(&mut self, weighting: Weighting) {
+        let (n, m, n_c) = (self.n_y, self.n_u, self.channels());
+        self.k = vec![ZERO; self.len() * n_c * n_c];
+        let mut work = vec![vec![ZERO; n * n]; 3];
+        let mut work_s = vec![vec![ZERO; m * m]; 3];
+        let row_square = |f: &[C64], i: usize| (0..m).map(|j| f[j * n + i].norm_sqr()).sum::<f64>();
+        // A row that vanishes on a line must not get an infinite weight.
+        let rows: Vec<f64> = (0..n)
+            .map(|i| {
+                let total: f64 = self.f.chunks_exact(n_c).map(|f| row_square(f, i)).sum();
+                1e-12 * total / self.len() as f64
+            })
+            .collect();
+        for k in 0..self.len() {
+            let weight = &mut self.k[k * n_c * n_c..(k + 1) * n_c * n_c];
+            let c_v = &self.c_v[k * n * n..(k + 1) * n * n];
+            let s = &self.s[k * m * m..(k + 1) * m * m];
+            if weighting == Weighting::Covariance {
+                let [factor, scratch, c_inverse] = &mut work[..] else {
+                    return;
+                };
+                let [factor_s, scratch_s, s_inverse] = &mut work_s[..] else {
+                    return;
+                };
+                let whole = inverse_or_diagonal(n, c_v, factor, scratch, c_inverse);
+                let whole_s = inverse_or_diagonal(m, s, factor_s, scratch_s, s_inverse);
+                self.diagonal_fallbacks += usize::from(!(whole && whole_s));
+                for l in 0..m {
+                    for j in 0..m {
+                        let right = s_inverse[l * m + j].conj();
+                        for r in 0..n {
+                            for i in 0..n {
+                                weight[(l * n + r) * n_c + j * n + i] = right * c_inverse[r * n + i];
+                            }
+                        }
+                    }
+                }
+                continue;
+            }
+            let f = &self.f[k * n_c..(k + 1) * n_c];
+            for j in 0..m {
+                for i in 0..n {
+                    let variance = match weighting {
+                        Weighting::Covariance | Weighting::DiagonalCovariance => {
+                            c_v[i * n + i].re * s[j * m + j].re
+                        }
+                        Weighting::Relative => {
+                            let square = row_square(f, i).max(rows[i]);
+                            // A row that is zero on all lines is fitted by zero, whatever its weight.
+                            if square > 0.0 { square } else { 1.0 }
+                        }
+                        Weighting::Uniform => 1.0,
+                    };
+                    let c = j * n + i;
+                    weight[c * n_c + c] = C64::new(1.0 / variance, 0.0);
+                }
+            }
+        }
+    }
+
+    /// The weights and the weighted response must be finite numbers with room for a square.
+    fn check_range(&self, index: &[usize]) -> Result<(), PoleFitError> {
+        let n_c = self.channels();
+        let limit = f64::MAX.powf(0.4);
+        for k in 0..self.len() {
+            let weight = &self.k[k * n_c * n_c..(k + 1) * n_c * n_c];
+            let diagonal = (0..n_c).map(|c| weight[c * n_c + c].re);
+            let f = self.f[k * n_c..(k + 1) * n_c].iter();
+            let good = |v: f64| v > 1.0 / limit && v < limit;
+            let square: f64 = diagonal.clone().zip(f).map(|(w, v)| w * v.norm_sqr()).sum();
+            if !(diagonal.clone().all(good) && square < limit) {
+                return Err(PoleFitError::Overflow {
+                    what: "the weight of the response",
+                    line: index[k],
+                    frequency_hz: self.frequencies_hz[k],
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn summarise(&mut self) {
+        let n_c = self.channels();
+        let at = |k: usize, c: usize, d: usize| self.k[k * n_c * n_c + d * n_c + c];
+        let mut profile = vec![0.0; self.len()];
+        let mut coupled = Vec::new();
+        for d in 0..n_c {
+            for c in 0..d {
+                if (0..self.len()).any(|k| at(k, c, d) != ZERO) {
+                    coupled.push((c, d));
+                }
+            }
+            let mean = (0..self.len()).map(|k| at(k, d, d).re).sum::<f64>() / self.len() as f64;
+            for (k, p) in profile.iter_mut().enumerate() {
+                *p += at(k, d, d).re / (mean * n_c as f64);
+            }
+        }
+        self.profile = profile;
+        self.coupled = coupled;
+    }
+
+    /// `y = K x` on line `k`.
+    pub(crate) fn apply_weight(&self, k: usize, x: &[C64], y: &mut [C64]) {
+        let n_c = self.channels();
+        let weight = &self.k[k * n_c * n_c..(k + 1) * n_c * n_c];
+        if self.coupled.is_empty() {
+            for c in 0..n_c {
+                y[c] = x[c] * weight[c * n_c + c].re;
+            }
+            return;
+        }
+        y.fill(ZERO);
+        for (column, x) in weight.chunks_exact(n_c).zip(x) {
+            for (y, w) in y.iter_mut().zip(column) {
+                *y += w * x;
+            }
+        }
+    }
+
+    /// The covariance `S^T (x) C_V` of line `k`, column-major.
+    pub(crate) fn covariance(&self, k: usize, sigma: &mut [C64]) {
+        let (n, m, n_c) = (self.n_y, self.n_u, self.channels());
+        let c_v = &self.c_v[k * n * n..(k + 1) * n * n];
+        let s = &self.s[k * m * m..(k + 1) * m * m];
+        for l in 0..m {
+            for j in 0..m {
+                for r in 0..n {
+                    for i in 0..n {
+                        sigma[(l * n + r) * n_c + j * n + i] = c_v[r * n + i] * s[j * m + l];
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::PoleFitSettings;
+    use crate::hermitian::cholesky;
+    use lpv_core::Frf;
+    use nalgebra::DMatrix;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    #[test]
+    fn whitened_errors_have_unit_covariance() {
+        let (n, m, experiments) = (3, 2, 3);
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+        let mut draw = |rows: usize, columns: usize| {
+            DMatrix::from_fn(rows, columns, |_, _| {
+                let x: f64 = StandardNormal.sample(&mut rng);
+                let y: f64 = StandardNormal.sample(&mut rng);
+                C64::new(x, y) * 0.5f64.sqrt()
+            })
+        };
+        let root = draw(n, n);
+        let g = draw(experiments, m);
+        let frf = Frf::new(vec![0.1], n, m, vec![C64::new(1.0, 0.0); n * m]).unwrap();
+        let c_v = (&root * root.adjoint()).iter().copied().collect();
+        let s = (g.adjoint() * &g).iter().copied().collect();
+        let estimate = FrfEstimate::new(frf, c_v, s, f64::INFINITY, None).unwrap();
+        let settings = PoleFitSettings::new(1).check().unwrap();
+        let lines = Lines::new(&estimate, Discrete::new(1.0).unwrap(), &settings).unwrap();
+        // K = L L^H: the whitened error is L^H vec(dF).
+        let mut factor = lines.k.clone();
+        assert!(cholesky(n * m, &mut factor));
+        let l = DMatrix::from_vec(n * m, n * m, factor).lower_triangle();
+        let draws = 20_000;
+        let mut sum = DMatrix::<C64>::zeros(n * m, n * m);
+        for _ in 0..draws {
+            let error = &root * draw(n, experiments) * &g;
+            let whitened = l.adjoint() * DMatrix::from_column_slice(n * m, 1, error.as_slice());
+            sum += &whitened * whitened.adjoint();
+        }
+        let distance = sum / C64::new(f64::from(draws), 0.0) - DMatrix::identity(n * m, n * m);
+        let worst = distance.iter().map(|v| v.norm()).fold(0.0, f64::max);
+        assert!(worst < 5.0 / f64::from(draws).sqrt(), "worst entry {worst}");
+        // And the stated covariance is the inverse of the weight.
+        let mut sigma = vec![ZERO; 36];
+        lines.covariance(0, &mut sigma);
+        let product = DMatrix::from_vec(6, 6, sigma) * DMatrix::from_vec(6, 6, lines.k.clone());
+        assert!((product - DMatrix::identity(6, 6)).norm() < 1e-8);
+    }
+
+    #[test]
+    fn smoothing_averages_the_covariance_and_multiplies_the_degrees_of_freedom() {
+        let frf = Frf::new(vec![0.1, 0.2, 0.3], 1, 1, vec![C64::new(1.0, 0.0); 3]).unwrap();
+        let c_v = [1.0, 2.0, 6.0].map(|v| C64::new(v, 0.0)).to_vec();
+        let s = vec![C64::new(1.0, 0.0); 3];
+        let estimate = FrfEstimate::new(frf, c_v, s, 10.0, None).unwrap();
+        let settings = PoleFitSettings::new(1).smoothing_lines(1).check().unwrap();
+        let lines = Lines::new(&estimate, Discrete::new(1.0).unwrap(), &settings).unwrap();
+        for (k, mean) in [1.5, 3.0, 4.0].into_iter().enumerate() {
+            assert!((lines.k[k].re * mean - 1.0).abs() < 1e-9);
+        }
+        assert!((lines.degrees_of_freedom - 70.0 / 3.0).abs() < 1e-12);
+    }
+}

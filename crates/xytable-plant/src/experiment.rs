@@ -1,0 +1,264 @@
+//! Multisine experiments at constant p, streamed period by period.
+
+use crate::continuous_loop::ContinuousLoop;
+use crate::digital_loop::{DigitalLoop, LaneSignals, LoopState};
+use crate::noise::NoiseStream;
+use crate::separation::Separation;
+use crate::{Machine, Multisine, Noise, PlantError, VerifiedController};
+use lpv_core::PeriodBlock;
+use nalgebra::DVector;
+use serde::{Deserialize, Serialize};
+
+/// Where the controller runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LoopKind {
+    /// Digital controller, plant input held between samples: the sampled plant is exact.
+    #[default]
+    Digital,
+    /// Continuous controller; only r and v are held. The input moves between the samples that record it, so an FRF from
+    /// these records has an inter-sample error.
+    Continuous,
+}
+
+/// Settings of an experiment, unchecked; [`Experiment::new`] checks them.
+///
+/// | field | default | meaning | range |
+/// |---|---|---|---|
+/// | `periods` | 25 | periods of the multisine, from rest | 1 or more |
+/// | `noise` | the paper's | noise of the sensors | standard deviations >= 0 |
+/// | `loop_kind` | digital | where the controller runs | |
+/// | `seed` | 0 | seed of the noise | |
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ExperimentSettings {
+    /// Periods an experiment.
+    pub periods: usize,
+    /// Noise of the sensors.
+    pub noise: Noise,
+    /// Where the controller runs.
+    pub loop_kind: LoopKind,
+    /// Seed of the noise. Equal seeds at equal positions give equal noise.
+    pub seed: u64,
+}
+
+impl Default for ExperimentSettings {
+    fn default() -> Self {
+        Self {
+            periods: 25,
+            noise: Noise::default(),
+            loop_kind: LoopKind::default(),
+            seed: 0,
+        }
+    }
+}
+
+/// What was simulated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExperimentAccount {
+    /// Position of the carriage.
+    pub position: f64,
+    /// Number of experiments.
+    pub experiments: usize,
+    /// Closed-loop samples over all experiments.
+    pub samples: usize,
+    /// Spectral radius of the closed loop over the whole stroke: transients fade by this factor a sample.
+    pub spectral_radius: f64,
+}
+
+/// The two orthogonal multisine experiments of one position, ready to run.
+///
+/// With references r, noise v and controllers `K`: `yhat = y' + v` (11) is recorded and fed back, `u' = K (r - yhat)`.
+#[derive(Debug, Clone)]
+pub struct Experiment<'a> {
+    machine: &'a Machine,
+    controller: &'a VerifiedController,
+    position: f64,
+    settings: ExperimentSettings,
+    references: [[Vec<f64>; 2]; 2],
+}
+
+/// Memory of one experiment: outputs, inputs and references of the current period.
+struct Buffers {
+    outputs: [Vec<f64>; 2],
+    inputs: [Vec<f64>; 2],
+}
+
+impl Buffers {
+    fn new(period: usize) -> Self {
+        let zeros = || [vec![0.0; period], vec![0.0; period]];
+        Self {
+            outputs: zeros(),
+            inputs: zeros(),
+        }
+    }
+
+    fn lane<'a>(&'a mut self, references: &'a [Vec<f64>; 2]) -> LaneSignals<'a> {
+        let [y1, y2] = &mut self.outputs;
+        let [u1, u2] = &mut self.inputs;
+        LaneSignals {
+            references: [&references[0], &references[1]],
+            outputs: [y1, y2],
+            inputs: [u1, u2],
+        }
+    }
+}
+
+const MOST_ORDER: usize = 8;
+
+impl<'a> Experiment<'a> {
+    /// Checks that everything fits.
+    ///
+    /// # Errors
+    /// [`PlantError::Position`], [`PlantError::Length`] (a multisine that is not for two inputs),
+    /// [`PlantError::Setting`], [`PlantError::ControllerOrder`] (at most 8).
+    pub fn new(
+        machine: &'a Machine,
+        controller: &'a VerifiedController,
+        multisine: &Multisine,
+        position: f64,
+        settings: ExperimentSettings,
+    ) -> Result<Self, PlantError> {
+        let position = machine.check_position(position)?;
+        settings.noise.check()?;
+        if multisine.inputs() != 2 {
+            return Err(PlantError::Length {
+                what: "inputs of the multisine",
+                expected: 2,
+                found: multisine.inputs(),
+            });
+        }
+        if settings.periods == 0 {
+            return Err(PlantError::Setting {
+                field: "periods",
+                value: 0.0,
+                problem: "give at least 1",
+            });
+        }
+        for (index, k) in controller.digital().iter().enumerate() {
+            if k.order() > MOST_ORDER {
+                return Err(PlantError::ControllerOrder {
+                    index,
+                    order: k.order(),
+                    most: MOST_ORDER,
+                });
+            }
+        }
+        let signals = |experiment| -> Result<[Vec<f64>; 2], PlantError> {
+            Ok([multisine.signal(experiment, 0)?, multisine.signal(experiment, 1)?])
+        };
+        let references = [signals(0)?, signals(1)?];
+        Ok(Self {
+            machine,
+            controller,
+            position,
+            settings,
+            references,
+        })
+    }
+
+    /// Position of the carriage.
+    pub fn position(&self) -> f64 {
+        self.position
+    }
+    /// The settings.
+    pub fn settings(&self) -> &ExperimentSettings {
+        &self.settings
+    }
+    /// Samples a period.
+    pub fn period(&self) -> usize {
+        self.references[0][0].len()
+    }
+
+    /// Simulates from rest and hands each period to `sink`, first of experiment 0, then of experiment 1. Memory does not
+    /// grow with the number of periods.
+    ///
+    /// # Errors
+    /// What `sink` returns; [`PlantError::NotStable`] for a continuous loop that is not stable although its sampled
+    /// version is; [`PlantError::Diverged`] if signals stop being finite.
+    pub fn run<E: From<PlantError>>(
+        &self,
+        sink: &mut dyn FnMut(PeriodBlock<'_>) -> Result<(), E>,
+    ) -> Result<ExperimentAccount, E> {
+        let clock = self.controller.clock();
+        let order = self
+            .controller
+            .digital()
+            .iter()
+            .map(|k| k.order())
+            .max()
+            .unwrap_or(0);
+        match self.settings.loop_kind {
+            LoopKind::Continuous => {
+                let plant = self.machine.frozen(self.position)?;
+                let model = ContinuousLoop::new(&plant, self.controller, clock, self.position)?;
+                let mut states: [DVector<f64>; 2] = [model.rest(), model.rest()];
+                self.stream(sink, &mut |lanes| {
+                    for (x, lane) in states.iter_mut().zip(lanes) {
+                        model.run(x, lane);
+                    }
+                })
+            }
+            LoopKind::Digital if order <= 4 => self.run_digital::<4, E>(sink),
+            LoopKind::Digital => self.run_digital::<MOST_ORDER, E>(sink),
+        }
+    }
+
+    fn run_digital<const N: usize, E: From<PlantError>>(
+        &self,
+        sink: &mut dyn FnMut(PeriodBlock<'_>) -> Result<(), E>,
+    ) -> Result<ExperimentAccount, E> {
+        let plant = Separation::new(self.machine, self.position).sampled(self.controller.clock())?;
+        let model = DigitalLoop::<N>::new(plant, self.controller.digital());
+        let mut state = LoopState::<N, 2>::new();
+        self.stream(sink, &mut |lanes| model.run(&mut state, lanes))
+    }
+
+    fn stream<E: From<PlantError>>(
+        &self,
+        sink: &mut dyn FnMut(PeriodBlock<'_>) -> Result<(), E>,
+        advance: &mut dyn FnMut(&mut [LaneSignals<'_>; 2]),
+    ) -> Result<ExperimentAccount, E> {
+        let period = self.period();
+        let mut memory = [Buffers::new(period), Buffers::new(period)];
+        let Self {
+            settings, position, ..
+        } = self;
+        let mut noise = [0, 1].map(|e| NoiseStream::new(settings.noise, settings.seed, *position, e));
+        for index in 0..settings.periods {
+            for (stream, m) in noise.iter_mut().zip(&mut memory) {
+                let [first, second] = &mut m.outputs;
+                stream.fill(first, second);
+            }
+            let [one, other] = &mut memory;
+            advance(&mut [one.lane(&self.references[0]), other.lane(&self.references[1])]);
+            for (experiment, m) in memory.iter().enumerate() {
+                // Every output depends on all that came before, so a divergence shows in the last sample.
+                if !m
+                    .outputs
+                    .iter()
+                    .chain(&m.inputs)
+                    .all(|c| c[period - 1].is_finite())
+                {
+                    return Err(PlantError::Diverged {
+                        sample: (index + 1) * period,
+                    }
+                    .into());
+                }
+                sink(PeriodBlock {
+                    experiment,
+                    period: index,
+                    outputs: &m.outputs,
+                    inputs: &m.inputs,
+                    references: &self.references[experiment],
+                })?;
+            }
+        }
+        Ok(ExperimentAccount {
+            position: *position,
+            experiments: 2,
+            samples: 2 * period * settings.periods,
+            spectral_radius: self.controller.robustness().spectral_radius(),
+        })
+    }
+}

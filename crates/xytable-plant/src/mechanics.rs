@@ -1,0 +1,157 @@
+//! Five degrees of freedom in motion: accelerations, the maps at motors and sensors, and one Runge-Kutta step.
+
+use crate::Machine;
+
+/// Positions `[x1, y1, R1, y2, R2]` and then their rates, in m, rad and per unit of time.
+pub(crate) type State = [f64; 10];
+
+/// The machine's numbers in the form that the innermost loop needs.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Mechanics {
+    inverse_masses: [f64; 5],
+    stiffness: [f64; 2],
+    damping: [f64; 2],
+    half_beam: f64,
+    /// `T_u`: row, column, power of p.
+    decoupling: [[[f64; 3]; 2]; 2],
+}
+
+impl Mechanics {
+    pub(crate) fn new(machine: &Machine) -> Self {
+        let q = machine.parameters();
+        let t = machine.input_decoupling();
+        Self {
+            inverse_masses: [
+                q.servo_mass_kg,
+                q.carriage_mass_kg,
+                q.carriage_inertia_kg_m2,
+                q.beam_mass_kg,
+                q.beam_inertia_kg_m2,
+            ]
+            .map(f64::recip),
+            stiffness: [q.stiffness_y_n_per_m, q.stiffness_r_n_m_per_rad],
+            damping: [q.damping_y_n_s_per_m, q.damping_r_n_m_s_per_rad],
+            half_beam: q.half_beam_m,
+            decoupling: [0, 1].map(|i: usize| [0, 1].map(|j: usize| [0, 1, 2].map(|k: usize| t[k][(i, j)]))),
+        }
+    }
+
+    /// Rigid motion at rest with these outputs: no deflection, no force.
+    pub(crate) fn at_rest(x1: f64, outputs: [f64; 2]) -> State {
+        let [y, r] = outputs;
+        [x1, y + x1 * r, r, y, r, 0.0, 0.0, 0.0, 0.0, 0.0]
+    }
+
+    /// `[F_left, F_right] = T_u(p) u'`, in hardware: it follows p between samples.
+    #[inline]
+    pub(crate) fn beam_forces(&self, p: f64, u: [f64; 2]) -> [f64; 2] {
+        self.decoupling.map(|row| {
+            let [one, other] = row.map(|c| c[0] + p * (c[1] + p * c[2]));
+            one * u[0] + other * u[1]
+        })
+    }
+
+    /// (9): `y'_1 = y1 - p R1`, `y'_2 = R1`.
+    #[inline]
+    pub(crate) fn outputs(x: &State) -> [f64; 2] {
+        [x[1] - x[0] * x[2], x[2]]
+    }
+
+    /// Rates of the state under motor forces `[F_x, F_left, F_right]` (7), (8).
+    #[inline]
+    fn rates(&self, x: &State, motors: [f64; 3]) -> State {
+        let p = x[0];
+        let [f_x, left, right] = motors;
+        // (8) takes E(p)^T times the rates for the damping; the rate of p itself does not enter.
+        let pair = |y: f64, r: f64, i: usize| self.stiffness[i] * y + self.damping[i] * r;
+        let f_y = pair(x[1] - x[3] - p * x[4], x[6] - x[8] - p * x[9], 0);
+        let f_r = pair(x[2] - x[4], x[7] - x[9], 1);
+        let w = &self.inverse_masses;
+        [
+            x[5],
+            x[6],
+            x[7],
+            x[8],
+            x[9],
+            f_x * w[0],
+            -f_y * w[1],
+            -f_r * w[2],
+            (f_y + left + right) * w[3],
+            (p * f_y + f_r + self.half_beam * (right - left)) * w[4],
+        ]
+    }
+
+    /// One classical Runge-Kutta step of length `h` with held `F_x` and `u'`.
+    #[inline]
+    pub(crate) fn step(&self, x: &State, f_x: f64, u: [f64; 2], h: f64) -> State {
+        let rates = |x: &State| {
+            let [left, right] = self.beam_forces(x[0], u);
+            self.rates(x, [f_x, left, right])
+        };
+        let along = |k: &State, h: f64| -> State { std::array::from_fn(|i| x[i] + h * k[i]) };
+        let k1 = rates(x);
+        let k2 = rates(&along(&k1, 0.5 * h));
+        let k3 = rates(&along(&k2, 0.5 * h));
+        let k4 = rates(&along(&k3, h));
+        std::array::from_fn(|i| x[i] + h / 6.0 * ((k1[i] + k4[i]) + 2.0 * (k2[i] + k3[i])))
+    }
+
+    /// Kinetic energy of the beam and carriage in y and R, and energy in the springs.
+    #[cfg(test)]
+    pub(crate) fn energy(&self, x: &State) -> f64 {
+        let kinetic: f64 = (1..5)
+            .map(|i| 0.5 * x[i + 5] * x[i + 5] / self.inverse_masses[i])
+            .sum();
+        let e_y = x[1] - x[3] - x[0] * x[4];
+        let e_r = x[2] - x[4];
+        kinetic + 0.5 * (self.stiffness[0] * e_y * e_y + self.stiffness[1] * e_r * e_r)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::MachineParameters;
+    use nalgebra::DVector;
+
+    #[test]
+    fn rates_are_those_of_the_state_space() {
+        let machine = MachineParameters::default().check().unwrap();
+        let mechanics = Mechanics::new(&machine);
+        let x: State = std::array::from_fn(|i| 0.1 * (1.0 + i as f64).sin());
+        let motors = [0.3, -1.2, 2.1];
+        let frozen = machine.mechanics().unwrap().frozen(&[x[0]]).unwrap();
+        let expected =
+            frozen.a() * DVector::from_row_slice(&x) + frozen.b() * DVector::from_row_slice(&motors);
+        for (a, b) in mechanics.rates(&x, motors).iter().zip(expected.iter()) {
+            assert!((a - b).abs() < 1e-12 * (1.0 + b.abs()), "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn damping_only_takes_energy() {
+        let machine = MachineParameters::default().check().unwrap();
+        let mechanics = Mechanics::new(&machine);
+        let mut x: State = [0.2, 1e-3, -2e-3, 0.0, 1e-3, 0.0, 0.0, 1e-3, 0.0, 0.0];
+        let first = mechanics.energy(&x);
+        let mut energy = first;
+        for _ in 0..4000 {
+            x = mechanics.step(&x, 0.0, [0.0; 2], 1e-3);
+            let next = mechanics.energy(&x);
+            assert!(next <= energy * (1.0 + 1e-14), "{next} after {energy}");
+            energy = next;
+        }
+        assert!(energy < 0.9 * first, "{energy} of {first}");
+    }
+
+    #[test]
+    fn rest_stays_at_rest() {
+        let machine = MachineParameters::default().check().unwrap();
+        let x = Mechanics::at_rest(0.25, [1e-3, 2e-4]);
+        let next = Mechanics::new(&machine).step(&x, 0.0, [0.0; 2], 0.05);
+        assert_eq!(Mechanics::outputs(&x).map(|v| (v * 1e12).round()), [1e9, 2e8]);
+        for (a, b) in x.iter().zip(&next) {
+            assert!((a - b).abs() < 1e-16, "{a} {b}");
+        }
+    }
+}

@@ -1,1 +1,46 @@
-//! The identification pipeline as a library, and the program lpv
+//! The identification pipeline: bundle in, model out, every choice explained. The program `lpv` and the reproduction use it.
+//!
+//! # The problem
+//! Records of a machine at several constant positions are to become one model. [`estimate_bundle`] turns the periodic
+//! records into frequency responses with covariance, [`identify`] fits the poles, chooses the basis, solves the regression,
+//! chooses the interpolation and realises the LFR; [`validation`] measures what the model gets wrong.
+//!
+//! # Words
+//! - *bundle*: a folder with one `experiment.toml` and its record files.
+//! - *reasons*: the choices that were made from the data, in words.
+//!
+//! # What it does not do
+//! It holds no mathematics: each step is one call of the crate that owns it, and no step is told whether the data is
+//! simulated or measured. It simulates no machine; that is xytable-plant's, which the reproduction calls by itself.
+//!
+//! # Example
+//! ```
+//! use lpv_cli::{IdentifyConfig, Identified, identify};
+//! use lpv_core::{Discrete, FrfEstimate, StateSpace, nalgebra::dmatrix};
+//!
+//! let clock = Discrete::new(1.0)?;
+//! let lines: Vec<f64> = (1..100).map(|k| 0.005 * f64::from(k)).collect();
+//! let machine = StateSpace::new(dmatrix![0.9, -0.3; 0.3, 0.9], dmatrix![1.0; 0.0], dmatrix![0.0, 1.0], dmatrix![0.0], clock)?;
+//! let frf = FrfEstimate::with_unit_covariance(machine.frequency_response(&lines)?, None)?;
+//! let config = IdentifyConfig { order: Some(2), integrators: Some(0), ..IdentifyConfig::default() };
+//! let Identified::Lti(found) = identify(&[frf], clock, &config)? else { unreachable!() };
+//! assert!((found.model.poles()?[0].norm() - 0.9_f64.hypot(0.3)).abs() < 1e-9);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod basis;
+mod config;
+mod error;
+mod pipeline;
+mod poles;
+mod responses;
+mod summary;
+pub mod validation;
+
+pub use basis::{BasisStage, choose_basis};
+pub use config::{IdentifyConfig, InterpolationKind, Polish, Weighting};
+pub use error::PipelineError;
+pub use pipeline::{Identified, LpvStage, LtiStage, identify, regress_on};
+pub use poles::{PoleStage, fit_poles};
+pub use responses::{Responses, estimate_bundle};
+pub use summary::Summary;

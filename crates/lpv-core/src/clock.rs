@@ -98,3 +98,16 @@ impl Clock for Discrete {
         0.5 / self.sample_time
     }
 }
+
+/// Refuses to join systems whose clocks differ by more than the rounding of a rate.
+pub(crate) fn same_clock<K: Clock>(first: K, second: K) -> Result<(), CoreError> {
+    let (first_nyquist_hz, second_nyquist_hz) = (first.nyquist_hz(), second.nyquist_hz());
+    // In continuous time both are infinite and their difference is NaN, which is not above anything.
+    if (first_nyquist_hz - second_nyquist_hz).abs() > 1e-12 * first_nyquist_hz {
+        return Err(CoreError::DifferentClocks {
+            first_nyquist_hz,
+            second_nyquist_hz,
+        });
+    }
+    Ok(())
+}

@@ -24,6 +24,32 @@ pub enum CoreError {
         /// What was given.
         found: usize,
     },
+    /// Two systems that are to be joined tick differently.
+    #[error(
+        "the clocks differ: Nyquist frequencies {first_nyquist_hz} and {second_nyquist_hz}; sample both systems alike"
+    )]
+    DifferentClocks {
+        /// Of the first system, cycles per unit of time.
+        first_nyquist_hz: f64,
+        /// Of the second system.
+        second_nyquist_hz: f64,
+    },
+    /// Two coefficients that are to be added depend on p through different functions.
+    #[error("{what}: functions of p differ ({first} and {second}); refit one in the basis of the other")]
+    DifferentFunctions {
+        /// The two coefficients.
+        what: &'static str,
+        /// Name of the basis of the first.
+        first: &'static str,
+        /// Name of the basis of the second.
+        second: &'static str,
+    },
+    /// An iteration that did not end.
+    #[error("{operation} did not converge; rescale the states")]
+    NoConvergence {
+        /// The operation that gave up.
+        operation: &'static str,
+    },
     /// A sample time that no clock can have.
     #[error("sample time {value}: give a finite number above zero")]
     SampleTime {
@@ -32,7 +58,7 @@ pub enum CoreError {
     },
     /// Bounds of a scheduling parameter that enclose nothing.
     #[error(
-        "scheduling parameter {parameter}: [{lower}, {upper}] is not an interval; give finite bounds, lower < upper"
+        "scheduling parameter {parameter}: [{lower}, {upper}] is not an interval; give finite bounds, lower < upper, far enough apart for rounding"
     )]
     EmptyRange {
         /// Index of the parameter, from 0.
@@ -83,8 +109,10 @@ pub enum CoreError {
         "the LFR is rational in p and has no exact polynomial state space; tabulate it with `Lfr::tabulate`"
     )]
     NotPolynomial,
-    /// Only polynomials have an exact LFR.
-    #[error("a {basis} coefficient function has no exact LFR; refit it with a polynomial or Chebyshev basis")]
+    /// Only polynomials have an exact LFR; of several parameters, only monomials.
+    #[error(
+        "a {basis} coefficient function has no exact LFR here; refit it with monomials or, for one parameter, a Chebyshev basis"
+    )]
     NotRational {
         /// Name of the function basis.
         basis: &'static str,

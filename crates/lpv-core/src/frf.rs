@@ -159,11 +159,22 @@ impl Frf {
     /// this is not give infinity.
     ///
     /// # Errors
-    /// [`CoreError::Dimension`] if the two do not have the same lines and channels.
+    /// [`CoreError::Dimension`] if the two do not have as many lines and channels, [`CoreError::Frequency`] if their
+    /// lines lie elsewhere (by more than `1e-9` of the frequency).
     pub fn relative_error(&self, truth: &Self) -> Result<Vec<f64>, CoreError> {
         dimension("relative error: lines", truth.len(), self.len())?;
         dimension("relative error: outputs", truth.outputs, self.outputs)?;
         dimension("relative error: inputs", truth.inputs, self.inputs)?;
+        let pairs = self.frequencies_hz.iter().zip(&truth.frequencies_hz);
+        for (index, (&value_hz, &other)) in pairs.enumerate() {
+            if (value_hz - other).abs() > 1e-9 * value_hz.max(other) {
+                return Err(CoreError::Frequency {
+                    index,
+                    value_hz,
+                    problem: "not a line of the other response; evaluate both on the same lines",
+                });
+            }
+        }
         let norm = |s: &mut dyn Iterator<Item = f64>| s.sum::<f64>().sqrt();
         Ok((0..self.len())
             .map(|k| {
@@ -224,6 +235,13 @@ impl FrfEstimate {
                     column: i / size,
                 });
             }
+        }
+        if position.is_some_and(|p| !p.is_finite()) {
+            return Err(CoreError::NotFinite {
+                what: "FRF estimate: position",
+                row: 0,
+                column: 0,
+            });
         }
         if degrees_of_freedom.is_nan() || degrees_of_freedom < 0.0 {
             return Err(CoreError::NotFinite {
@@ -291,13 +309,17 @@ impl FrfEstimate {
     pub fn variance(&self, k: usize, output: usize, input: usize) -> f64 {
         self.output_covariance(k)[(output, output)].re * self.input_factor(k)[(input, input)].re
     }
-    /// Relative standard deviation at line `k`: `sqrt(E ||dF||_F^2) / ||F||_F`.
+    /// Relative standard deviation at line `k`: `sqrt(E ||dF||_F^2) / ||F||_F`; zero without noise.
     ///
     /// # Panics
     /// If there is no line `k`.
     pub fn relative_deviation(&self, k: usize) -> f64 {
         let variance = self.output_covariance(k).trace().re * self.input_factor(k).trace().re;
-        variance.max(0.0).sqrt() / self.frf.line(k).norm()
+        if variance > 0.0 {
+            variance.sqrt() / self.frf.line(k).norm()
+        } else {
+            0.0
+        }
     }
     /// The lines that `keep` accepts.
     #[must_use]

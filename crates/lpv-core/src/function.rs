@@ -41,8 +41,9 @@ pub enum BasisKind {
     },
 }
 
-/// No interpolation of measured positions needs more, and nothing overflows below it.
-const MOST_DEGREE: usize = 10_000;
+/// Most functions of p along one parameter. No interpolation of measured positions needs as many; below it no power
+/// and no matrix that is built from a file's numbers grows out of hand.
+const MOST_DEGREE: usize = 1_000;
 
 /// Checked functions of p, ready to be evaluated.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -57,7 +58,8 @@ impl FunctionBasis {
     ///
     /// # Errors
     /// [`CoreError::Knots`] for knots that do not increase or are too few; [`CoreError::Dimension`] for a Chebyshev
-    /// range of more than one parameter or an empty list of functions; [`CoreError::NotFinite`].
+    /// range of more than one parameter, an empty list of functions, and degrees above 1000 (or as many spline knots);
+    /// [`CoreError::NotFinite`].
     pub fn new(kind: BasisKind) -> Result<Self, CoreError> {
         let mut spline = None;
         match &kind {
@@ -69,19 +71,18 @@ impl FunctionBasis {
                         found: 0,
                     });
                 }
+                let degrees = exponents
+                    .iter()
+                    .map(|e| e.iter().map(|&k| u64::from(k)).sum::<u64>());
+                at_most("monomials: degree (at most)", degrees.max().unwrap_or(0) as usize)?;
             }
             BasisKind::Chebyshev { range, degree } => {
-                if *degree > MOST_DEGREE {
-                    return Err(CoreError::Dimension {
-                        what: "Chebyshev basis: degree (at most)",
-                        expected: MOST_DEGREE,
-                        found: *degree,
-                    });
-                }
+                at_most("Chebyshev basis: degree (at most)", *degree)?;
                 dimension("Chebyshev basis: parameters of the range", 1, range.parameters())?;
             }
             BasisKind::Spline { knots } => {
                 check_knots(knots, 2)?;
+                at_most("spline basis: knots (at most)", knots.len())?;
                 spline = Some(CubicSpline::new(knots)?);
             }
             BasisKind::Tabulated { knots } => check_knots(knots, 2)?,
@@ -169,14 +170,8 @@ impl FunctionBasis {
         match &self.kind {
             BasisKind::Monomials { exponents } => out.extend(exponents.iter().map(|e| {
                 e.iter()
-                    .zip(p)
-                    .map(|(&e, &v)| {
-                        if e == 0 {
-                            1.0
-                        } else {
-                            v.powi(e.min(1 << 20) as i32)
-                        }
-                    })
+                    .enumerate()
+                    .map(|(i, &e)| p.get(i).copied().unwrap_or(0.0).powi(e as i32))
                     .product::<f64>()
             })),
             BasisKind::Chebyshev { degree, range } => {
@@ -216,13 +211,28 @@ impl FunctionBasis {
 
 /// The Matern-5/2 correlation at a distance in correlation lengths.
 pub fn matern52(distance: f64) -> f64 {
+    // Beyond 745 the exponential is zero, and the polynomial must not overflow to infinity times zero.
     let r = 5.0_f64.sqrt() * distance.abs();
+    if r > 745.0 {
+        return 0.0;
+    }
     (1.0 + r + r * r / 3.0) * (-r).exp()
 }
 
 /// Index of the interval of `knots` (at least two) that holds `x`, the outer ones continued.
 pub(crate) fn interval(knots: &[f64], x: f64) -> usize {
     knots.partition_point(|&k| k <= x).clamp(1, knots.len() - 1) - 1
+}
+
+fn at_most(what: &'static str, found: usize) -> Result<(), CoreError> {
+    if found > MOST_DEGREE {
+        return Err(CoreError::Dimension {
+            what,
+            expected: MOST_DEGREE,
+            found,
+        });
+    }
+    Ok(())
 }
 
 fn check_knots(knots: &[f64], at_least: usize) -> Result<(), CoreError> {
@@ -302,6 +312,10 @@ impl MatrixFunction {
     /// # Errors
     /// [`CoreError::Dimension`] (also for an empty list), [`CoreError::NotFinite`].
     pub fn polynomial(coefficients: Vec<DMatrix<f64>>) -> Result<Self, CoreError> {
+        at_most(
+            "monomials: degree (at most)",
+            coefficients.len().saturating_sub(1),
+        )?;
         Self::new(
             FunctionBasis::powers(coefficients.len().saturating_sub(1) as u32),
             coefficients,

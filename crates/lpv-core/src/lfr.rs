@@ -1,9 +1,10 @@
 //! Linear fractional representations, equation (3) of the paper.
 
-use crate::linalg::{block_diagonal, dimension, eigenvalues, finite, from_blocks, square};
+use crate::linalg::{dimension, eigenvalues, finite, finite_vector, from_blocks, square};
 use crate::{Clock, CoreError, Discrete, SchedulingRange, StateSpace, Trajectory};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 
 /// The nine constant matrices of (3). `w = Delta(p) z`; `n_d` is the number of deltas, the length of w and z.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,7 +57,8 @@ pub enum WellPosedness {
         /// In (0, 1].
         margin: f64,
     },
-    /// Several parameters, not proven; nonsingular on a grid that includes all corners.
+    /// Several parameters, not proven; nonsingular on a grid that includes all corners: 5 values of each parameter up
+    /// to 6 parameters, 3 up to 9, 2 up to 14.
     Sampled {
         /// Smallest reciprocal condition number seen.
         smallest: f64,
@@ -69,7 +71,8 @@ pub enum WellPosedness {
 }
 
 impl<K: Clock> Lfr<K> {
-    /// Checks shapes, finiteness, that the deltas name parameters of the range, and well-posedness at its centre.
+    /// Checks shapes, finiteness, and that the deltas name parameters of the range. At its centre every LFR is
+    /// well-posed, since the deltas are zero there; elsewhere ask [`Lfr::well_posedness`].
     ///
     /// # Errors
     /// [`CoreError::Dimension`], [`CoreError::NotFinite`].
@@ -188,7 +191,8 @@ impl<K: Clock> Lfr<K> {
     pub fn frozen(&self, p: &[f64]) -> Result<StateSpace<K>, CoreError> {
         self.range.check(p)?;
         let m = &self.m;
-        let x = self.close(p)?;
+        let mut x = from_blocks(&[&[&m.c1, &m.d12]])?;
+        self.close(p, &mut x)?;
         let (n, nu) = (self.states(), self.inputs());
         let (xc, xd) = (x.columns(0, n), x.columns(n, nu));
         StateSpace::new(
@@ -200,33 +204,39 @@ impl<K: Clock> Lfr<K> {
         )
     }
 
-    /// `Delta (I - D11 Delta)^-1 [C1 D12]`.
-    fn close(&self, p: &[f64]) -> Result<DMatrix<f64>, CoreError> {
+    /// `w = Delta (I - D11 Delta)^-1 v`, column by column, in place.
+    fn close(&self, p: &[f64], v: &mut DMatrix<f64>) -> Result<(), CoreError> {
         let nd = self.delta_count();
-        let delta = self.delta_diagonal(p);
-        let rhs = from_blocks(&[&[&self.m.c1, &self.m.d12]])?;
         if nd == 0 {
-            return Ok(rhs);
+            return Ok(());
         }
-        let gap = DMatrix::identity(nd, nd) - &self.m.d11 * DMatrix::from_diagonal(&delta);
+        let delta = self.delta_diagonal(p);
+        let gap = DMatrix::identity(nd, nd) - scaled_columns(&self.m.d11, &delta);
         let scale = gap.amax();
         let lu = gap.lu();
-        let smallest = lu.u().diagonal().amin();
-        let solved = lu.solve(&rhs).filter(|_| smallest > 1e-13 * scale);
-        let mut x = solved.ok_or_else(|| CoreError::IllPosed { p: p.to_vec() })?;
-        for (mut row, d) in x.row_iter_mut().zip(delta.iter()) {
+        let smallest = lu.lu_internal().diagonal().amin();
+        if smallest <= 1e-13 * scale || !lu.solve_mut(v) {
+            return Err(CoreError::IllPosed { p: p.to_vec() });
+        }
+        for (mut row, d) in v.row_iter_mut().zip(delta.iter()) {
             row *= *d;
         }
-        Ok(x)
+        Ok(())
     }
 
     /// Whether the LFR is well-posed for every p of the range.
     ///
     /// # Errors
-    /// If the eigenvalues of D11 cannot be computed.
+    /// [`CoreError::NoConvergence`] if the eigenvalues of D11 cannot be computed; [`CoreError::Dimension`] if more than
+    /// 14 parameters enter and nothing is proven, since their corners are too many to sample.
     pub fn well_posedness(&self) -> Result<WellPosedness, CoreError> {
-        let one_parameter = self.deltas.windows(2).all(|w| w[0].parameter == w[1].parameter);
-        if one_parameter {
+        let entering: BTreeSet<usize> = self
+            .deltas
+            .iter()
+            .filter(|d| d.repetitions > 0)
+            .map(|d| d.parameter)
+            .collect();
+        if entering.len() <= 1 {
             // det(I - delta D11) = 0 for a real delta in [-1, 1] if and only if D11 has a real eigenvalue |l| >= 1.
             // Real eigenvalues of defective matrices come out as narrow conjugate pairs, hence the tolerance.
             let real = eigenvalues(&self.m.d11)?
@@ -241,8 +251,8 @@ impl<K: Clock> Lfr<K> {
                 });
             }
             let mut p = self.range.centre();
-            if let Some(d) = self.deltas.first() {
-                p[d.parameter] += self.range.half_width()[d.parameter] / worst;
+            if let Some(&parameter) = entering.first() {
+                p[parameter] += self.range.half_width()[parameter] / worst;
             }
             return Ok(WellPosedness::Fails { p });
         }
@@ -253,12 +263,27 @@ impl<K: Clock> Lfr<K> {
         if radius < 1.0 {
             return Ok(WellPosedness::Proven { margin: 1.0 - radius });
         }
+        let points = match entering.len() {
+            ..=6 => 5,
+            7..=9 => 3,
+            10..=14 => 2,
+            found => {
+                return Err(CoreError::Dimension {
+                    what: "well-posedness: parameters that enter (at most, to be sampled)",
+                    expected: 14,
+                    found,
+                });
+            }
+        };
+        let box_of_entering = entering.iter().map(|&i| self.range.bounds()[i]).collect();
         let mut smallest = f64::INFINITY;
         let mut sign = None;
-        for p in self.range.grid(5) {
+        for values in SchedulingRange::new(box_of_entering)?.grid(points) {
+            let mut p = self.range.centre();
+            entering.iter().zip(values).for_each(|(&i, v)| p[i] = v);
             let delta = self.delta_diagonal(&p);
             let gap = DMatrix::identity(self.delta_count(), self.delta_count())
-                - &self.m.d11 * DMatrix::from_diagonal(&delta);
+                - scaled_columns(&self.m.d11, &delta);
             let singular_values = gap.clone().singular_values();
             let reciprocal = singular_values.min() / singular_values.max();
             // The range is connected: a determinant that changes sign passes through zero.
@@ -270,91 +295,20 @@ impl<K: Clock> Lfr<K> {
         }
         Ok(WellPosedness::Sampled { smallest })
     }
-
-    /// `next` after `self`, both scheduled by the same p.
-    ///
-    /// # Errors
-    /// [`CoreError::Dimension`] if the signals between them or the ranges differ.
-    pub fn then(&self, next: &Self) -> Result<Self, CoreError> {
-        dimension(
-            "LFR series: inputs of the second system",
-            self.outputs(),
-            next.inputs(),
-        )?;
-        self.same_range(next)?;
-        let (f, g) = (&self.m, &next.m);
-        let series = |right: &DMatrix<f64>, left: &DMatrix<f64>| left * right;
-        let m = LfrBlocks {
-            a: stack(&f.a, &series(&f.c2, &g.b2), &g.a)?,
-            b1: stack(&f.b1, &series(&f.d21, &g.b2), &g.b1)?,
-            b2: from_blocks(&[&[&f.b2], &[&series(&f.d22, &g.b2)]])?,
-            c1: stack(&f.c1, &series(&f.c2, &g.d12), &g.c1)?,
-            d11: stack(&f.d11, &series(&f.d21, &g.d12), &g.d11)?,
-            d12: from_blocks(&[&[&f.d12], &[&series(&f.d22, &g.d12)]])?,
-            c2: from_blocks(&[&[&series(&f.c2, &g.d22), &g.c2]])?,
-            d21: from_blocks(&[&[&series(&f.d21, &g.d22), &g.d21]])?,
-            d22: series(&f.d22, &g.d22),
-        };
-        Self::new(
-            m,
-            [self.deltas.as_slice(), &next.deltas].concat(),
-            self.range.clone(),
-            self.clock,
-        )
-    }
-
-    /// Both systems on the same inputs and the same p, outputs added.
-    ///
-    /// # Errors
-    /// [`CoreError::Dimension`] if inputs, outputs or ranges differ.
-    pub fn plus(&self, other: &Self) -> Result<Self, CoreError> {
-        dimension("LFR parallel: inputs", self.inputs(), other.inputs())?;
-        dimension("LFR parallel: outputs", self.outputs(), other.outputs())?;
-        self.same_range(other)?;
-        let (f, g) = (&self.m, &other.m);
-        let m = LfrBlocks {
-            a: block_diagonal(&f.a, &g.a),
-            b1: block_diagonal(&f.b1, &g.b1),
-            b2: from_blocks(&[&[&f.b2], &[&g.b2]])?,
-            c1: block_diagonal(&f.c1, &g.c1),
-            d11: block_diagonal(&f.d11, &g.d11),
-            d12: from_blocks(&[&[&f.d12], &[&g.d12]])?,
-            c2: from_blocks(&[&[&f.c2, &g.c2]])?,
-            d21: from_blocks(&[&[&f.d21, &g.d21]])?,
-            d22: &f.d22 + &g.d22,
-        };
-        Self::new(
-            m,
-            [self.deltas.as_slice(), &other.deltas].concat(),
-            self.range.clone(),
-            self.clock,
-        )
-    }
-
-    fn same_range(&self, other: &Self) -> Result<(), CoreError> {
-        if self.range == other.range {
-            return Ok(());
-        }
-        Err(CoreError::Dimension {
-            what: "LFR interconnection: scheduling ranges differ; parameters",
-            expected: self.range.parameters(),
-            found: other.range.parameters(),
-        })
-    }
 }
 
-/// `[upper_left 0; lower_left lower_right]`.
-fn stack(
-    upper_left: &DMatrix<f64>,
-    lower_left: &DMatrix<f64>,
-    lower_right: &DMatrix<f64>,
-) -> Result<DMatrix<f64>, CoreError> {
-    let zero = DMatrix::zeros(upper_left.nrows(), lower_right.ncols());
-    from_blocks(&[&[upper_left, &zero], &[lower_left, lower_right]])
+/// `matrix diag(factors)`.
+fn scaled_columns(matrix: &DMatrix<f64>, factors: &DVector<f64>) -> DMatrix<f64> {
+    let mut scaled = matrix.clone();
+    for (mut column, &f) in scaled.column_iter_mut().zip(factors.iter()) {
+        column *= f;
+    }
+    scaled
 }
 
 impl Lfr<Discrete> {
-    /// Response to `inputs` (`n_u x N`) along `scheduling` (`n_p x N`), one column a sample, from `initial_state`.
+    /// Response to `inputs` (`n_u x N`) along `scheduling` (`n_p x N`), one column a sample, from `initial_state`. The
+    /// response of an unstable model may overflow, and is then infinite or NaN from there on.
     ///
     /// # Errors
     /// [`CoreError::OutsideRange`], [`CoreError::IllPosed`], [`CoreError::Dimension`], [`CoreError::NotFinite`].
@@ -372,30 +326,24 @@ impl Lfr<Discrete> {
             scheduling.ncols(),
         )?;
         finite("simulation: input", inputs)?;
+        finite_vector("simulation: initial state", initial_state)?;
         let m = &self.m;
         let mut outputs = &m.d22 * inputs;
         let mut x = initial_state.clone();
-        let nd = self.delta_count();
-        let identity = DMatrix::<f64>::identity(nd, nd);
+        let mut w = DMatrix::zeros(self.delta_count(), 1);
         for k in 0..inputs.ncols() {
             let p = scheduling.column(k);
             self.range.check(p.as_slice())?;
-            let delta = self.delta_diagonal(p.as_slice());
             let u = inputs.column(k);
-            // z = (I - D11 Delta)^-1 (C1 x + D12 u), w = Delta z
-            let mut w = &m.c1 * &x + &m.d12 * u;
-            let gap = &identity - &m.d11 * DMatrix::from_diagonal(&delta);
-            if nd > 0 && !gap.lu().solve_mut(&mut w) {
-                return Err(CoreError::IllPosed {
-                    p: p.as_slice().to_vec(),
-                });
-            }
-            w.component_mul_assign(&delta);
+            // w = Delta (I - D11 Delta)^-1 (C1 x + D12 u)
+            w.column_mut(0).gemv(1.0, &m.c1, &x, 0.0);
+            w.column_mut(0).gemv(1.0, &m.d12, &u, 1.0);
+            self.close(p.as_slice(), &mut w)?;
             let mut y = outputs.column_mut(k);
             y.gemv(1.0, &m.c2, &x, 1.0);
-            y.gemv(1.0, &m.d21, &w, 1.0);
+            y.gemv(1.0, &m.d21, &w.column(0), 1.0);
             let mut next = &m.a * &x;
-            next.gemv(1.0, &m.b1, &w, 1.0);
+            next.gemv(1.0, &m.b1, &w.column(0), 1.0);
             next.gemv(1.0, &m.b2, &u, 1.0);
             x = next;
         }

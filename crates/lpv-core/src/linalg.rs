@@ -1,15 +1,19 @@
 //! The few matrix routines that the models need: eigenvalues with balancing, Gramians, finite checks.
 
 use crate::CoreError;
-use nalgebra::{DMatrix, Schur};
+use nalgebra::{DMatrix, DVector, Schur};
 use num_complex::Complex;
 
 /// Eigenvalues of a real square matrix, sorted by real part and then by imaginary part.
 ///
 /// The matrix is balanced first: without it, badly scaled companion and mechanical matrices lose many digits.
 ///
+/// Rows and columns that a permutation brings to triangular form are taken off before that, so that a nilpotent matrix
+/// of that form has eigenvalues of exactly zero and not the `n`-th root of the rounding error.
+///
 /// # Errors
-/// [`CoreError::Dimension`] if it is not square, [`CoreError::NotFinite`] if an entry is not finite.
+/// [`CoreError::Dimension`] if it is not square, [`CoreError::NotFinite`] if an entry is not finite,
+/// [`CoreError::NoConvergence`].
 pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, CoreError> {
     square("eigenvalues: matrix", matrix)?;
     finite("eigenvalues: matrix", matrix)?;
@@ -20,18 +24,33 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, CoreError
     if scale == 0.0 {
         return Ok(vec![Complex::new(0.0, 0.0); matrix.nrows()]);
     }
-    let balanced = balanced(matrix / scale);
-    let iterations = 100 * matrix.nrows().max(10);
-    let schur = Schur::try_new(balanced, f64::EPSILON, iterations).ok_or(CoreError::Singular {
-        operation: "eigenvalues (the QR iteration did not converge)",
-    })?;
-    let mut values: Vec<Complex<f64>> = schur
-        .complex_eigenvalues()
-        .iter()
-        .map(|l| Complex::new(l.re, l.im) * scale)
-        .collect();
+    let (rest, mut values) = isolated(&(matrix / scale));
+    if !rest.is_empty() {
+        let iterations = 100 * rest.nrows().max(10);
+        let schur =
+            Schur::try_new(balanced(rest), f64::EPSILON, iterations).ok_or(CoreError::NoConvergence {
+                operation: "the QR iteration for eigenvalues",
+            })?;
+        values.extend(schur.complex_eigenvalues().iter());
+    }
+    values.iter_mut().for_each(|l| *l *= scale);
     values.sort_by(|a, b| a.re.total_cmp(&b.re).then(a.im.total_cmp(&b.im)));
     Ok(values)
+}
+
+/// The part of a matrix that no permutation makes triangular, and the eigenvalues of the rest, which are diagonal
+/// entries: a row or a column without entries off the diagonal is taken off, and again.
+fn isolated(m: &DMatrix<f64>) -> (DMatrix<f64>, Vec<Complex<f64>>) {
+    let mut left: Vec<usize> = (0..m.nrows()).collect();
+    let mut values = Vec::new();
+    while let Some(at) = left.iter().position(|&i| {
+        let others = || left.iter().filter(move |&&j| j != i);
+        others().all(|&j| m[(i, j)] == 0.0) || others().all(|&j| m[(j, i)] == 0.0)
+    }) {
+        let i = left.remove(at);
+        values.push(Complex::new(m[(i, i)], 0.0));
+    }
+    (m.select_rows(&left).select_columns(&left), values)
 }
 
 /// Similarity by powers of two that brings the norms of row and column `i` together (Parlett and Reinsch, 1969). The
@@ -64,10 +83,12 @@ fn balanced(mut m: DMatrix<f64>) -> DMatrix<f64> {
 /// Controllability Gramian `X = A X A^T + B B^T` of a stable discrete system, by Smith's doubling.
 ///
 /// # Errors
-/// [`CoreError::Unstable`] if an eigenvalue of `a` is on or outside the unit circle; wrong dimensions.
+/// [`CoreError::Unstable`] if an eigenvalue of `a` is on or outside the unit circle; [`CoreError::Dimension`];
+/// [`CoreError::NotFinite`], also if the Gramian overflows.
 pub fn discrete_gramian(a: &DMatrix<f64>, b: &DMatrix<f64>) -> Result<DMatrix<f64>, CoreError> {
     square("gramian: A", a)?;
     dimension("gramian: rows of B", a.nrows(), b.nrows())?;
+    finite("gramian: B", b)?;
     if let Some(pole) = eigenvalues(a)?.into_iter().find(|z| z.norm() >= 1.0) {
         return Err(CoreError::Unstable {
             operation: "a Gramian",
@@ -85,6 +106,7 @@ pub fn discrete_gramian(a: &DMatrix<f64>, b: &DMatrix<f64>) -> Result<DMatrix<f6
         }
         power = &power * &power;
     }
+    finite("gramian", &x)?;
     Ok(x)
 }
 
@@ -96,6 +118,13 @@ pub(crate) fn finite(what: &'static str, matrix: &DMatrix<f64>) -> Result<(), Co
             row: i % matrix.nrows(),
             column: i / matrix.nrows(),
         }),
+    }
+}
+
+pub(crate) fn finite_vector(what: &'static str, vector: &DVector<f64>) -> Result<(), CoreError> {
+    match vector.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(row) => Err(CoreError::NotFinite { what, row, column: 0 }),
     }
 }
 

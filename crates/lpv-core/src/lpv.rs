@@ -1,6 +1,6 @@
 //! LPV state space with static dependence on p, equation (2) of the paper.
 
-use crate::linalg::{dimension, finite};
+use crate::linalg::{dimension, finite, finite_vector};
 use crate::{
     Clock, Continuous, CoreError, Discrete, MatrixFunction, SchedulingRange, StateSpace, Trajectory,
 };
@@ -121,6 +121,7 @@ impl<K: Clock> LpvStateSpace<K> {
             scheduling.ncols(),
         )?;
         finite("simulation: input", inputs)?;
+        finite_vector("simulation: initial state", x)?;
         scheduling
             .column_iter()
             .try_for_each(|p| self.range.check(p.as_slice()))
@@ -165,7 +166,8 @@ impl Frozen {
 }
 
 impl LpvStateSpace<Discrete> {
-    /// Response to `inputs` (`n_u x N`) along `scheduling` (`n_p x N`), one column a sample, from `initial_state`.
+    /// Response to `inputs` (`n_u x N`) along `scheduling` (`n_p x N`), one column a sample, from `initial_state`. The
+    /// response of an unstable model may overflow, and is then infinite or NaN from there on.
     ///
     /// # Errors
     /// [`CoreError::OutsideRange`], [`CoreError::Dimension`], [`CoreError::NotFinite`].
@@ -202,15 +204,38 @@ impl LpvStateSpace<Discrete> {
 /// Most sub-steps a sample that the integrator tries.
 const MOST_SUBSTEPS: usize = 4096;
 
+/// One run of the integrator.
+struct Run {
+    trajectory: Trajectory,
+    largest_state: f64,
+}
+
+impl Run {
+    /// Largest relative difference from a coarser run; infinite where one of them overflowed.
+    fn difference(&self, coarse: &Self) -> f64 {
+        let (y, x) = (&self.trajectory.outputs, &self.trajectory.final_state);
+        let (y_coarse, x_coarse) = (&coarse.trajectory.outputs, &coarse.trajectory.final_state);
+        // amax skips NaN, so that overflow must be looked for.
+        let (dy, dx) = (y - y_coarse, x - x_coarse);
+        if !dy.iter().chain(dx.iter()).all(|v| v.is_finite()) {
+            return f64::INFINITY;
+        }
+        let relative = |error: f64, scale: f64| error / scale.max(f64::MIN_POSITIVE);
+        relative(dy.amax(), y.amax()).max(relative(dx.amax(), self.largest_state))
+    }
+}
+
 impl LpvStateSpace<Continuous> {
     /// Response, at the samples of `clock`, to inputs that are held between samples while p runs linearly from one
     /// sample to the next (and stays after the last).
     ///
     /// Classical Runge-Kutta with equal sub-steps, doubled over the whole record until two runs agree within
-    /// `tolerance` of the largest output; the error of the result is then about a fifteenth of it.
+    /// `tolerance`: in the outputs relative to the largest output, in the final state relative to the largest state on
+    /// the way. The error of the result is then about a fifteenth of it.
     ///
     /// # Errors
-    /// [`CoreError::Integration`] if 4096 sub-steps a sample are not enough; otherwise as for discrete time.
+    /// [`CoreError::Integration`] if 4096 sub-steps a sample are not enough, or if the response overflows; otherwise as
+    /// for discrete time.
     pub fn simulate_held(
         &self,
         initial_state: &DVector<f64>,
@@ -225,10 +250,9 @@ impl LpvStateSpace<Continuous> {
         loop {
             substeps *= 2;
             let fine = self.integrate(initial_state, inputs, scheduling, clock, substeps);
-            let scale = fine.outputs.amax().max(f64::MIN_POSITIVE);
-            let error = (&fine.outputs - &coarse.outputs).amax() / scale;
+            let error = fine.difference(&coarse);
             if error <= tolerance {
-                return Ok(fine);
+                return Ok(fine.trajectory);
             }
             if substeps >= MOST_SUBSTEPS {
                 return Err(CoreError::Integration {
@@ -248,12 +272,13 @@ impl LpvStateSpace<Continuous> {
         scheduling: &DMatrix<f64>,
         clock: Discrete,
         substeps: usize,
-    ) -> Trajectory {
+    ) -> Run {
         let h = clock.sample_time() / substeps as f64;
         let samples = inputs.ncols();
         let mut frozen = Frozen::new(self);
         let mut outputs = DMatrix::zeros(self.outputs(), samples);
         let mut x = initial_state.clone();
+        let mut largest_state = x.amax();
         let n = x.len();
         let mut k: [DVector<f64>; 4] = std::array::from_fn(|_| DVector::zeros(n));
         let mut stage = x.clone();
@@ -290,10 +315,14 @@ impl LpvStateSpace<Continuous> {
                     x.axpy(weight * h / 6.0, slope, 1.0);
                 }
             }
+            largest_state = largest_state.max(x.amax());
         }
-        Trajectory {
-            outputs,
-            final_state: x,
+        Run {
+            trajectory: Trajectory {
+                outputs,
+                final_state: x,
+            },
+            largest_state,
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Linear time-invariant state space.
 
-use crate::linalg::{block_diagonal, dimension, eigenvalues, finite, from_blocks, square};
+use crate::clock::same_clock;
+use crate::linalg::{block_diagonal, dimension, eigenvalues, finite, finite_vector, from_blocks, square};
 use crate::{Clock, CoreError, Discrete};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
@@ -109,8 +110,9 @@ impl<K: Clock> StateSpace<K> {
     /// `next` after `self`: the outputs of `self` drive `next`.
     ///
     /// # Errors
-    /// [`CoreError::Dimension`] if the signals between them differ in number.
+    /// [`CoreError::Dimension`] if the signals between them differ in number; [`CoreError::DifferentClocks`].
     pub fn then(&self, next: &Self) -> Result<Self, CoreError> {
+        same_clock(self.clock, next.clock)?;
         dimension(
             "series: inputs of the second system",
             self.outputs(),
@@ -126,21 +128,23 @@ impl<K: Clock> StateSpace<K> {
     /// Both systems on the same inputs, outputs added.
     ///
     /// # Errors
-    /// [`CoreError::Dimension`] if inputs or outputs differ in number.
+    /// [`CoreError::Dimension`] if inputs or outputs differ in number; [`CoreError::DifferentClocks`].
     pub fn plus(&self, other: &Self) -> Result<Self, CoreError> {
+        same_clock(self.clock, other.clock)?;
+        dimension("parallel: inputs", self.inputs(), other.inputs())?;
+        dimension("parallel: outputs", self.outputs(), other.outputs())?;
         let a = block_diagonal(&self.a, &other.a);
         let b = from_blocks(&[&[&self.b], &[&other.b]])?;
         let c = from_blocks(&[&[&self.c, &other.c]])?;
-        dimension("parallel: columns of D", self.inputs(), other.inputs())?;
-        dimension("parallel: rows of D", self.outputs(), other.outputs())?;
         Self::new(a, b, c, &self.d + &other.d, self.clock)
     }
 
     /// Both systems side by side: `diag(self, other)`.
     ///
     /// # Errors
-    /// None beyond those of [`StateSpace::new`].
+    /// [`CoreError::DifferentClocks`].
     pub fn beside(&self, other: &Self) -> Result<Self, CoreError> {
+        same_clock(self.clock, other.clock)?;
         Self::new(
             block_diagonal(&self.a, &other.a),
             block_diagonal(&self.b, &other.b),
@@ -161,7 +165,8 @@ pub struct Trajectory {
 }
 
 impl StateSpace<Discrete> {
-    /// Response to `inputs` (`n_u x N`, one column a sample) from `initial_state`.
+    /// Response to `inputs` (`n_u x N`, one column a sample) from `initial_state`. The response of an unstable system
+    /// may overflow, and is then infinite or NaN from there on.
     ///
     /// # Errors
     /// [`CoreError::Dimension`], [`CoreError::NotFinite`].
@@ -173,6 +178,7 @@ impl StateSpace<Discrete> {
         dimension("simulation: initial state", self.states(), initial_state.len())?;
         dimension("simulation: rows of the input", self.inputs(), inputs.nrows())?;
         finite("simulation: input", inputs)?;
+        finite_vector("simulation: initial state", initial_state)?;
         let mut outputs = &self.d * inputs;
         let mut x = initial_state.clone();
         let mut next = x.clone();

@@ -18,10 +18,12 @@ impl SchedulingRange {
     /// One `[lower, upper]` a parameter.
     ///
     /// # Errors
-    /// [`CoreError::EmptyRange`] unless all bounds are finite and lower < upper.
+    /// [`CoreError::EmptyRange`] unless all bounds are finite and lower < upper by more than rounding (`1e-12` of the
+    /// larger bound).
     pub fn new(bounds: Vec<[f64; 2]>) -> Result<Self, CoreError> {
         for (parameter, &[lower, upper]) in bounds.iter().enumerate() {
-            if !(lower.is_finite() && upper.is_finite() && lower < upper && (upper - lower).is_finite()) {
+            let (width, largest) = (upper - lower, lower.abs().max(upper.abs()));
+            if !(width.is_normal() && width > 1e-12 * largest && (0.5 * width).is_normal()) {
                 return Err(CoreError::EmptyRange {
                     parameter,
                     lower,
@@ -50,7 +52,7 @@ impl SchedulingRange {
     }
     /// Middle of the box.
     pub fn centre(&self) -> Vec<f64> {
-        self.bounds.iter().map(|[l, u]| 0.5 * (l + u)).collect()
+        self.bounds.iter().map(|&b| middle(b)).collect()
     }
     /// Half the width of the box along each parameter.
     pub fn half_width(&self) -> Vec<f64> {
@@ -93,9 +95,14 @@ impl SchedulingRange {
     pub fn normalise(&self, p: &[f64]) -> Vec<f64> {
         p.iter()
             .zip(&self.bounds)
-            .map(|(&v, [l, u])| (v - 0.5 * (l + u)) / (0.5 * (u - l)))
+            .map(|(&v, &[l, u])| (v - middle([l, u])) / (0.5 * (u - l)))
             .collect()
     }
+}
+
+/// Halved before they are added, so that large bounds do not overflow.
+fn middle([lower, upper]: [f64; 2]) -> f64 {
+    0.5 * lower + 0.5 * upper
 }
 
 impl TryFrom<Bounds> for SchedulingRange {

@@ -1,4 +1,4 @@
-//! Between LPV state space and LFR: exact realisation of polynomial dependence, and back.
+//! From LPV state space to LFR: exact realisation of polynomial dependence.
 
 use crate::function::BasisKind;
 use crate::linalg::{column_space, from_blocks};
@@ -11,6 +11,9 @@ use std::collections::BTreeMap;
 
 /// Relative size below which a direction of the coefficients counts as rounding.
 const RANK_TOLERANCE: f64 = 1e-12;
+
+/// The coefficient of each monomial, by its exponents; ordered, so that sums do not depend on chance.
+type Monomials = BTreeMap<Vec<u32>, DMatrix<f64>>;
 
 /// A static LFR `y = (D22 + D21 Delta (I - D11 Delta)^-1 D12) v`.
 struct Chain {
@@ -50,7 +53,7 @@ impl<K: Clock> LpvStateSpace<K> {
                 .collect::<Result<Vec<_>, _>>()?;
             smaller(&joint, |m| clenshaw(m, 0))
         } else {
-            let mut joint: BTreeMap<Vec<u32>, DMatrix<f64>> = BTreeMap::new();
+            let mut joint = Monomials::new();
             let size = (n + self.outputs(), n + nu);
             for (f, row, column) in [
                 (self.a(), 0, 0),
@@ -58,8 +61,7 @@ impl<K: Clock> LpvStateSpace<K> {
                 (self.c(), n, 0),
                 (self.d(), n, n),
             ] {
-                let (exponents, centred) = centred_monomials(f, self.range())?;
-                for (e, theta) in exponents.into_iter().zip(centred) {
+                for (e, theta) in centred_monomials(f, self.range())? {
                     let sum = joint.entry(e).or_insert_with(|| DMatrix::zeros(size.0, size.1));
                     let mut part = sum.view_mut((row, column), theta.shape());
                     part += theta;
@@ -132,21 +134,22 @@ fn chebyshev_coefficients(f: &MatrixFunction, range: &SchedulingRange, degree: u
             .map(|k| f.coefficients().get(k).unwrap_or(&zero).clone())
             .collect();
     }
+    let zero = || DMatrix::zeros(f.shape().0, f.shape().1);
+    // Sampled at the points of its own degree, so that what is constant gets exact zeros and no rounding above it.
+    let own = self::degree(f.basis()).unwrap_or(degree);
     let (centre, half) = (range.centre()[0], range.half_width()[0]);
-    let n = degree + 1;
+    let n = own + 1;
     let angle = |j: usize| std::f64::consts::PI * (j as f64 + 0.5) / n as f64;
     let values: Vec<_> = (0..n)
         .map(|j| f.evaluate(&[centre + half * angle(j).cos()]))
         .collect();
-    (0..n)
-        .map(|k| {
-            let weight = if k == 0 { 1.0 } else { 2.0 } / n as f64;
-            let zero = DMatrix::zeros(f.shape().0, f.shape().1);
-            values
-                .iter()
-                .enumerate()
-                .fold(zero, |s, (j, v)| s + v * (weight * (k as f64 * angle(j)).cos()))
-        })
+    let coefficient = |k: usize| {
+        let weight = if k == 0 { 1.0 } else { 2.0 } / n as f64;
+        let terms = values.iter().enumerate();
+        terms.fold(zero(), |s, (j, v)| s + v * (weight * (k as f64 * angle(j)).cos()))
+    };
+    (0..=degree)
+        .map(|k| if k > own { zero() } else { coefficient(k) })
         .collect()
 }
 
@@ -225,18 +228,14 @@ fn clenshaw(m: &[DMatrix<f64>], parameter: usize) -> Chain {
 }
 
 /// Monomials in the normalised parameters `delta`, from monomials in p, by expanding `(centre + half delta)^e`.
-#[allow(clippy::type_complexity)]
-fn centred_monomials(
-    f: &MatrixFunction,
-    range: &SchedulingRange,
-) -> Result<(Vec<Vec<u32>>, Vec<DMatrix<f64>>), CoreError> {
+fn centred_monomials(f: &MatrixFunction, range: &SchedulingRange) -> Result<Monomials, CoreError> {
     let BasisKind::Monomials { exponents } = f.basis().kind() else {
         return Err(CoreError::NotRational {
             basis: f.basis().name(),
         });
     };
     let (centre, half) = (range.centre(), range.half_width());
-    let mut sum: BTreeMap<Vec<u32>, DMatrix<f64>> = BTreeMap::new();
+    let mut sum = Monomials::new();
     for (e, theta) in exponents.iter().zip(f.coefficients()) {
         let mut terms = vec![(Vec::new(), 1.0)];
         for i in 0..range.parameters() {
@@ -260,7 +259,7 @@ fn centred_monomials(
             *entry += theta * c;
         }
     }
-    Ok(sum.into_iter().unzip())
+    Ok(sum)
 }
 
 fn binomial(n: u32, k: u32) -> f64 {
@@ -268,15 +267,15 @@ fn binomial(n: u32, k: u32) -> f64 {
 }
 
 /// `M_0 + sum_i delta_i U_i N_i(delta)`, each `N_i` realised in turn; a monomial belongs to its first parameter.
-fn horner(monomials: Vec<(Vec<u32>, DMatrix<f64>)>, (rows, columns): (usize, usize)) -> Chain {
+fn horner(monomials: Monomials, (rows, columns): (usize, usize)) -> Chain {
     let mut d22 = DMatrix::zeros(rows, columns);
-    let mut groups: BTreeMap<usize, Vec<(Vec<u32>, DMatrix<f64>)>> = BTreeMap::new();
+    let mut groups: BTreeMap<usize, Monomials> = BTreeMap::new();
     for (mut e, theta) in monomials {
         match e.iter().position(|&k| k > 0) {
             None => d22 += theta,
             Some(i) => {
                 e[i] -= 1;
-                groups.entry(i).or_default().push((e, theta));
+                groups.entry(i).or_default().insert(e, theta);
             }
         }
     }
@@ -288,7 +287,7 @@ fn horner(monomials: Vec<(Vec<u32>, DMatrix<f64>)>, (rows, columns): (usize, usi
         deltas: Vec::new(),
     };
     for (parameter, group) in groups {
-        let all: Vec<&DMatrix<f64>> = group.iter().map(|(_, t)| t).collect();
+        let all: Vec<&DMatrix<f64>> = group.values().collect();
         let u = column_space(
             &from_blocks(&[&all]).unwrap_or_else(|_| DMatrix::zeros(rows, 0)),
             RANK_TOLERANCE,
@@ -325,129 +324,4 @@ fn horner(monomials: Vec<(Vec<u32>, DMatrix<f64>)>, (rows, columns): (usize, usi
         chain.deltas.extend(inner.deltas);
     }
     chain
-}
-
-impl<K: Clock> Lfr<K> {
-    /// The exact LPV state space of an LFR of one parameter whose dependence on p is polynomial (D11 is nilpotent),
-    /// or of any number of parameters if it is affine (D11 is zero).
-    ///
-    /// # Errors
-    /// [`CoreError::NotPolynomial`] if the LFR is rational in p: use [`Lfr::tabulate`].
-    pub fn to_state_space(&self) -> Result<LpvStateSpace<K>, CoreError> {
-        let m = self.blocks();
-        let nd = self.delta_count();
-        // The nilpotency index: the smallest d with D11^d = 0 up to rounding.
-        let mut power = DMatrix::<f64>::identity(nd, nd);
-        let mut degree = 0;
-        let scale = m.d11.norm().max(f64::MIN_POSITIVE);
-        while degree <= nd
-            && power.norm() > 1e-13 * scale.powi(degree as i32).max(f64::MIN_POSITIVE)
-            && nd > 0
-        {
-            power *= &m.d11;
-            degree += 1;
-        }
-        if degree > nd || (self.range().parameters() > 1 && degree > 1) {
-            return Err(CoreError::NotPolynomial);
-        }
-        if self.range().parameters() > 1 {
-            return self.affine();
-        }
-        let kind = BasisKind::Chebyshev {
-            degree,
-            range: self.range().clone(),
-        };
-        let basis = FunctionBasis::new(kind)?;
-        let n = degree + 1;
-        let (centre, half) = (self.range().centre()[0], self.range().half_width()[0]);
-        let angle = |j: usize| std::f64::consts::PI * (j as f64 + 0.5) / n as f64;
-        let frozen = (0..n)
-            .map(|j| self.frozen(&[centre + half * angle(j).cos()]))
-            .collect::<Result<Vec<_>, _>>()?;
-        let expand = |part: fn(&crate::StateSpace<K>) -> &DMatrix<f64>| {
-            let coefficients = (0..n)
-                .map(|k| {
-                    let weight = if k == 0 { 1.0 } else { 2.0 } / n as f64;
-                    let (rows, columns) = part(&frozen[0]).shape();
-                    frozen
-                        .iter()
-                        .enumerate()
-                        .fold(DMatrix::zeros(rows, columns), |s, (j, f)| {
-                            s + part(f) * (weight * (k as f64 * angle(j)).cos())
-                        })
-                })
-                .collect();
-            MatrixFunction::new(basis.clone(), coefficients)
-        };
-        LpvStateSpace::new(
-            expand(|f| f.a())?,
-            expand(|f| f.b())?,
-            expand(|f| f.c())?,
-            expand(|f| f.d())?,
-            self.range().clone(),
-            self.clock(),
-        )
-    }
-
-    fn affine(&self) -> Result<LpvStateSpace<K>, CoreError> {
-        let np = self.range().parameters();
-        let unit = |i: usize| (0..np).map(|j| u32::from(i == j)).collect::<Vec<_>>();
-        let exponents = std::iter::once(vec![0; np]).chain((0..np).map(unit)).collect();
-        let basis = FunctionBasis::new(BasisKind::Monomials { exponents })?;
-        let (centre, half) = (self.range().centre(), self.range().half_width());
-        let middle = self.frozen(&centre)?;
-        let moved = (0..np)
-            .map(|i| {
-                let mut p = centre.clone();
-                p[i] += half[i];
-                self.frozen(&p)
-            })
-            .collect::<Result<Vec<_>, _>>()?;
-        let expand = |part: fn(&crate::StateSpace<K>) -> &DMatrix<f64>| {
-            let slopes: Vec<_> = moved
-                .iter()
-                .zip(&half)
-                .map(|(f, h)| (part(f) - part(&middle)) / *h)
-                .collect();
-            let offset = slopes
-                .iter()
-                .zip(&centre)
-                .fold(part(&middle).clone(), |s, (slope, c)| s - slope * *c);
-            MatrixFunction::new(basis.clone(), std::iter::once(offset).chain(slopes).collect())
-        };
-        LpvStateSpace::new(
-            expand(|f| f.a())?,
-            expand(|f| f.b())?,
-            expand(|f| f.c())?,
-            expand(|f| f.d())?,
-            self.range().clone(),
-            self.clock(),
-        )
-    }
-
-    /// The LPV state space that equals the LFR at `points` equidistant values of its one parameter and interpolates
-    /// its matrices linearly between them.
-    ///
-    /// # Errors
-    /// [`CoreError::Dimension`] for several parameters, [`CoreError::IllPosed`].
-    pub fn tabulate(&self, points: usize) -> Result<LpvStateSpace<K>, CoreError> {
-        crate::linalg::dimension("tabulation: parameters", 1, self.range().parameters())?;
-        let knots: Vec<f64> = self.range().grid(points).into_iter().flatten().collect();
-        let basis = FunctionBasis::new(BasisKind::Tabulated { knots: knots.clone() })?;
-        let frozen = knots
-            .iter()
-            .map(|&p| self.frozen(&[p]))
-            .collect::<Result<Vec<_>, _>>()?;
-        let table = |part: fn(&crate::StateSpace<K>) -> &DMatrix<f64>| {
-            MatrixFunction::new(basis.clone(), frozen.iter().map(|f| part(f).clone()).collect())
-        };
-        LpvStateSpace::new(
-            table(|f| f.a())?,
-            table(|f| f.b())?,
-            table(|f| f.c())?,
-            table(|f| f.d())?,
-            self.range().clone(),
-            self.clock(),
-        )
-    }
 }

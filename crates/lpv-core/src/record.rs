@@ -93,7 +93,7 @@ impl Record {
         self.len() == 0
     }
 
-    /// Checks that all channels have one length, that all numbers are finite, and that a periodic record holds at
+    /// Checks that all channels have one length, that all numbers and the position are finite, and that a periodic record holds at
     /// least two whole periods.
     ///
     /// # Errors
@@ -115,12 +115,19 @@ impl Record {
                 }
             }
         }
+        if self.position.is_some_and(|p| !p.is_finite()) {
+            return Err(CoreError::NotFinite {
+                what: "record: position",
+                row: 0,
+                column: 0,
+            });
+        }
         if let RecordKind::Periodic { period } = self.kind
-            && (period == 0 || self.len() < 2 * period || !self.len().is_multiple_of(period))
+            && (period == 0 || self.len() < period.saturating_mul(2) || !self.len().is_multiple_of(period))
         {
             return Err(CoreError::Dimension {
                 what: "periodic record: samples (a whole number of periods, at least two)",
-                expected: 2 * period.max(1),
+                expected: period.max(1).saturating_mul(2),
                 found: self.len(),
             });
         }

@@ -39,7 +39,8 @@ impl ResponseKernel {
     }
 
     /// Writes the response at `point` into `out` (`n_y x n_u`, column-major). Returns false, with `out` unspecified,
-    /// where the point is a pole.
+    /// where the point is a pole: where elimination meets an exact zero or the response overflows. A pole that rounding
+    /// has moved off the point gives a very large response instead.
     ///
     /// # Panics
     /// Never, if `out` has `n_y n_u` entries; a shorter slice is filled as far as it goes.

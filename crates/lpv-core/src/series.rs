@@ -1,5 +1,6 @@
 //! Series expansions (4)-(6) and (13): fixed filters with coefficients that depend on p.
 
+use crate::clock::same_clock;
 use crate::linalg::{block_diagonal, dimension, from_blocks};
 use crate::{CoreError, Discrete, LpvStateSpace, MatrixFunction, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
@@ -22,7 +23,7 @@ impl SeriesExpansion {
     /// `[W_1(p) ... W_ng(p)]`, `n_y x n_g n_u`.
     ///
     /// # Errors
-    /// [`CoreError::Dimension`]; [`CoreError::SampleTime`] if the two filters have different clocks.
+    /// [`CoreError::Dimension`]; [`CoreError::DifferentClocks`] if the two filters tick differently.
     pub fn new(
         rigid_body: StateSpace<Discrete>,
         basis: StateSpace<Discrete>,
@@ -49,11 +50,7 @@ impl SeriesExpansion {
                 )?;
             }
         }
-        if rigid_body.clock() != basis.clock() {
-            return Err(CoreError::SampleTime {
-                value: basis.clock().sample_time(),
-            });
-        }
+        same_clock(rigid_body.clock(), basis.clock())?;
         Ok(Self {
             rigid_body,
             basis,
@@ -92,7 +89,8 @@ impl SeriesExpansion {
     /// p enters only at the output.
     ///
     /// # Errors
-    /// None for a checked expansion.
+    /// [`CoreError::DifferentFunctions`] if basis functions with a feed-through make `W_0` and `W_i` add up at the output
+    /// and the two depend on p through different functions.
     pub fn to_state_space(&self) -> Result<LpvStateSpace<Discrete>, CoreError> {
         let (rigid, basis) = (&self.rigid_body, &self.basis);
         let (ny, nu, ng) = (rigid.outputs(), rigid.inputs(), basis.outputs());
@@ -132,12 +130,18 @@ impl SeriesExpansion {
                 &d_weights,
                 &(rigid.d() + self.direct.evaluate(&self.range.centre())),
             )?,
+            (false, false) if d_weights.basis().is_constant() => with_constant(
+                &self.direct,
+                &(rigid.d() + d_weights.evaluate(&self.range.centre())),
+            )?,
             (false, false) => {
-                dimension(
-                    "series expansion: functions of W_0 and W",
-                    d_weights.basis().len(),
-                    self.direct.basis().len(),
-                )?;
+                if d_weights.basis() != self.direct.basis() {
+                    return Err(CoreError::DifferentFunctions {
+                        what: "series expansion: W_0 and W",
+                        first: self.direct.basis().name(),
+                        second: d_weights.basis().name(),
+                    });
+                }
                 let sum = d_weights
                     .coefficients()
                     .iter()

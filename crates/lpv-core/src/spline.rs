@@ -16,6 +16,12 @@ impl CubicSpline {
     pub(crate) fn new(knots: &[f64]) -> Result<Self, CoreError> {
         let n = knots.len();
         let h: Vec<f64> = knots.windows(2).map(|k| k[1] - k[0]).collect();
+        if let Some(i) = h.iter().position(|h| !(h * h).is_finite()) {
+            return Err(CoreError::Knots {
+                index: i + 1,
+                problem: "too far from the knot before it",
+            });
+        }
         // left * curvature = right * values
         let mut left = DMatrix::<f64>::identity(n, n);
         let mut right = DMatrix::<f64>::zeros(n, n);

@@ -1,5 +1,7 @@
 //! Identities that tie the representations together, cases by hand, and wild inputs.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up must fail")]
+
 use lpv_core::nalgebra::{DMatrix, DVector, dmatrix};
 use lpv_core::num_complex::Complex;
 use lpv_core::{
@@ -524,4 +526,346 @@ proptest! {
     fn wild_text_is_refused_in_words(text in ".{0,200}") {
         prop_assert!(Model::from_json(&text).is_err());
     }
+}
+
+fn scalar(degree_coefficients: &[f64]) -> MatrixFunction {
+    MatrixFunction::polynomial(degree_coefficients.iter().map(|&v| dmatrix![v]).collect()).unwrap()
+}
+
+fn static_lfr(d11: DMatrix<f64>, parameters: &[usize], range: SchedulingRange) -> Lfr<Discrete> {
+    let nd = d11.nrows();
+    let blocks = lpv_core::LfrBlocks {
+        a: DMatrix::zeros(0, 0),
+        b1: DMatrix::zeros(0, nd),
+        b2: DMatrix::zeros(0, 1),
+        c1: DMatrix::zeros(nd, 0),
+        d11,
+        d12: DMatrix::from_element(nd, 1, 1.0),
+        c2: DMatrix::zeros(1, 0),
+        d21: DMatrix::from_element(1, nd, 1.0),
+        d22: dmatrix![1.0],
+    };
+    let deltas = parameters
+        .iter()
+        .map(|&parameter| lpv_core::DeltaBlock {
+            parameter,
+            repetitions: 1,
+        })
+        .collect();
+    Lfr::new(blocks, deltas, range, Discrete::new(1.0).unwrap()).unwrap()
+}
+
+#[test]
+fn systems_with_different_clocks_are_not_joined() {
+    let at = |t: f64| StateSpace::gain(dmatrix![1.0], Discrete::new(t).unwrap()).unwrap();
+    let (slow, fast) = (at(0.1), at(0.05));
+    let refused = |r: Result<_, CoreError>| matches!(r, Err(CoreError::DifferentClocks { .. }));
+    assert!(refused(slow.then(&fast).map(drop)));
+    assert!(refused(slow.plus(&fast).map(drop)));
+    assert!(refused(slow.beside(&fast).map(drop)));
+    let range = SchedulingRange::interval(0.0, 1.0).unwrap();
+    let lfr = |s: &StateSpace<Discrete>| Lfr::from_lti(s, range.clone()).unwrap();
+    assert!(refused(lfr(&slow).then(&lfr(&fast)).map(drop)));
+    assert!(refused(lfr(&slow).plus(&lfr(&fast)).map(drop)));
+    // The rounding of a rate is no difference; two continuous systems have none.
+    assert!(at(0.1).then(&at(0.1 * (1.0 + 1e-15))).is_ok());
+    let continuous = StateSpace::gain(dmatrix![1.0], Continuous).unwrap();
+    assert!(continuous.then(&continuous).is_ok());
+}
+
+#[test]
+fn a_high_degree_chain_is_proven_well_posed() {
+    // D11 of a Clenshaw chain is nilpotent; computed eigenvalues of the full matrix are of size eps^(1/n), which
+    // passes 1 for long chains.
+    for degree in [17, 60, 120] {
+        let coefficients: Vec<f64> = (0..=degree).map(|k| 1.0 / (1.0 + k as f64)).collect();
+        let kind = BasisKind::Chebyshev {
+            degree,
+            range: SchedulingRange::interval(-1.0, 1.0).unwrap(),
+        };
+        let d = MatrixFunction::new(
+            FunctionBasis::new(kind).unwrap(),
+            coefficients.iter().map(|&v| dmatrix![v]).collect(),
+        )
+        .unwrap();
+        let none = |r, c| MatrixFunction::constant(DMatrix::zeros(r, c)).unwrap();
+        let model = LpvStateSpace::new(
+            none(0, 0),
+            none(0, 1),
+            none(1, 0),
+            d,
+            SchedulingRange::interval(-1.0, 1.0).unwrap(),
+            Discrete::new(1.0).unwrap(),
+        )
+        .unwrap();
+        let lfr = model.to_lfr().unwrap();
+        assert_eq!(lfr.delta_count(), degree);
+        assert_eq!(
+            lfr.well_posedness().unwrap(),
+            WellPosedness::Proven { margin: 1.0 }
+        );
+    }
+}
+
+#[test]
+fn a_rational_lfr_is_not_taken_for_a_polynomial() {
+    // D11 = 0.5 I: the Frobenius norm makes its powers look small, but 1 / (1 - delta / 2) is no polynomial.
+    let range = SchedulingRange::interval(-1.0, 1.0).unwrap();
+    for n in [1, 10, 50] {
+        let lfr = static_lfr(DMatrix::identity(n, n) * 0.5, &vec![0; n], range.clone());
+        assert_eq!(lfr.to_state_space().unwrap_err(), CoreError::NotPolynomial, "{n}");
+    }
+    // Powers that overflow are no proof of nilpotency either.
+    let lfr = static_lfr(
+        DMatrix::from_diagonal_element(2, 2, 1e200),
+        &[0, 0],
+        range.clone(),
+    );
+    assert!(lfr.to_state_space().is_err());
+    let nilpotent = static_lfr(dmatrix![0.0, 3.0; 0.0, 0.0], &[0, 0], range);
+    let polynomial = nilpotent.to_state_space().unwrap();
+    // 1 + 2 delta + 3 delta^2.
+    assert!((polynomial.frozen(&[0.5]).unwrap().d()[(0, 0)] - 2.75).abs() < 1e-14);
+}
+
+#[test]
+fn many_parameters_do_not_fill_the_memory() {
+    // 20 parameters have 2^20 corners and 5^20 grid points. D11 couples all of them.
+    let n = 20;
+    let range = SchedulingRange::new(vec![[-1.0, 1.0]; n]).unwrap();
+    let coupled = DMatrix::from_fn(n, n, |i, j| if i == j { 0.0 } else { 0.4 });
+    let lfr = static_lfr(coupled.clone(), &(0..n).collect::<Vec<_>>(), range.clone());
+    assert!(matches!(
+        lfr.well_posedness(),
+        Err(CoreError::Dimension { found: 20, .. })
+    ));
+    // Only parameters that enter count, and the others stay at the centre.
+    let two = static_lfr(dmatrix![0.0, 2.0; -0.4, 0.0], &[3, 17], range.clone());
+    assert!(matches!(
+        two.well_posedness().unwrap(),
+        WellPosedness::Proven { .. }
+    ));
+    let two = static_lfr(dmatrix![0.0, 2.0; -0.6, 0.0], &[3, 17], range.clone());
+    assert!(matches!(
+        two.well_posedness().unwrap(),
+        WellPosedness::Fails { .. } | WellPosedness::Sampled { .. }
+    ));
+    let small = static_lfr(coupled * 0.1, &(0..n).collect::<Vec<_>>(), range);
+    assert!(matches!(
+        small.well_posedness().unwrap(),
+        WellPosedness::Proven { .. }
+    ));
+}
+
+#[test]
+fn functions_of_another_kind_are_not_added_by_index() {
+    // Two functions each, but W_0 in a spline and W in powers: their coefficients must not be added.
+    let clock = Discrete::new(1.0).unwrap();
+    let range = SchedulingRange::interval(0.0, 1.0).unwrap();
+    let nothing = StateSpace::gain(dmatrix![0.0], clock).unwrap();
+    let with_feed_through =
+        StateSpace::new(dmatrix![0.5], dmatrix![1.0], dmatrix![1.0], dmatrix![0.7], clock).unwrap();
+    let spline = FunctionBasis::new(BasisKind::Spline {
+        knots: vec![0.0, 1.0],
+    })
+    .unwrap();
+    let direct = MatrixFunction::new(spline, vec![dmatrix![1.0], dmatrix![2.0]]).unwrap();
+    let series = |direct: &MatrixFunction, weights| {
+        SeriesExpansion::new(
+            nothing.clone(),
+            with_feed_through.clone(),
+            direct.clone(),
+            weights,
+            range.clone(),
+        )
+        .unwrap()
+        .to_state_space()
+    };
+    assert!(matches!(
+        series(&direct, scalar(&[1.0, 1.0])),
+        Err(CoreError::DifferentFunctions { .. })
+    ));
+    // A constant W adds to any W_0: D(p) = (1 + p) + 0.7 * 2.
+    let model = series(&direct, scalar(&[2.0])).unwrap();
+    assert!((model.frozen(&[0.5]).unwrap().d()[(0, 0)] - 2.9).abs() < 1e-14);
+}
+
+#[test]
+fn empty_signals_and_empty_systems_run() {
+    let model = LpvStateSpace::new(
+        scalar(&[-1.0, 0.2]),
+        scalar(&[1.0]),
+        scalar(&[1.0]),
+        scalar(&[0.0]),
+        SchedulingRange::interval(-1.0, 1.0).unwrap(),
+        Continuous,
+    )
+    .unwrap();
+    let clock = Discrete::new(0.1).unwrap();
+    let none = DMatrix::zeros(1, 0);
+    let x0 = DVector::from_element(1, 2.0);
+    let run = model.simulate_held(&x0, &none, &none, clock, 1e-9).unwrap();
+    assert_eq!((run.outputs.shape(), run.final_state[0]), ((1, 0), 2.0));
+    // With one sample the outputs say nothing about the integration; the final state must.
+    let one = dmatrix![0.0];
+    let run = model.simulate_held(&x0, &one, &one, clock, 1e-10).unwrap();
+    assert!((run.final_state[0] - 2.0 * (-0.1_f64).exp()).abs() < 1e-9);
+
+    let gain = StateSpace::gain(dmatrix![2.0, 3.0], clock).unwrap();
+    let run = gain
+        .simulate(&DVector::zeros(0), &dmatrix![1.0, 0.0; 0.0, 1.0])
+        .unwrap();
+    assert_eq!(run.outputs, dmatrix![2.0, 3.0]);
+    let nowhere = SchedulingRange::new(Vec::new()).unwrap();
+    let lfr = Lfr::from_lti(&gain, nowhere).unwrap();
+    assert_eq!(lfr.frozen(&[]).unwrap(), gain);
+    assert_eq!(lfr.to_state_space().unwrap().frozen(&[]).unwrap(), gain);
+    let run = lfr
+        .simulate(&DVector::zeros(0), &DMatrix::zeros(2, 3), &DMatrix::zeros(0, 3))
+        .unwrap();
+    assert_eq!(run.outputs.shape(), (1, 3));
+    let autonomous = StateSpace::new(
+        dmatrix![0.5],
+        DMatrix::zeros(1, 0),
+        dmatrix![1.0],
+        DMatrix::zeros(1, 0),
+        clock,
+    )
+    .unwrap();
+    let run = autonomous
+        .simulate(&DVector::from_element(1, 1.0), &DMatrix::zeros(0, 3))
+        .unwrap();
+    assert_eq!(run.outputs, dmatrix![1.0, 0.5, 0.25]);
+    assert!(autonomous.frequency_response(&[0.0, 1.0]).is_ok());
+    let silent = StateSpace::new(
+        dmatrix![0.5],
+        dmatrix![1.0],
+        DMatrix::zeros(0, 1),
+        DMatrix::zeros(0, 1),
+        Continuous,
+    )
+    .unwrap();
+    assert_eq!(silent.frequency_response(&[0.0, 1.0]).unwrap().len(), 2);
+    assert!(silent.zero_order_hold(clock).is_ok() && silent.tustin(clock).is_ok());
+}
+
+#[test]
+fn numbers_that_are_not_finite_are_refused() {
+    let clock = Discrete::new(0.1).unwrap();
+    let lti = StateSpace::new(dmatrix![0.5], dmatrix![1.0], dmatrix![1.0], dmatrix![0.0], clock).unwrap();
+    let range = SchedulingRange::interval(-1.0, 1.0).unwrap();
+    let lfr = Lfr::from_lti(&lti, range.clone()).unwrap();
+    let lpv = lfr.to_state_space().unwrap();
+    let (zero, nan) = (DVector::zeros(1), DVector::from_element(1, f64::NAN));
+    let (u, bad) = (dmatrix![1.0, 1.0], dmatrix![0.0, f64::NAN]);
+    let not_finite = |r: Result<_, CoreError>| matches!(r, Err(CoreError::NotFinite { .. }));
+    assert!(not_finite(lti.simulate(&nan, &u).map(drop)));
+    assert!(not_finite(lti.simulate(&zero, &bad).map(drop)));
+    assert!(not_finite(lfr.simulate(&nan, &u, &u).map(drop)));
+    assert!(not_finite(lpv.simulate(&nan, &u, &u).map(drop)));
+    let outside = |r: Result<_, CoreError>| matches!(r, Err(CoreError::OutsideRange { .. }));
+    assert!(outside(lfr.simulate(&zero, &u, &bad).map(drop)));
+    assert!(outside(lpv.simulate(&zero, &u, &bad).map(drop)));
+    assert!(outside(lfr.frozen(&[f64::NAN]).map(drop)));
+    assert!(not_finite(
+        lpv_core::linalg::discrete_gramian(&dmatrix![0.5], &dmatrix![f64::NAN]).map(drop)
+    ));
+    let frf = Frf::zeros(vec![1.0], 1, 1).unwrap();
+    assert!(not_finite(
+        lpv_core::FrfEstimate::with_unit_covariance(frf, Some(f64::NAN)).map(drop)
+    ));
+
+    // A response that overflows is no agreement between two runs of the integrator.
+    let explosive = LpvStateSpace::new(
+        scalar(&[1e30]),
+        scalar(&[1.0]),
+        scalar(&[1.0]),
+        scalar(&[0.0]),
+        range,
+        Continuous,
+    )
+    .unwrap();
+    let long = DMatrix::from_element(1, 12, 1.0);
+    assert!(matches!(
+        explosive.simulate_held(&zero, &long, &(&long * 0.0), clock, 1e-6),
+        Err(CoreError::Integration { .. })
+    ));
+}
+
+#[test]
+fn bounds_and_powers_at_the_edge_of_the_numbers() {
+    let wide = SchedulingRange::interval(0.8e308, 1.7e308).unwrap();
+    assert!((wide.normalise(&[1.7e308])[0] - 1.0).abs() < 1e-12);
+    for (lower, upper) in [(0.0, 5e-324), (1.0, 1.0 + f64::EPSILON), (-1.7e308, 1.7e308)] {
+        assert!(SchedulingRange::interval(lower, upper).is_err());
+    }
+    let monomials = |exponents| FunctionBasis::new(BasisKind::Monomials { exponents });
+    assert!(monomials(vec![vec![u32::MAX, u32::MAX]]).is_err());
+    assert!(
+        FunctionBasis::new(BasisKind::Spline {
+            knots: (0..5000).map(f64::from).collect(),
+        })
+        .is_err()
+    );
+    assert!(
+        FunctionBasis::new(BasisKind::Spline {
+            knots: vec![0.0, 1e200],
+        })
+        .is_err()
+    );
+    // A parameter that is missing counts as zero.
+    let basis = monomials(vec![vec![], vec![1], vec![0, 2]]).unwrap();
+    assert_eq!(basis.evaluate(&[]), [1.0, 0.0, 0.0]);
+    assert_eq!(basis.evaluate(&[3.0]), [1.0, 3.0, 0.0]);
+    assert_eq!(lpv_core::matern52(f64::INFINITY), 0.0);
+    assert_eq!(lpv_core::matern52(1e200), 0.0);
+    assert!(lpv_core::matern52(f64::NAN).is_nan());
+}
+
+#[test]
+fn responses_on_other_lines_are_not_compared() {
+    let at = |f: f64| Frf::new(vec![f], 1, 1, vec![Complex::from(1.0)]).unwrap();
+    assert!(matches!(
+        at(1.0).relative_error(&at(1.001)),
+        Err(CoreError::Frequency { index: 0, .. })
+    ));
+    assert_eq!(at(1.0).relative_error(&at(1.0 + 1e-15)).unwrap(), [0.0]);
+}
+
+#[test]
+fn an_ill_posed_instant_is_refused_in_simulation_as_when_frozen() {
+    // I - D11 is singular, and elimination leaves rounding where a zero should be.
+    let range = SchedulingRange::interval(-1.0, 1.0).unwrap();
+    let third = 1.0 / 3.0;
+    let d11 = dmatrix![third, third, third; third, third, third; third, third, third];
+    let lfr = static_lfr(d11, &[0, 0, 0], range);
+    let p = [1.0];
+    assert!(matches!(lfr.frozen(&p), Err(CoreError::IllPosed { .. })));
+    assert!(matches!(
+        lfr.simulate(&DVector::zeros(0), &dmatrix![1.0], &dmatrix![1.0]),
+        Err(CoreError::IllPosed { .. })
+    ));
+}
+
+#[test]
+fn a_record_with_an_absurd_period_is_refused() {
+    let record = lpv_core::Record {
+        name: String::new(),
+        kind: lpv_core::RecordKind::Periodic { period: usize::MAX },
+        purpose: lpv_core::Purpose::Estimation,
+        position: Some(0.0),
+        outputs: lpv_core::Signals::new(&["y"], vec![vec![0.0; 4]]),
+        inputs: lpv_core::Signals::default(),
+        references: lpv_core::Signals::default(),
+        scheduling: lpv_core::Signals::default(),
+        auxiliary: lpv_core::Signals::default(),
+        injection: lpv_core::Signals::default(),
+    };
+    assert!(matches!(record.check(), Err(CoreError::Dimension { .. })));
+    let nowhere = lpv_core::Record {
+        kind: lpv_core::RecordKind::Transient,
+        position: Some(f64::NAN),
+        ..record
+    };
+    assert!(matches!(nowhere.check(), Err(CoreError::NotFinite { .. })));
 }

@@ -47,6 +47,7 @@ mod choose;
 mod error;
 mod interpolation;
 mod model;
+mod model_error;
 mod regression;
 mod settings;
 mod triangle;

@@ -1,10 +1,13 @@
 //! The linear regression of (13) at each position, with the rigid-body gains shared by all.
 
+mod eliminate;
+
+use crate::model_error::with_model_error;
 use crate::triangle::Triangle;
-use crate::whiten::whitening;
 use crate::{CheckedRegression, IdentError, RigidTerm, Weighting};
+use eliminate::{Eliminated, Regressors, eliminate};
 use lpv_core::{Discrete, Frf, FrfEstimate, StateSpace};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Dyn, SVD};
 use num_complex::Complex;
 use rayon::prelude::*;
 
@@ -37,21 +40,12 @@ pub struct LocalFit {
     pub unknowns: usize,
     /// Condition number of the column-scaled regressors.
     pub condition: f64,
-    /// QR factorisations made: the unit of work.
+    /// Blocks of rows factorised: the unit of work.
     pub factorisations: usize,
     /// `R11` of the whitened regressors `[Phi_W, Phi_c] = Q [R11 R12; 0 R22]`.
     pub(crate) r11: DMatrix<f64>,
     /// `R11^-1 R12`: how the coefficients move with the gains.
     pub(crate) gain_response: DMatrix<f64>,
-}
-
-/// What one position leaves after its own coefficients are eliminated: `R22 c = r2`, and the residual.
-struct Eliminated {
-    position: f64,
-    r: DMatrix<f64>,
-    unknowns: usize,
-    equations: usize,
-    factorisations: usize,
 }
 
 /// Fits `F(z) = sum_t c_t E_t phi_R(z) + sum_i W_i phi_i(z)` to FRFs at all positions.
@@ -69,44 +63,39 @@ pub fn regress(
     settings: &CheckedRegression,
 ) -> Result<LocalFits, IdentError> {
     let positions = checked_positions(estimates, settings.rigid_body())?;
-    one_input(basis)?;
-    let eliminated = estimates
+    filter_bank(basis)?;
+    let has_rigid_body = !settings.rigid_body().is_empty();
+    // Positions mostly share their lines, and then also the responses of the filters.
+    let shared = Regressors::new(
+        basis,
+        has_rigid_body,
+        eliminate::kept_frequencies(&estimates[0], positions[0], basis, settings)?,
+    )?;
+    let eliminated: Vec<_> = estimates
         .par_iter()
         .zip(&positions)
-        .map(|(estimate, &position)| eliminate(estimate, position, basis, settings))
-        .collect::<Result<Vec<_>, _>>()?;
-
-    // The gains: the stacked R22 of all positions, in their order, so that the sum does not depend on threads.
-    let nc = settings.rigid_body().len();
-    let mut triangle = Triangle::new(nc + 1);
-    for e in &eliminated {
-        let n = e.unknowns;
-        triangle.push(nc + 1, |put| {
-            for i in 0..=nc {
-                for j in i..=nc {
-                    put(i, j, e.r[(n + i, n + j)]);
-                }
+        .map(|(estimate, &position)| {
+            let estimate = &*with_model_error(estimate, settings.model_error())?;
+            let frequencies = eliminate::kept_frequencies(estimate, position, basis, settings)?;
+            if frequencies == shared.frequencies_hz() {
+                return eliminate(estimate, position, &shared, settings);
             }
-        });
-    }
-    let (rc, _) = triangle.finish();
-    let r22 = rc.view((0, 0), (nc, nc)).into_owned();
-    let gains = solve_upper(&r22, &rc.view((0, nc), (nc, 1)).into_owned())
-        .ok_or_else(|| IdentError::RankDeficient {
-            position: positions[0],
-            reciprocal: 0.0,
-            function: 0,
-        })?
-        .column(0)
-        .into_owned();
-    let inverse = solve_upper(&r22, &DMatrix::identity(nc, nc)).unwrap_or_else(|| DMatrix::zeros(nc, nc));
-    let unit_covariance = &inverse * inverse.transpose();
+            let own = Regressors::new(basis, has_rigid_body, frequencies)?;
+            eliminate(estimate, position, &own, settings)
+        })
+        .collect();
+    // Of several errors the first in the order of the positions, whichever thread was faster.
+    let eliminated = eliminated.into_iter().collect::<Result<Vec<_>, _>>()?;
+
+    let nc = settings.rigid_body().len();
+    let (gains, unit_covariance) = shared_gains(&eliminated, nc)?;
 
     let (ny, nu) = (estimates[0].frf().outputs(), estimates[0].frf().inputs());
-    let fits = eliminated
-        .into_iter()
+    let fits: Vec<_> = eliminated
+        .into_par_iter()
         .map(|e| back_substitute(e, &gains, ny, nu, basis.outputs()))
-        .collect::<Result<Vec<_>, _>>()?;
+        .collect();
+    let fits = fits.into_iter().collect::<Result<Vec<_>, _>>()?;
     let row_variance = match settings.weighting() {
         Weighting::Covariance => 1.0,
         Weighting::Relative | Weighting::Uniform => {
@@ -131,17 +120,95 @@ pub fn regress(
     })
 }
 
-fn one_input(basis: &StateSpace<Discrete>) -> Result<(), IdentError> {
-    if basis.inputs() == 1 {
-        return Ok(());
+fn filter_bank(basis: &StateSpace<Discrete>) -> Result<(), IdentError> {
+    let refused = |what, found| {
+        let expected = 1;
+        Err(lpv_core::CoreError::Dimension {
+            what,
+            expected,
+            found,
+        }
+        .into())
+    };
+    match (basis.inputs(), basis.outputs()) {
+        (1, 0) => refused("regression: functions of the basis, at least", 0),
+        (1, _) => Ok(()),
+        (found, _) => refused("regression: inputs of the basis", found),
     }
-    let what = "regression: inputs of the basis";
-    Err(lpv_core::CoreError::Dimension {
-        what,
-        expected: 1,
-        found: basis.inputs(),
+}
+
+/// The gains and their covariance for rows of variance one, from the stacked R22 of all positions: in their order, so that
+/// the sum does not depend on threads.
+fn shared_gains(eliminated: &[Eliminated], nc: usize) -> Result<(DVector<f64>, DMatrix<f64>), IdentError> {
+    let mut triangle = Triangle::new(nc + 1, eliminated.len() * (nc + 1));
+    for j in 0..=nc {
+        let stacked = triangle.column_mut(j).chunks_exact_mut(nc + 1);
+        for (rows, e) in stacked.zip(eliminated) {
+            let n = e.unknowns;
+            rows.copy_from_slice(e.r.view((n, n + j), (nc + 1, 1)).into_owned().as_slice());
+        }
     }
-    .into())
+    triangle.absorb(eliminated.len() * (nc + 1));
+    let r22 = DMatrix::from_fn(nc, nc, |i, j| triangle.column(j)[i]);
+    let r2 = DMatrix::from_fn(nc, 1, |i, _| triangle.column(nc)[i]);
+
+    // What the positions' own coefficients leave of each column, against the whole column: a part that is rounding means
+    // that the basis does what the rigid body should do.
+    let whole = DVector::from_fn(nc, |j, _| {
+        let norms = eliminated.iter().map(|e| e.r.column(e.unknowns + j).norm());
+        norms.fold(0.0, f64::hypot).max(f64::MIN_POSITIVE)
+    });
+    let left = DMatrix::from_fn(nc, nc, |i, j| r22[(i, j)] / whole[j]);
+    let (_, smallest) = extreme_singular_values(&left).unwrap_or((0.0, 0.0));
+    let deficient = || IdentError::RankDeficient {
+        position: eliminated.first().map_or(0.0, |e| e.position),
+        reciprocal: smallest,
+        function: 0,
+    };
+    if nc > 0 && smallest <= LEAST_RECIPROCAL {
+        return Err(deficient());
+    }
+    let gains = solve_upper(&r22, &r2).ok_or_else(deficient)?;
+    let inverse = solve_upper(&r22, &DMatrix::identity(nc, nc)).ok_or_else(deficient)?;
+    Ok((gains.column(0).into_owned(), &inverse * inverse.transpose()))
+}
+
+/// Reciprocal condition at which regressors count as dependent.
+const LEAST_RECIPROCAL: f64 = 1e-12;
+
+/// The largest and the smallest singular value; none for a matrix that is empty or not finite.
+fn extreme_singular_values(m: &DMatrix<f64>) -> Option<(f64, f64)> {
+    let values = decompose(m, Vectors::No)?.singular_values;
+    Some((values.max(), values.min()))
+}
+
+/// The column that weighs most in the direction of the smallest singular value.
+fn most_dependent_column(m: &DMatrix<f64>) -> usize {
+    let column = decompose(m, Vectors::Right).and_then(|svd| {
+        let weakest = svd.singular_values.imin();
+        Some(svd.v_t?.row(weakest).transpose().iamax())
+    });
+    column.unwrap_or(0)
+}
+
+#[derive(PartialEq)]
+enum Vectors {
+    No,
+    Right,
+}
+
+fn decompose(m: &DMatrix<f64>, vectors: Vectors) -> Option<SVD<f64, Dyn, Dyn>> {
+    // The iteration neither accepts an empty matrix nor ends on one that is not finite.
+    if m.is_empty() || m.iter().any(|v| !v.is_finite()) {
+        return None;
+    }
+    SVD::try_new(
+        m.clone(),
+        false,
+        vectors == Vectors::Right,
+        5.0 * f64::EPSILON,
+        10_000,
+    )
 }
 
 fn checked_positions(estimates: &[FrfEstimate], rigid: &[RigidTerm]) -> Result<Vec<f64>, IdentError> {
@@ -194,76 +261,6 @@ fn checked_positions(estimates: &[FrfEstimate], rigid: &[RigidTerm]) -> Result<V
     Ok(positions)
 }
 
-/// The triangular factor of `[Phi_W, Phi_c, F]`, whitened.
-fn eliminate(
-    estimate: &FrfEstimate,
-    position: f64,
-    basis: &StateSpace<Discrete>,
-    settings: &CheckedRegression,
-) -> Result<Eliminated, IdentError> {
-    let frf = estimate.frf();
-    let (ny, nu, ng) = (frf.outputs(), frf.inputs(), basis.outputs());
-    let rigid = settings.rigid_body();
-    let unknowns = ny * nu * ng;
-    let lines: Vec<usize> = (0..frf.len())
-        .filter(|&k| settings.keeps(frf.frequencies_hz()[k]))
-        .collect();
-    let equations = 2 * ny * nu * lines.len();
-    if equations < unknowns + rigid.len() + 1 {
-        return Err(IdentError::TooFewLines {
-            position,
-            lines: lines.len(),
-            equations,
-            unknowns,
-        });
-    }
-    let frequencies: Vec<f64> = lines.iter().map(|&k| frf.frequencies_hz()[k]).collect();
-    let phi = basis.frequency_response(&frequencies)?;
-    let columns = unknowns + rigid.len() + 1;
-    let mut triangle = Triangle::new(columns);
-    for (row, &k) in lines.iter().enumerate() {
-        let w = whitening(estimate, k, settings.weighting(), position)?;
-        let phi_r = rigid_response(basis.clock(), frequencies[row])?;
-        let whitened = &w.left * frf.line(k) * &w.right;
-        let phi_k = phi.line_slice(row);
-        triangle.push(2 * ny * nu, |put| {
-            for s in 0..nu {
-                for r in 0..ny {
-                    let at = 2 * (s * ny + r);
-                    let mut both = |column: usize, v: Complex<f64>| {
-                        put(at, column, v.re);
-                        put(at + 1, column, v.im);
-                    };
-                    // Unknown (a, b, i), entry (a, b) of W_i: the factors are triangular, a <= r and b <= s.
-                    for b in 0..=s {
-                        for a in 0..=r {
-                            let factor = w.left[(r, a)] * w.right[(b, s)];
-                            for (i, &phi_i) in phi_k.iter().enumerate() {
-                                both((b * ny + a) * ng + i, factor * phi_i);
-                            }
-                        }
-                    }
-                    for (t, term) in rigid.iter().enumerate() {
-                        both(
-                            unknowns + t,
-                            w.left[(r, term.output)] * w.right[(term.input, s)] * phi_r,
-                        );
-                    }
-                    both(columns - 1, whitened[(r, s)]);
-                }
-            }
-        });
-    }
-    let (r, factorisations) = triangle.finish();
-    Ok(Eliminated {
-        position,
-        r,
-        unknowns,
-        equations,
-        factorisations,
-    })
-}
-
 /// `phi_R(z) = (z + 1) / (z - 1)^2`, equation (12).
 pub(crate) fn rigid_response(clock: Discrete, frequency_hz: f64) -> Result<Complex<f64>, IdentError> {
     use lpv_core::Clock;
@@ -288,23 +285,16 @@ fn back_substitute(
     let r1 = e.r.view((0, n + nc), (n, 1)).into_owned();
 
     // Condition after scaling the columns to unit length: the units of the unknowns must not matter.
-    let scaled = DMatrix::from_columns(
-        &(0..n)
-            .map(|j| r11.column(j) / r11.column(j).norm().max(f64::MIN_POSITIVE))
-            .collect::<Vec<_>>(),
-    );
-    let svd = scaled.svd(false, true);
-    let (largest, smallest) = (svd.singular_values.max(), svd.singular_values.min());
-    if smallest <= 1e-12 * largest {
-        let direction = svd
-            .v_t
-            .as_ref()
-            .map(|v| v.row(svd.singular_values.imin()).transpose());
-        let function = direction.map_or(0, |d| d.iamax() % ng + 1);
+    let norms: Vec<f64> = (0..n)
+        .map(|j| r11.column(j).norm().max(f64::MIN_POSITIVE))
+        .collect();
+    let scaled = DMatrix::from_fn(n, n, |i, j| r11[(i, j)] / norms[j]);
+    let (largest, smallest) = extreme_singular_values(&scaled).unwrap_or((1.0, 0.0));
+    if smallest <= LEAST_RECIPROCAL * largest {
         return Err(IdentError::RankDeficient {
             position: e.position,
             reciprocal: smallest / largest,
-            function,
+            function: most_dependent_column(&scaled) % ng + 1,
         });
     }
     let deficient = || IdentError::RankDeficient {
@@ -357,6 +347,10 @@ impl LocalFits {
     /// The shared rigid-body gains `c`, in the order of the settings, with their covariance.
     pub fn gains(&self) -> (&DVector<f64>, &DMatrix<f64>) {
         (&self.gains, &self.gain_covariance)
+    }
+    /// The filters: one input, `n_g` outputs.
+    pub fn basis(&self) -> &StateSpace<Discrete> {
+        &self.basis
     }
     /// Number of basis functions `n_g`.
     pub fn functions(&self) -> usize {

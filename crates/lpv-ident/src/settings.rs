@@ -30,11 +30,13 @@ pub enum Weighting {
 /// |---|---|---|---|
 /// | `rigid_body` | none | channels with a term `c phi_R` | existing channels, no doubles |
 /// | `weighting` | covariance | weight of a line | |
+/// | `model_error` | 0 | what the basis cannot represent, relative to the FRF; added to the covariance | 0 or more |
 /// | `band_hz` | all lines | lines that are fitted | lower < upper, both finite |
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RegressionSettings {
     rigid_body: Vec<RigidTerm>,
     weighting: Weighting,
+    model_error: f64,
     band_hz: Option<(f64, f64)>,
 }
 
@@ -60,6 +62,14 @@ impl RegressionSettings {
         self.weighting = weighting;
         self
     }
+    /// Relative size of what a truncated basis cannot represent. With covariance weights, each row of the FRF gets the
+    /// additional variance `(model_error * its size)^2`: lines with a very good signal to noise ratio then no longer buy
+    /// their fit with large errors elsewhere.
+    #[must_use]
+    pub fn model_error(mut self, relative: f64) -> Self {
+        self.model_error = relative;
+        self
+    }
     /// Only lines in this band, cycles per unit of time.
     #[must_use]
     pub fn band_hz(mut self, lower: f64, upper: f64) -> Self {
@@ -79,6 +89,14 @@ impl RegressionSettings {
             return Err(IdentError::Setting {
                 name: "band_hz",
                 value: lower,
+                problem,
+            });
+        }
+        if !(self.model_error.is_finite() && self.model_error >= 0.0) {
+            let problem = "give a finite number, not negative";
+            return Err(IdentError::Setting {
+                name: "model_error",
+                value: self.model_error,
                 problem,
             });
         }
@@ -106,6 +124,9 @@ impl CheckedRegression {
     }
     pub(crate) fn weighting(&self) -> Weighting {
         self.0.weighting
+    }
+    pub(crate) fn model_error(&self) -> f64 {
+        self.0.model_error
     }
     pub(crate) fn keeps(&self, frequency_hz: f64) -> bool {
         self.0

@@ -1,59 +1,68 @@
 //! The triangular factor of a tall matrix that arrives in blocks of rows.
 
-use faer::Mat;
-use nalgebra::DMatrix;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::qr::no_pivoting::factor::{qr_in_place, qr_in_place_scratch};
+use faer::{Mat, MatMut, Par, Spec};
 
-/// Rows that are gathered before each factorisation: large enough for blocked Householder steps, small enough for the
-/// cache.
-const BLOCK_ROWS: usize = 2048;
+/// Columns of one blocked Householder step.
+const PANEL: usize = 16;
 
-/// `R` of the QR factorisation of all rows pushed so far: orthogonal transformations only, since the weights span
-/// decades and normal equations would square them.
+/// `R` of the QR factorisation of all blocks so far: orthogonal transformations only, since the weights span decades and
+/// normal equations would square them. Memory is that of one block, and nothing is allocated between blocks.
 pub(crate) struct Triangle {
     columns: usize,
-    work: Mat<f64>,
-    filled: usize,
-    /// Factorisations made, the unit of work that tests count.
-    pub(crate) factorisations: usize,
+    /// Rows of the storage: those of `R`, then those of one block.
+    stride: usize,
+    /// Column-major, `stride x columns`. Below the diagonal of `R` stand zeros between blocks.
+    work: Vec<f64>,
+    coefficients: Mat<f64>,
+    scratch: MemBuffer,
 }
 
 impl Triangle {
-    pub(crate) fn new(columns: usize) -> Self {
+    pub(crate) fn new(columns: usize, block_rows: usize) -> Self {
+        let stride = columns + block_rows;
+        let panel = PANEL.min(columns).max(1);
+        let scratch = qr_in_place_scratch::<f64>(stride, columns, panel, Par::Seq, Spec::default());
         Self {
             columns,
-            work: Mat::zeros(columns + BLOCK_ROWS, columns),
-            filled: columns,
-            factorisations: 0,
+            stride,
+            work: vec![0.0; stride * columns],
+            coefficients: Mat::zeros(panel, columns),
+            scratch: MemBuffer::new(scratch),
         }
     }
 
-    /// Reserves `rows` further rows, zeroed; the closure writes entry `(row, column)` of them.
-    pub(crate) fn push(&mut self, rows: usize, write: impl FnOnce(&mut dyn FnMut(usize, usize, f64))) {
-        if self.filled + rows > self.work.nrows() {
-            self.reduce();
+    /// Rows that a block may have.
+    pub(crate) fn block_rows(&self) -> usize {
+        self.stride - self.columns
+    }
+
+    /// Column `j` of the next block, to be written from its first row on.
+    pub(crate) fn column_mut(&mut self, j: usize) -> &mut [f64] {
+        &mut self.work[j * self.stride + self.columns..(j + 1) * self.stride]
+    }
+
+    /// Takes the first `rows` rows of the block into `R`.
+    pub(crate) fn absorb(&mut self, rows: usize) {
+        let (n, stride) = (self.columns, self.stride);
+        let filled = MatMut::from_column_major_slice_with_stride_mut(&mut self.work, n + rows, n, stride);
+        // Sequential, whatever is set globally: the number of threads must not change the last bits.
+        qr_in_place(
+            filled,
+            self.coefficients.as_mut(),
+            Par::Seq,
+            MemStack::new(&mut self.scratch),
+            Spec::default(),
+        );
+        // The reflectors stand below the diagonal.
+        for j in 0..n {
+            self.work[j * stride + j + 1..j * stride + n].fill(0.0);
         }
-        let (work, top) = (&mut self.work, self.filled);
-        write(&mut |row, column, value| work[(top + row, column)] = value);
-        self.filled += rows;
     }
 
-    fn reduce(&mut self) {
-        let r = self.work.subrows(0, self.filled).qr().thin_R().to_owned();
-        self.factorisations += 1;
-        self.work.fill(0.0);
-        let columns = self.columns;
-        self.work
-            .subrows_mut(0, columns)
-            .subcols_mut(0, columns)
-            .copy_from(&r);
-        self.filled = columns;
-    }
-
-    /// The triangular factor, `columns x columns`.
-    pub(crate) fn finish(mut self) -> (DMatrix<f64>, usize) {
-        self.reduce();
-        let n = self.columns;
-        let r = DMatrix::from_fn(n, n, |i, j| if i <= j { self.work[(i, j)] } else { 0.0 });
-        (r, self.factorisations)
+    /// Column `j` of `R`; zero below the diagonal.
+    pub(crate) fn column(&self, j: usize) -> &[f64] {
+        &self.work[j * self.stride..j * self.stride + self.columns]
     }
 }

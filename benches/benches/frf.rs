@@ -1,0 +1,113 @@
+//! One period into the accumulator, and the estimate from its sums.
+#![allow(missing_docs)] // The entry points that the harness generates have no documentation.
+#![allow(clippy::unwrap_used)] // An input that cannot be made ends the bench.
+
+use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
+use frf_estimation::{Layout, PeriodicAccumulator, PeriodicSettings, SkipRule};
+use lpv_benches::Bench;
+use lpv_core::PeriodBlock;
+use std::time::Duration;
+use xytable_plant::{Experiment, ExperimentSettings, MultisineSettings, PlantError};
+
+const PERIOD: usize = 1 << 15;
+const PERIODS: usize = 2;
+
+/// Signals of one period of one experiment.
+struct Period {
+    outputs: Vec<Vec<f64>>,
+    inputs: Vec<Vec<f64>>,
+    references: Vec<Vec<f64>>,
+}
+
+/// The periods of both experiments, period by period.
+fn periods(bench: &Bench) -> Vec<Period> {
+    let multisine = MultisineSettings {
+        period: PERIOD,
+        crest_iterations: 2,
+        ..MultisineSettings::default()
+    };
+    let settings = ExperimentSettings {
+        periods: PERIODS,
+        ..ExperimentSettings::default()
+    };
+    let multisine = multisine.check().unwrap();
+    let experiment = Experiment::new(&bench.machine, &bench.controller, &multisine, 0.2, settings).unwrap();
+    let mut periods = Vec::new();
+    let run = experiment.run(&mut |block| -> Result<(), PlantError> {
+        periods.push(Period {
+            outputs: block.outputs.to_vec(),
+            inputs: block.inputs.to_vec(),
+            references: block.references.to_vec(),
+        });
+        Ok(())
+    });
+    run.unwrap();
+    periods
+}
+
+fn accumulator() -> PeriodicAccumulator {
+    let layout = Layout {
+        period: PERIOD,
+        outputs: 2,
+        inputs: 2,
+        references: 2,
+        experiments: 2,
+        sample_rate_hz: 20.0,
+    };
+    let settings = PeriodicSettings::default()
+        .skip(SkipRule::Fixed(0))
+        .check()
+        .unwrap();
+    PeriodicAccumulator::new(layout, &settings, Some(0.2)).unwrap()
+}
+
+fn push(accumulator: &mut PeriodicAccumulator, signals: &Period, experiment: usize, period: usize) {
+    let block = PeriodBlock {
+        experiment,
+        period,
+        outputs: &signals.outputs,
+        inputs: &signals.inputs,
+        references: &signals.references,
+    };
+    accumulator.push(&block).unwrap();
+}
+
+fn frf(c: &mut Criterion) {
+    let bench = Bench::new().unwrap();
+    let periods = periods(&bench);
+    let mut group = c.benchmark_group("FRF, period 32768, two inputs and outputs");
+    group.throughput(Throughput::Elements(PERIOD as u64));
+    let mut filling = accumulator();
+    let mut period = 0;
+    group.bench_function("push", |b| {
+        b.iter(|| {
+            push(&mut filling, &periods[0], 0, period);
+            period += 1;
+        });
+    });
+    group.bench_function("finish", |b| {
+        let filled = || {
+            let mut full = accumulator();
+            for (i, signals) in periods.iter().enumerate() {
+                push(&mut full, signals, i % 2, i / 2);
+            }
+            full
+        };
+        b.iter_batched(filled, |full| full.finish().unwrap(), BatchSize::LargeInput);
+    });
+    group.finish();
+}
+
+fn short() -> Criterion {
+    Criterion::default()
+        .sample_size(10)
+        .warm_up_time(Duration::from_millis(300))
+        .measurement_time(Duration::from_secs(1))
+}
+
+criterion_group! {
+    name = benches;
+    config = short();
+    targets = frf
+}
+criterion_main!(benches);

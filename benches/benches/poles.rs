@@ -1,0 +1,67 @@
+//! Poles from an FRF, and the choice of basis poles.
+#![allow(missing_docs)] // The entry points that the harness generates have no documentation.
+#![allow(clippy::unwrap_used)] // An input that cannot be made ends the bench.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use lpv_benches::Bench;
+use lpv_core::FrfEstimate;
+use obf_basis::{FkcmSettings, MinimaxSettings, fkcm, polish_minimax};
+use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, Weighting, fit};
+use std::hint::black_box;
+use std::time::Duration;
+
+fn pole_fit(c: &mut Criterion) {
+    let bench = Bench::new().unwrap();
+    let settings = |order| {
+        PoleFitSettings::new(order)
+            .integrators(Integrators::Fixed(2))
+            .numerator(NumeratorDegree::StrictlyProper)
+    };
+    let mut group = c.benchmark_group("pole fit");
+
+    let estimate = bench.estimate(0.2, 5000).unwrap();
+    let six = settings(6).check().unwrap();
+    group.bench_function("5000 lines, order 6, covariance weights", |b| {
+        b.iter(|| fit(black_box(&estimate), bench.clock, &six).unwrap());
+    });
+
+    // The plant's denominator of order 6 and six more poles of a basis.
+    let model = bench.large_model(14).unwrap();
+    let frf = model.frequency_response(&bench.lines_hz(401)).unwrap();
+    let estimate = FrfEstimate::with_unit_covariance(frf, None).unwrap();
+    let twelve = settings(12).weighting(Weighting::Relative).check().unwrap();
+    group.bench_function("401 lines, order 12, relative weights", |b| {
+        b.iter(|| fit(black_box(&estimate), bench.clock, &twelve).unwrap());
+    });
+    group.finish();
+}
+
+fn basis_poles(c: &mut Criterion) {
+    let bench = Bench::new().unwrap();
+    let observed = bench.observed_poles(21).unwrap();
+    let mut group = c.benchmark_group("basis poles, 16 functions for 21 positions");
+    let settings = FkcmSettings::new(16).check().unwrap();
+    group.bench_function("fuzzy search, 8 starts", |b| {
+        b.iter(|| fkcm(black_box(&observed), &settings).unwrap());
+    });
+    let found = fkcm(&observed, &settings).unwrap().poles;
+    let polish = MinimaxSettings::default().check().unwrap();
+    group.bench_function("minimax descent, 4 starts", |b| {
+        b.iter(|| polish_minimax(black_box(&found), observed.as_slice(), &polish).unwrap());
+    });
+    group.finish();
+}
+
+fn short() -> Criterion {
+    Criterion::default()
+        .sample_size(10)
+        .warm_up_time(Duration::from_millis(300))
+        .measurement_time(Duration::from_secs(1))
+}
+
+criterion_group! {
+    name = benches;
+    config = short();
+    targets = pole_fit, basis_poles
+}
+criterion_main!(benches);

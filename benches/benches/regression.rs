@@ -1,0 +1,80 @@
+//! The regression of (13), the interpolations and leave-one-out.
+#![allow(missing_docs)] // The entry points that the harness generates have no documentation.
+#![allow(clippy::unwrap_used)] // An input that cannot be made ends the bench.
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use lpv_benches::Bench;
+use lpv_ident::{Interpolation, RegressionSettings, regress};
+use rayon::ThreadPoolBuilder;
+use std::hint::black_box;
+use std::time::Duration;
+
+const FUNCTIONS: usize = 16;
+const POSITIONS: usize = 21;
+
+fn regression(c: &mut Criterion) {
+    let bench = Bench::new().unwrap();
+    let basis = bench.basis(FUNCTIONS).unwrap();
+    let settings = RegressionSettings::new().diagonal_rigid_body(2).check().unwrap();
+    let pool = |threads| ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+
+    let mut group = c.benchmark_group("regression, one position");
+    for lines in [(1 << 11) - 1, (1 << 14) - 1] {
+        let estimates = [bench.estimate(0.2, lines).unwrap()];
+        group.throughput(Throughput::Elements(lines as u64));
+        group.bench_function(BenchmarkId::new("lines", lines), |b| {
+            b.iter(|| regress(black_box(&estimates), &basis, &settings).unwrap());
+        });
+    }
+    group.finish();
+
+    // With as few lines as the unknowns allow, what is left is the elimination of the gains, the condition numbers and
+    // the back-substitution.
+    let mut group = c.benchmark_group("regression, 21 positions");
+    let few = bench.estimates(POSITIONS, 31).unwrap();
+    group.bench_function("31 lines: elimination and back-substitution", |b| {
+        pool(1).install(|| b.iter(|| regress(black_box(&few), &basis, &settings).unwrap()));
+    });
+    let estimates = bench.estimates(POSITIONS, (1 << 14) - 1).unwrap();
+    for threads in [1, 2] {
+        group.bench_function(BenchmarkId::new("16383 lines, threads", threads), |b| {
+            pool(threads).install(|| b.iter(|| regress(black_box(&estimates), &basis, &settings).unwrap()));
+        });
+    }
+    group.finish();
+
+    let fits = regress(&bench.estimates(POSITIONS, 255).unwrap(), &basis, &settings).unwrap();
+    let kinds = [
+        Interpolation::Polynomial { order: 17 },
+        Interpolation::Chebyshev { order: 17 },
+        Interpolation::Spline,
+        Interpolation::Linear,
+        Interpolation::GaussianProcess { length_scale: 0.1 },
+    ];
+    let mut group = c.benchmark_group("interpolation, 21 positions");
+    for kind in kinds {
+        group.bench_function(kind.name(), |b| {
+            b.iter(|| fits.interpolate(black_box(kind)).unwrap())
+        });
+    }
+    group.finish();
+    let candidates = fits.candidates(19);
+    let name = format!("leave-one-out, {} candidates", candidates.len());
+    c.bench_function(&name, |b| {
+        b.iter(|| fits.leave_one_out(black_box(&candidates)).unwrap())
+    });
+}
+
+fn short() -> Criterion {
+    Criterion::default()
+        .sample_size(10)
+        .warm_up_time(Duration::from_millis(300))
+        .measurement_time(Duration::from_secs(1))
+}
+
+criterion_group! {
+    name = benches;
+    config = short();
+    targets = regression
+}
+criterion_main!(benches);

@@ -1,0 +1,108 @@
+//! Poles in, basis out: FKcM on the estimated poles, and the polish on what lies between them.
+
+use crate::PipelineError;
+use crate::config::{IdentifyConfig, Polish};
+use lpv_core::num_complex::Complex;
+use lpv_core::{BasisKind, Discrete, FunctionBasis};
+use obf_basis::{
+    FkcmResult, FkcmSettings, MinimaxResult, MinimaxSettings, OrthonormalBasis, PoleSet, fkcm,
+    kolmogorov_cost_db, polish_minimax,
+};
+use pole_fit::PoleFit;
+
+/// The basis.
+#[derive(Debug, Clone)]
+pub struct BasisStage {
+    /// What FKcM found on the estimated poles.
+    pub fkcm: FkcmResult,
+    /// What the minimax polish made of it.
+    pub polish: Option<MinimaxResult>,
+    /// The filters that are used.
+    pub basis: OrthonormalBasis,
+    /// n-width cost of these filters on the poles interpolated between the positions, in dB.
+    pub cost_db: f64,
+}
+
+impl BasisStage {
+    /// What a truncation to these filters leaves out, relative to the response: the n-width cost as a ratio.
+    pub fn model_error(&self) -> f64 {
+        10_f64.powf(self.cost_db / 20.0)
+    }
+}
+
+/// FKcM on the flexible poles of all positions, and the polish on the poles interpolated between them.
+///
+/// # Errors
+/// Poles on or outside the unit circle, and what FKcM refuses.
+pub fn choose_basis(
+    fits: &[PoleFit],
+    positions: &[f64],
+    clock: Discrete,
+    config: &IdentifyConfig,
+) -> Result<BasisStage, PipelineError> {
+    let observed = PoleSet::new(&fits.iter().flat_map(PoleFit::flexible_poles).collect::<Vec<_>>())?;
+    let settings = FkcmSettings::new(config.functions)
+        .fuzziness(config.fuzziness)
+        .seed(config.seed)
+        .check()?;
+    let chosen = fkcm(&observed, &settings)?;
+    let between = poles_between(fits, positions)?.unwrap_or_else(|| observed.as_slice().to_vec());
+    let polish = match config.polish {
+        Polish::None => None,
+        Polish::Minimax => {
+            let settings = MinimaxSettings::default().seed(config.seed).check()?;
+            Some(polish_minimax(&chosen.poles, &between, &settings)?)
+        }
+    };
+    let poles = polish.as_ref().map_or(&chosen.poles, |p| &p.poles);
+    let basis = OrthonormalBasis::takenaka_malmquist(poles, clock)?;
+    let cost_db = kolmogorov_cost_db(poles, &between)?;
+    Ok(BasisStage {
+        fkcm: chosen,
+        polish,
+        basis,
+        cost_db,
+    })
+}
+
+/// Points between two positions at which the poles are interpolated.
+const POINTS_BETWEEN: usize = 10;
+
+/// The pole loci on a dense grid: each mode's `ln z` by a cubic spline over the positions. `None` where the positions
+/// do not show the same modes.
+fn poles_between(fits: &[PoleFit], positions: &[f64]) -> Result<Option<Vec<Complex<f64>>>, PipelineError> {
+    let modes: Vec<Vec<Complex<f64>>> = fits
+        .iter()
+        .map(|f| {
+            f.flexible_poles()
+                .into_iter()
+                .filter(|z| z.im > 0.0)
+                .map(Complex::ln)
+                .collect()
+        })
+        .collect();
+    let count = modes[0].len();
+    let all_complex = fits.iter().all(|f| f.flexible_poles().len() == 2 * count);
+    if count == 0 || positions.len() < 4 || !all_complex || modes.iter().any(|m| m.len() != count) {
+        return Ok(None);
+    }
+    let spline = FunctionBasis::new(BasisKind::Spline {
+        knots: positions.to_vec(),
+    })?;
+    let intervals = POINTS_BETWEEN * (positions.len() - 1);
+    let (first, last) = (positions[0], positions[positions.len() - 1]);
+    let mut poles = Vec::with_capacity(2 * count * (intervals + 1));
+    for i in 0..=intervals {
+        let weights = spline.evaluate(&[first + (last - first) * i as f64 / intervals as f64]);
+        for mode in 0..count {
+            let z = weights
+                .iter()
+                .zip(&modes)
+                .map(|(w, m)| m[mode] * *w)
+                .sum::<Complex<f64>>()
+                .exp();
+            poles.extend([z, z.conj()]);
+        }
+    }
+    Ok(poles.iter().all(|z| z.norm() < 1.0).then_some(poles))
+}

@@ -1,0 +1,78 @@
+//! What can go wrong between a bundle and a model, and the exit code that says whose fault it was.
+
+use std::path::PathBuf;
+
+/// Every refusal of the pipeline.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PipelineError {
+    /// The bundle cannot be used.
+    #[error(transparent)]
+    Data(#[from] experiment_data::DataError),
+    /// The frequency responses cannot be estimated.
+    #[error(transparent)]
+    Frf(#[from] frf_estimation::FrfError),
+    /// The poles cannot be fitted.
+    #[error("{place}: {source}")]
+    Poles {
+        /// Position or record.
+        place: String,
+        /// What is wrong.
+        source: pole_fit::PoleFitError,
+    },
+    /// The basis cannot be chosen.
+    #[error(transparent)]
+    Basis(#[from] obf_basis::BasisError),
+    /// The regression or interpolation failed.
+    #[error(transparent)]
+    Ident(#[from] lpv_ident::IdentError),
+    /// The model cannot be realised.
+    #[error(transparent)]
+    Realize(#[from] lfr_realize::RealizeError),
+    /// A model or signal is inconsistent.
+    #[error(transparent)]
+    Core(#[from] lpv_core::CoreError),
+    /// A picture or page cannot be made.
+    #[error(transparent)]
+    Report(#[from] lpv_report::ReportError),
+    /// No record that this stage can use.
+    #[error(
+        "{bundle}: no periodic record with use = \"estimation\"; identification from frequency responses needs at least one"
+    )]
+    NoPeriodicRecords {
+        /// Name of the bundle.
+        bundle: String,
+    },
+    /// A time-invariant bundle was handed to a step that needs a scheduling variable, or the other way round.
+    #[error("{problem}")]
+    Structure {
+        /// What does not fit, and what to do.
+        problem: &'static str,
+    },
+    /// A configuration file that cannot be read.
+    #[error("{file}: {message}")]
+    Config {
+        /// The file.
+        file: PathBuf,
+        /// What the parser said, with line and column.
+        message: String,
+    },
+    /// A file that cannot be written.
+    #[error("{file}: {source}")]
+    Write {
+        /// The file.
+        file: PathBuf,
+        /// The system's word.
+        source: std::io::Error,
+    },
+}
+
+impl PipelineError {
+    /// 2 where the input or its use is at fault, 1 for anything else.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Write { .. } | Self::Report(_) => 1,
+            _ => 2,
+        }
+    }
+}

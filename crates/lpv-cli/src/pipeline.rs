@@ -1,0 +1,202 @@
+//! Frequency responses in, validated model out: the steps of the paper, in order. Nothing here knows where the data came
+//! from.
+
+use crate::PipelineError;
+use crate::basis::{BasisStage, choose_basis};
+use crate::config::{IdentifyConfig, Weighting};
+use crate::poles::{PoleStage, fit_poles};
+use lfr_realize::{Realization, realize};
+use lpv_core::{Discrete, FrfEstimate, Model, StateSpace};
+use lpv_ident::{Interpolation, LeaveOneOut, LocalFits, LpvObfModel, RegressionSettings, recommend, regress};
+
+/// A model of a machine that moves: every stage with its account.
+#[derive(Debug, Clone)]
+pub struct LpvStage {
+    /// Poles.
+    pub poles: PoleStage,
+    /// Basis.
+    pub basis: BasisStage,
+    /// Regression at every position.
+    pub fits: LocalFits,
+    /// Leave-one-out table; empty with fewer than four positions.
+    pub leave_one_out: Vec<LeaveOneOut>,
+    /// The model.
+    pub model: LpvObfModel,
+    /// Its LFR, where the interpolation has one.
+    pub realization: Option<Realization>,
+    /// Why each choice was made.
+    pub reasons: Vec<String>,
+}
+
+/// A model of a machine at one operating point.
+#[derive(Debug, Clone)]
+pub struct LtiStage {
+    /// Poles, numerators, and the scan.
+    pub poles: PoleStage,
+    /// State space of the fit.
+    pub model: StateSpace<Discrete>,
+}
+
+/// What identification delivers.
+#[derive(Debug, Clone)]
+pub enum Identified {
+    /// Several positions.
+    Lpv(Box<LpvStage>),
+    /// One position.
+    Lti(Box<LtiStage>),
+}
+
+impl Identified {
+    /// The model for the file: the LFR where there is one, else the series expansion; a state space for one position.
+    ///
+    /// # Errors
+    /// None for a model of this pipeline.
+    pub fn model(&self) -> Result<Model, PipelineError> {
+        Ok(match self {
+            Self::Lti(stage) => Model::DiscreteStateSpace(stage.model.clone()),
+            Self::Lpv(stage) => match &stage.realization {
+                Some(r) => Model::DiscreteLfr(r.lfr.clone()),
+                None => Model::SeriesExpansion(stage.model.series()?),
+            },
+        })
+    }
+
+    /// The choices in words.
+    pub fn reasons(&self) -> &[String] {
+        match self {
+            Self::Lpv(stage) => &stage.reasons,
+            Self::Lti(stage) => &stage.poles.reasons,
+        }
+    }
+}
+
+/// The whole chain from frequency responses at one or several positions.
+///
+/// # Errors
+/// Those of the stages.
+pub fn identify(
+    estimates: &[FrfEstimate],
+    clock: Discrete,
+    config: &IdentifyConfig,
+) -> Result<Identified, PipelineError> {
+    let poles = fit_poles(estimates, clock, config)?;
+    if estimates.len() == 1 {
+        let model = poles.fits[0].state_space()?;
+        return Ok(Identified::Lti(Box::new(LtiStage { poles, model })));
+    }
+    let positions: Vec<f64> = estimates.iter().map(|e| e.position().unwrap_or(0.0)).collect();
+    let mut reasons = poles.reasons.clone();
+    let basis = choose_basis(&poles.fits, &positions, clock, config)?;
+    reasons.push(format!(
+        "{} basis functions: FKcM reaches an n-width cost of {:.2} dB on the estimated poles{}",
+        basis.basis.functions(),
+        basis.fkcm.cost_db,
+        basis.polish.as_ref().map_or(String::new(), |p| format!(
+            "; between positions {:.2} dB, {:.2} dB after the minimax polish",
+            p.start_cost_db, p.cost_db
+        ))
+    ));
+    let fits = regress_on(estimates, &basis, poles.integrators, config)?;
+    let (leave_one_out, interpolation, why) = choose_interpolation(&fits, config)?;
+    reasons.push(why);
+    let model = fits.interpolate(interpolation)?;
+    let realization = if interpolation.is_polynomial() {
+        Some(realize(&model.series()?)?)
+    } else {
+        None
+    };
+    reasons.push(match &realization {
+        Some(r) => format!("exact LFR: {} states, {} deltas, {:?}", r.lfr.states(), r.lfr.delta_count(), r.well_posedness),
+        None => "no LFR: these coefficient functions are not polynomials; the model file holds the series expansion".to_owned(),
+    });
+    Ok(Identified::Lpv(Box::new(LpvStage {
+        poles,
+        basis,
+        fits,
+        leave_one_out,
+        model,
+        realization,
+        reasons,
+    })))
+}
+
+/// The regression on a basis: a rigid body in the diagonal channels where the machine has two integrators.
+///
+/// # Errors
+/// [`PipelineError::Structure`] for one integrator or more than two, which (13) does not have.
+pub fn regress_on(
+    estimates: &[FrfEstimate],
+    basis: &BasisStage,
+    integrators: usize,
+    config: &IdentifyConfig,
+) -> Result<LocalFits, PipelineError> {
+    let mut settings = RegressionSettings::new()
+        .model_error(config.model_error.unwrap_or_else(|| basis.model_error()))
+        .model_error(config.model_error.unwrap_or_else(|| basis.model_error()))
+        .weighting(match config.weighting {
+            Weighting::Covariance => lpv_ident::Weighting::Covariance,
+            Weighting::Relative => lpv_ident::Weighting::Relative,
+        });
+    match integrators {
+        0 => {}
+        2 => {
+            let frf = estimates.first().map(FrfEstimate::frf);
+            let channels = frf.map_or(0, |f| f.outputs().min(f.inputs()));
+            settings = settings.diagonal_rigid_body(channels);
+        }
+        _ => {
+            return Err(PipelineError::Structure {
+                problem: "the series expansion (13) has two integrators in a channel or none; set `integrators` to 0 or 2, or take velocity or position as output",
+            });
+        }
+    }
+    Ok(regress(estimates, basis.basis.state_space(), &settings.check()?)?)
+}
+
+/// Highest polynomial order that is tried.
+const MOST_ORDER: usize = 18;
+
+/// Leave-one-out costs within this factor of the best count as equal; the first of them in the table is taken.
+const SLACK: f64 = 1.05;
+
+fn choose_interpolation(
+    fits: &LocalFits,
+    config: &IdentifyConfig,
+) -> Result<(Vec<LeaveOneOut>, Interpolation, String), PipelineError> {
+    let positions = fits.positions().len();
+    if let Some(kind) = config.interpolation {
+        let interpolation = Interpolation::from(kind);
+        return Ok((
+            Vec::new(),
+            interpolation,
+            format!("interpolation: {} as asked", interpolation.name()),
+        ));
+    }
+    if positions < 4 {
+        let interpolation = Interpolation::Polynomial { order: positions - 1 };
+        let why = format!(
+            "interpolation: {}; too few positions to leave one out",
+            interpolation.name()
+        );
+        return Ok((Vec::new(), interpolation, why));
+    }
+    let table = fits.leave_one_out(&fits.candidates(MOST_ORDER))?;
+    let with_lfr: Vec<LeaveOneOut> = table
+        .iter()
+        .filter(|e| e.interpolation.is_polynomial())
+        .cloned()
+        .collect();
+    let chosen = recommend(&with_lfr, SLACK).ok_or(PipelineError::Structure {
+        problem: "leave-one-out gave no finite cost; check the positions",
+    })?;
+    let best = recommend(&table, 1.0).unwrap_or(chosen);
+    let why = format!(
+        "interpolation: {} (leave-one-out cost {:.3e} an equation; the best of all kinds is {} with {:.3e})",
+        chosen.interpolation.name(),
+        chosen.cost,
+        best.interpolation.name(),
+        best.cost
+    );
+    let interpolation = chosen.interpolation;
+    Ok((table, interpolation, why))
+}

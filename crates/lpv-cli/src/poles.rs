@@ -1,0 +1,208 @@
+//! Frequency responses in, poles at every position out: order and integrators chosen where they are not given.
+
+use crate::PipelineError;
+use crate::config::IdentifyConfig;
+use lpv_core::{Discrete, FrfEstimate};
+use pole_fit::{Integrators, NumeratorDegree, PoleFit, PoleFitSettings, Scan, fit, scan};
+use rayon::prelude::*;
+
+/// The poles at every position.
+#[derive(Debug, Clone)]
+pub struct PoleStage {
+    /// Order of the common denominator, integrators included.
+    pub order: usize,
+    /// Poles held at z = 1.
+    pub integrators: usize,
+    /// One fit a position.
+    pub fits: Vec<PoleFit>,
+    /// The scan that chose the order, where it was not given, at the middle position.
+    pub scan: Option<Scan>,
+    /// Why this order and these integrators.
+    pub reasons: Vec<String>,
+}
+
+/// Orders that are tried where none is given, beyond the integrators.
+const FLEXIBLE_ORDERS: [usize; 6] = [2, 4, 6, 8, 10, 12];
+
+/// Common-denominator fits at all positions.
+///
+/// # Errors
+/// [`PipelineError::Poles`] with the position.
+pub fn fit_poles(
+    estimates: &[FrfEstimate],
+    clock: Discrete,
+    config: &IdentifyConfig,
+) -> Result<PoleStage, PipelineError> {
+    let mut reasons = Vec::new();
+    let middle = estimates
+        .get(estimates.len() / 2)
+        .ok_or(PipelineError::Structure {
+            problem: "no frequency response was given; estimate at least one position first",
+        })?;
+    let integrators = config.integrators.unwrap_or_else(|| {
+        let (slope, count) = integrators_from_slope(middle);
+        reasons.push(format!(
+            "{count} integrators: |F| falls with the power {slope:.2} of frequency at the lowest lines"
+        ));
+        count
+    });
+    let kind = if integrators == 0 {
+        Integrators::Free
+    } else {
+        Integrators::Fixed(integrators)
+    };
+    let mut search = Search {
+        estimates,
+        clock,
+        order: config.order,
+        settings: PoleFitSettings::new(integrators + FLEXIBLE_ORDERS[0])
+            .integrators(kind)
+            .numerator(NumeratorDegree::StrictlyProper),
+        integrators,
+    };
+    let mut found = search.run(&mut reasons)?;
+    let misfit = found
+        .0
+        .iter()
+        .map(|f| f.account.cost / f.account.expected_cost)
+        .fold(0.0, f64::max);
+    if misfit > DISTORTED {
+        // Not noise but distortion or unmodelled dynamics is left: lines with little noise must not outweigh it.
+        let floor = found
+            .0
+            .iter()
+            .map(|f| f.account.relative_error_rms)
+            .fold(0.0, f64::max)
+            .min(0.3);
+        reasons.push(format!(
+            "what is left is {misfit:.0} times the noise: fitted again with a relative error of {:.1} % in the weights",
+            100.0 * floor
+        ));
+        search.settings = search.settings.relative_floor(floor);
+        found = search.run(&mut reasons)?;
+    }
+    let (fits, scan) = found;
+    let order = fits[0].account.order;
+    Ok(PoleStage {
+        order,
+        integrators,
+        fits,
+        scan,
+        reasons,
+    })
+}
+
+/// Cost over its expectation beyond which noise does not explain the residual.
+const DISTORTED: f64 = 10.0;
+
+/// Fits at all positions, with the order given or scanned.
+struct Search<'a> {
+    estimates: &'a [FrfEstimate],
+    clock: Discrete,
+    order: Option<usize>,
+    settings: PoleFitSettings,
+    integrators: usize,
+}
+
+impl Search<'_> {
+    fn run(&self, reasons: &mut Vec<String>) -> Result<(Vec<PoleFit>, Option<Scan>), PipelineError> {
+        let failed = |e: &FrfEstimate| {
+            let place = e
+                .position()
+                .map_or_else(|| "pole fit".to_owned(), |p| format!("pole fit at p = {p}"));
+            move |source| PipelineError::Poles { place, source }
+        };
+        let first = &self.estimates[0];
+        let checked = self.settings.clone().check().map_err(failed(first))?;
+        let mut scanned = None;
+        let order = match self.order {
+            Some(order) => order,
+            None => {
+                // The middle and both ends: a mode may be invisible at one of them.
+                let n = self.estimates.len();
+                let mut indices = vec![0, n / 2, n - 1];
+                indices.dedup();
+                let orders: Vec<usize> = FLEXIBLE_ORDERS.iter().map(|n| n + self.integrators).collect();
+                let scans = indices
+                    .par_iter()
+                    .map(|&i| {
+                        let few = thinned(&self.estimates[i]);
+                        scan(&few, self.clock, &checked, &orders).map_err(failed(&self.estimates[i]))
+                    })
+                    .collect::<Result<Vec<_>, _>>()?;
+                let each: Vec<usize> = scans.iter().map(|s| s.entries[parsimonious(s)].order).collect();
+                let chosen = each.iter().copied().max().unwrap_or(self.integrators + 2);
+                let each: Vec<String> = each.iter().map(ToString::to_string).collect();
+                reasons.push(format!(
+                    "order {chosen}: description length chooses {} at the positions tried",
+                    each.join(", ")
+                ));
+                scanned = scans.into_iter().nth(indices.len() / 2);
+                chosen
+            }
+        };
+        let checked = checked.with_order(order).map_err(failed(first))?;
+        let fits = self
+            .estimates
+            .par_iter()
+            .map(|e| fit(e, self.clock, &checked).map_err(failed(e)))
+            .collect::<Result<Vec<_>, _>>()?;
+        Ok((fits, scanned))
+    }
+}
+
+/// The order with the least description length when the noise level is not trusted: `N ln(cost) + k ln(N)`. Where a model
+/// reaches the noise, this agrees with the scan's own choice; where nonlinear distortion keeps the cost above the
+/// noise, it does not buy order after order to explain it.
+fn parsimonious(scan: &Scan) -> usize {
+    let length = |i: usize| {
+        let a = &scan.entries[i].fit.account;
+        let n = a.equations as f64;
+        n * (a.cost.max(f64::MIN_POSITIVE) / n).ln() + a.unknowns as f64 * n.ln()
+    };
+    (0..scan.entries.len())
+        .min_by(|&a, &b| length(a).total_cmp(&length(b)))
+        .unwrap_or(scan.chosen)
+}
+
+/// Most lines that the scan over orders uses.
+const SCAN_LINES: usize = 3000;
+
+fn thinned(estimate: &FrfEstimate) -> FrfEstimate {
+    let step = estimate.frf().len().div_ceil(SCAN_LINES);
+    estimate.select(|k, _| k % step == 0)
+}
+
+/// Power with which the diagonal falls over the lowest lines, and the number of integrators that it means.
+fn integrators_from_slope(estimate: &FrfEstimate) -> (f64, usize) {
+    let frf = estimate.frf();
+    let lowest = frf.len().min(8).max(2.min(frf.len()));
+    let first = usize::from(frf.frequencies_hz().first() == Some(&0.0));
+    if frf.len() < first + 2 {
+        return (0.0, 0);
+    }
+    let channels = frf.outputs().min(frf.inputs());
+    let size = |k: usize| {
+        (0..channels)
+            .map(|i| frf.line(k)[(i, i)].norm())
+            .fold(0.0, f64::max)
+            .ln()
+    };
+    // Least-squares slope of ln |F| over ln f.
+    let points: Vec<(f64, f64)> = (first..(first + lowest).min(frf.len()))
+        .map(|k| (frf.frequencies_hz()[k].ln(), size(k)))
+        .collect();
+    let n = points.len() as f64;
+    let (mx, my) = (
+        points.iter().map(|p| p.0).sum::<f64>() / n,
+        points.iter().map(|p| p.1).sum::<f64>() / n,
+    );
+    let covariance: f64 = points.iter().map(|p| (p.0 - mx) * (p.1 - my)).sum();
+    let variance: f64 = points.iter().map(|p| (p.0 - mx).powi(2)).sum();
+    let slope = if variance > 0.0 {
+        covariance / variance
+    } else {
+        0.0
+    };
+    (slope, (-slope).round().clamp(0.0, 4.0) as usize)
+}

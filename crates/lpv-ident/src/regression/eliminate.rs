@@ -1,0 +1,318 @@
+//! One position: whitened regressors, their triangular factor.
+//!
+//! The whitening factors are triangular, so the row of output r and input s holds only the coefficients of `W_i` in rows
+//! `a <= r` and columns `b <= s`. Rows of one channel are factorised with their own columns alone, and the small factors
+//! are joined at the end: with two inputs and outputs this takes 0.4 of the work of treating all rows alike, and the
+//! result is the same up to rounding.
+
+use super::rigid_response;
+use crate::triangle::Triangle;
+use crate::whiten::Whitening;
+use crate::{CheckedRegression, IdentError, RigidTerm, Weighting};
+use lpv_core::{Discrete, Frf, FrfEstimate, StateSpace};
+use nalgebra::DMatrix;
+use num_complex::Complex;
+use rayon::prelude::*;
+
+type C64 = Complex<f64>;
+
+/// Real rows, over all channels, that are gathered for each factorisation: large enough for blocked Householder steps,
+/// small enough for the cache.
+const BLOCK_ROWS: usize = 2048;
+
+/// Lines that one task of the filters' response takes.
+const CHUNK: usize = 1024;
+
+/// What one position leaves after its own coefficients are eliminated: `R22 c = r2`, and the residual.
+pub(super) struct Eliminated {
+    pub(super) position: f64,
+    /// The triangular factor of `[Phi_W, Phi_c, F]`, whitened.
+    pub(super) r: DMatrix<f64>,
+    pub(super) unknowns: usize,
+    pub(super) equations: usize,
+    pub(super) factorisations: usize,
+}
+
+/// Complex numbers of all lines as two planes, which lets products over lines run in vector registers.
+#[derive(Clone)]
+struct Planes {
+    re: Vec<f64>,
+    im: Vec<f64>,
+}
+
+impl Planes {
+    fn zeros(n: usize) -> Self {
+        Self {
+            re: vec![0.0; n],
+            im: vec![0.0; n],
+        }
+    }
+    fn collect(values: impl Iterator<Item = C64>) -> Self {
+        let (re, im) = values.map(|v| (v.re, v.im)).unzip();
+        Self { re, im }
+    }
+    fn set(&mut self, k: usize, v: C64) {
+        (self.re[k], self.im[k]) = (v.re, v.im);
+    }
+}
+
+/// The responses of the filters, and of the rigid body, on one set of lines.
+pub(super) struct Regressors {
+    frequencies_hz: Vec<f64>,
+    functions: Vec<Planes>,
+    rigid: Option<Planes>,
+}
+
+impl Regressors {
+    pub(super) fn new(
+        basis: &StateSpace<Discrete>,
+        has_rigid_body: bool,
+        frequencies_hz: Vec<f64>,
+    ) -> Result<Self, IdentError> {
+        let parts: Result<Vec<Frf>, _> = frequencies_hz
+            .par_chunks(CHUNK)
+            .map(|f| basis.frequency_response(f))
+            .collect();
+        // The whole list again on an error, so that the error counts its lines from the first.
+        let parts = parts.or_else(|_| basis.frequency_response(&frequencies_hz).map(|whole| vec![whole]))?;
+        let functions = (0..basis.outputs())
+            .map(|i| Planes::collect(parts.iter().flat_map(|part| part.channel(i, 0))))
+            .collect();
+        let rigid = has_rigid_body
+            .then(|| {
+                let phi_r = frequencies_hz.iter().map(|&f| rigid_response(basis.clock(), f));
+                Ok::<_, IdentError>(Planes::collect(phi_r.collect::<Result<Vec<_>, _>>()?.into_iter()))
+            })
+            .transpose()?;
+        Ok(Self {
+            frequencies_hz,
+            functions,
+            rigid,
+        })
+    }
+
+    pub(super) fn frequencies_hz(&self) -> &[f64] {
+        &self.frequencies_hz
+    }
+}
+
+fn kept(estimate: &FrfEstimate, settings: &CheckedRegression) -> Vec<usize> {
+    let frequencies = estimate.frf().frequencies_hz();
+    (0..frequencies.len())
+        .filter(|&k| settings.keeps(frequencies[k]))
+        .collect()
+}
+
+/// The lines that the settings keep, if they are enough.
+pub(super) fn kept_frequencies(
+    estimate: &FrfEstimate,
+    position: f64,
+    basis: &StateSpace<Discrete>,
+    settings: &CheckedRegression,
+) -> Result<Vec<f64>, IdentError> {
+    let frf = estimate.frf();
+    let channels = frf.outputs() * frf.inputs();
+    let lines = kept(estimate, settings);
+    let (equations, unknowns) = (2 * channels * lines.len(), channels * basis.outputs());
+    if equations < unknowns + settings.rigid_body().len() + 1 {
+        return Err(IdentError::TooFewLines {
+            position,
+            lines: lines.len(),
+            equations,
+            unknowns,
+        });
+    }
+    Ok(lines.iter().map(|&k| frf.frequencies_hz()[k]).collect())
+}
+
+/// Channel (r, s) of the whitened rows.
+struct Channel {
+    /// The entries (a, b) of the response that it mixes, with the mixing factor on every line.
+    parts: Vec<(usize, usize, Planes)>,
+}
+
+impl Channel {
+    /// The factor of a rigid-body term, if the channel has it.
+    fn factor(&self, term: RigidTerm) -> Option<&Planes> {
+        let part = |&&(a, b, _): &&(usize, usize, Planes)| (a, b) == (term.output, term.input);
+        self.parts.iter().find(part).map(|(_, _, factor)| factor)
+    }
+
+    /// The columns of this channel among all: coefficients as (input, output, function), then gains, then the response.
+    fn columns(&self, rigid_terms: &[RigidTerm], ny: usize, nu: usize, ng: usize) -> Vec<usize> {
+        let unknowns = ny * nu * ng;
+        let coefficients = self.parts.iter().flat_map(|&(a, b, _)| {
+            let first = (b * ny + a) * ng;
+            first..first + ng
+        });
+        let gains = (0..rigid_terms.len())
+            .filter(|&t| self.factor(rigid_terms[t]).is_some())
+            .map(|t| unknowns + t);
+        coefficients
+            .chain(gains)
+            .chain([unknowns + rigid_terms.len()])
+            .collect()
+    }
+}
+
+/// The whitened channels. Factors are triangular with covariance weights, diagonal otherwise.
+fn channels(
+    estimate: &FrfEstimate,
+    lines: &[usize],
+    position: f64,
+    weighting: Weighting,
+) -> Result<Vec<Channel>, IdentError> {
+    let (ny, nu) = (estimate.frf().outputs(), estimate.frf().inputs());
+    let mut channels = Vec::with_capacity(ny * nu);
+    for s in 0..nu {
+        for r in 0..ny {
+            let (first_a, first_b) = match weighting {
+                Weighting::Covariance => (0, 0),
+                Weighting::Relative | Weighting::Uniform => (r, s),
+            };
+            let parts = (first_b..=s)
+                .flat_map(|b| (first_a..=r).map(move |a| (a, b, Planes::zeros(lines.len()))))
+                .collect();
+            channels.push(Channel { parts });
+        }
+    }
+    let mut whitening = Whitening::new(ny, nu);
+    for (row, &k) in lines.iter().enumerate() {
+        whitening.set(estimate, k, weighting, position)?;
+        for (index, channel) in channels.iter_mut().enumerate() {
+            let (r, s) = (index % ny, index / ny);
+            for (a, b, factor) in &mut channel.parts {
+                factor.set(row, whitening.left(r, *a) * whitening.right(*b, s));
+            }
+        }
+    }
+    Ok(channels)
+}
+
+/// The triangular factor of one position.
+pub(super) fn eliminate(
+    estimate: &FrfEstimate,
+    position: f64,
+    regressors: &Regressors,
+    settings: &CheckedRegression,
+) -> Result<Eliminated, IdentError> {
+    let frf = estimate.frf();
+    let (ny, nu, ng) = (frf.outputs(), frf.inputs(), regressors.functions.len());
+    let rigid_terms = settings.rigid_body();
+    let lines = kept(estimate, settings);
+    let unknowns = ny * nu * ng;
+    let columns = unknowns + rigid_terms.len() + 1;
+    let block = (BLOCK_ROWS / (2 * ny * nu)).max(columns).min(lines.len());
+    let entries: Vec<Planes> = (0..ny * nu)
+        .map(|ab| Planes::collect(lines.iter().map(|&k| frf.line_slice(k)[ab])))
+        .collect();
+
+    let mut whole = Triangle::new(columns, (2 * block).max(columns));
+    let mut stacked = 0;
+    for channel in channels(estimate, &lines, position, settings.weighting())? {
+        let own = channel.columns(rigid_terms, ny, nu, ng);
+        let rows = Rows {
+            channel,
+            entries: &entries,
+            regressors,
+            rigid_terms,
+            outputs: ny,
+        };
+        if stacked > 0 && (own.len() == columns || stacked + own.len() > whole.block_rows()) {
+            whole.absorb(std::mem::take(&mut stacked));
+        }
+        if own.len() == columns {
+            rows.absorb_into(&mut whole, lines.len(), block);
+            continue;
+        }
+        let mut triangle = Triangle::new(own.len(), 2 * block);
+        rows.absorb_into(&mut triangle, lines.len(), block);
+        // Columns that the channel does not have are zero in its rows.
+        let below = stacked..stacked + own.len();
+        for j in 0..columns {
+            whole.column_mut(j)[below.clone()].fill(0.0);
+        }
+        for (j, &column) in own.iter().enumerate() {
+            whole.column_mut(column)[below.clone()].copy_from_slice(triangle.column(j));
+        }
+        stacked = below.end;
+    }
+    if stacked > 0 {
+        whole.absorb(stacked);
+    }
+    Ok(Eliminated {
+        position,
+        r: DMatrix::from_fn(columns, columns, |i, j| whole.column(j)[i]),
+        unknowns,
+        equations: 2 * ny * nu * lines.len(),
+        factorisations: lines.len().div_ceil(block),
+    })
+}
+
+/// The whitened rows of one channel over all lines.
+struct Rows<'a> {
+    channel: Channel,
+    /// The response by entry, column-major.
+    entries: &'a [Planes],
+    regressors: &'a Regressors,
+    rigid_terms: &'a [RigidTerm],
+    outputs: usize,
+}
+
+impl Rows<'_> {
+    fn absorb_into(&self, triangle: &mut Triangle, lines: usize, block: usize) {
+        let parts = &self.channel.parts;
+        for from in (0..lines).step_by(block.max(1)) {
+            let range = from..(from + block).min(lines);
+            let mut at = 0;
+            for (_, _, factor) in parts {
+                for phi_i in &self.regressors.functions {
+                    multiply(factor, phi_i, range.clone(), triangle.column_mut(at), Write::Set);
+                    at += 1;
+                }
+            }
+            for term in self.rigid_terms {
+                if let (Some(factor), Some(phi_r)) = (self.channel.factor(*term), &self.regressors.rigid) {
+                    multiply(factor, phi_r, range.clone(), triangle.column_mut(at), Write::Set);
+                    at += 1;
+                }
+            }
+            triangle.column_mut(at)[..2 * range.len()].fill(0.0);
+            for (a, b, factor) in parts {
+                let entry = &self.entries[b * self.outputs + a];
+                multiply(factor, entry, range.clone(), triangle.column_mut(at), Write::Add);
+            }
+            triangle.absorb(2 * range.len());
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Write {
+    Set,
+    Add,
+}
+
+/// The products of two planes over a range of lines: real parts, then imaginary parts. The order of rows does not matter
+/// to a least-squares problem.
+fn multiply(x: &Planes, y: &Planes, lines: std::ops::Range<usize>, out: &mut [f64], write: Write) {
+    let n = lines.len();
+    let (re, rest) = out.split_at_mut(n);
+    let im = &mut rest[..n];
+    let (xr, xi) = (&x.re[lines.clone()][..n], &x.im[lines.clone()][..n]);
+    let (yr, yi) = (&y.re[lines.clone()][..n], &y.im[lines][..n]);
+    match write {
+        Write::Set => {
+            for k in 0..n {
+                re[k] = xr[k] * yr[k] - xi[k] * yi[k];
+                im[k] = xr[k] * yi[k] + xi[k] * yr[k];
+            }
+        }
+        Write::Add => {
+            for k in 0..n {
+                re[k] += xr[k] * yr[k] - xi[k] * yi[k];
+                im[k] += xr[k] * yi[k] + xi[k] * yr[k];
+            }
+        }
+    }
+}

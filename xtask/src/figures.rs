@@ -2,7 +2,7 @@
 
 use crate::TaskError;
 use crate::experiment::{Bench, Measured};
-use crate::identification::{ObfStage, TestGrid};
+use crate::identification::{BAND_HZ, ObfStage, TestGrid};
 use crate::size::NOISE;
 use crate::time::TimeStage;
 use lpv_cli::PoleStage;
@@ -59,7 +59,7 @@ fn bode(title: &str, mut panel: impl FnMut(usize, usize, Panel) -> Panel) -> Fig
     for i in 0..2 {
         for j in 0..2 {
             let axes = Panel::new(Axis::log(FREQUENCY), Axis::log("Magnitude")).title(format!(
-                "u_{} to y_{}",
+                "u_{{{}}} to y_{{{}}}",
                 j + 1,
                 i + 1
             ));
@@ -76,7 +76,7 @@ fn plant(bench: &Bench, grid: &TestGrid) -> Result<Figure, TaskError> {
         .map(|&p| bench.truth(p, &grid.frequencies_hz))
         .collect::<Result<Vec<_>, _>>()?;
     Ok(bode("Fig. 3: the plant at four positions", |i, j, axes| {
-        truth.iter().zip(positions).enumerate().fold(axes, |axes, (n, (t, p))| {
+        truth.iter().zip(positions).enumerate().filter(|(_, (_, p))| i == j || *p != 0.0).fold(axes, |axes, (n, (t, p))| {
             axes.series(Series::line(magnitude(t, i, j)).label(format!("p = {p}")).colour(Colour::Index(n)))
         })
     })
@@ -122,7 +122,6 @@ fn pole_map(poles: &PoleStage, obf: &ObfStage, continuum: &[Complex<f64>]) -> Fi
     Figure::new("Poles over positions, and those of the basis")
         .panel(
             Panel::new(Axis::linear("Real part"), Axis::linear("Imaginary part"))
-                .equal_aspect()
                 .series(Series::line(arc).label("unit circle").colour(Colour::Bound))
                 .series(
                     Series::new(continuum.iter().filter_map(upper).collect(), Style::Dots)
@@ -136,7 +135,7 @@ fn pole_map(poles: &PoleStage, obf: &ObfStage, continuum: &[Complex<f64>]) -> Fi
                 )
                 .series(
                     Series::new(basis.iter().filter_map(upper).collect(), Style::Crosses)
-                        .label("basis, n_g = 16")
+                        .label("basis, n_{g} = 16")
                         .colour(Colour::Error),
                 ),
         )
@@ -147,7 +146,7 @@ fn coefficients(obf: &ObfStage) -> Result<Figure, TaskError> {
     let fits = obf.paper.fits();
     let dense: Vec<f64> = obf.paper.range().grid(241).into_iter().flatten().collect();
     let functions = fits.functions();
-    let mut figure = Figure::new("Fig. 6: coefficient functions from u_1 to y_1")
+    let mut figure = Figure::new("Fig. 6: coefficient functions from u_{1} to y_{1}")
         .columns(4)
         .share(Share::X);
     for i in 0..functions {
@@ -192,7 +191,7 @@ fn coefficients(obf: &ObfStage) -> Result<Figure, TaskError> {
         );
     }
     Ok(figure.plot_height(120.0).caption(
-        "Samples of W_i(p) from the regression, the paper's polynomial and the recommended interpolation.",
+        "Samples of W_{i}(p) from the regression, the paper's polynomial and the recommended interpolation.",
     ))
 }
 
@@ -209,7 +208,7 @@ fn model(obf: &ObfStage, grid: &TestGrid) -> Result<Figure, TaskError> {
             .series(Series::line(magnitude(&response, i, j)).label("model").colour(Colour::Model))
             .series(Series::new(magnitude(&grid.truth[0], i, j), Style::Dashed).label("plant").colour(Colour::Reference))
     })
-    .caption("n_g = 16. The error between model and plant is the truncation of the basis, not the noise, which leaves the dotted band."))
+    .caption("n_{g} = 16. The error between model and plant is the truncation of the basis, not the noise, which leaves the dotted band."))
 }
 
 fn over_positions(obf: &ObfStage, grid: &TestGrid) -> Result<Figure, TaskError> {
@@ -217,15 +216,19 @@ fn over_positions(obf: &ObfStage, grid: &TestGrid) -> Result<Figure, TaskError> 
         let responses = m.responses(&grid.positions, &grid.frequencies_hz)?;
         let mut points = Vec::with_capacity(responses.len());
         for ((r, t), &p) in responses.iter().zip(&grid.truth).zip(&grid.positions) {
-            points.push((p, r.relative_error(t)?.into_iter().fold(0.0, f64::max)));
+            let band = |f: &Frf| f.select(|_, f| f <= BAND_HZ);
+            points.push((
+                p,
+                band(r).relative_error(&band(t))?.into_iter().fold(0.0, f64::max),
+            ));
         }
         Ok(points)
     };
     let axes = Panel::new(
         Axis::linear("Position p"),
-        Axis::log("Largest relative error over frequency"),
+        Axis::log("Largest relative error over [0.01, 3]"),
     );
-    Ok(Figure::new("Frozen error over positions, n_g = 16")
+    Ok(Figure::new("Frozen error over positions, n_{g} = 16")
         .panel(
             axes.series(Series::new(curve(&obf.paper)?, Style::Dashed).label(obf.paper.interpolation().name()).colour(Colour::Error))
                 .series(Series::new(curve(&obf.chebyshev)?, Style::DashDot).label(obf.chebyshev.interpolation().name()).colour(Colour::Index(3)))
@@ -251,7 +254,7 @@ fn in_time(time: &TimeStage) -> Figure {
         let axis = |label: String| Panel::new(Axis::linear("Time"), Axis::linear(label));
         figure = figure
             .panel(
-                axis(format!("y_{} ({unit})", i + 1))
+                axis(format!("y_{{{}}} ({unit})", i + 1))
                     .series(
                         Series::line(xy(&mut y.iter().copied()))
                             .label("plant")
@@ -264,7 +267,7 @@ fn in_time(time: &TimeStage) -> Figure {
                     ),
             )
             .panel(
-                axis(format!("error of y_{} ({unit})", i + 1))
+                axis(format!("error of y_{{{}}} ({unit})", i + 1))
                     .series(
                         Series::new(error(&time.open), Style::Line)
                             .label("open loop")
@@ -284,7 +287,7 @@ fn in_time(time: &TimeStage) -> Figure {
             Panel::new(Axis::linear("Time"), Axis::linear("Position p"))
                 .series(Series::line(xy(&mut record.scheduling.columns[0].iter().copied())).colour(Colour::Reference)),
         )
-        .caption("Noise-free response of the plant to a step-like setpoint of y_1 while the carriage sweeps the range, and the errors of the LFR. The thin lines are three deviations of the measurement noise.")
+        .caption("Noise-free response of the plant to a step-like setpoint of y_{1} while the carriage sweeps the range, and the errors of the LFR. The thin lines are three deviations of the measurement noise.")
 }
 
 fn inter_sample(measured: &Measured) -> Figure {

@@ -191,7 +191,7 @@ impl TestGrid {
 
 /// The band of the rigid body and the modes, cycles per unit of time. Above it the plant falls towards its zero at Nyquist
 /// and into the noise, so that a relative error there says little.
-const BAND_HZ: f64 = 3.0;
+pub(crate) const BAND_HZ: f64 = 3.0;
 
 /// The two readings of the frozen error, at the measured positions and between them.
 #[derive(Debug, Clone, Serialize)]

@@ -117,7 +117,7 @@ fn headline(metrics: &Value, obf: &ObfError) -> String {
         "{:.1} s, {:.0} MiB, {:.1} million samples\n\
          FRF: noise-free error {:.1e}, coverage of the 95 % region {:.4}\n\
          poles: worst {:.5} % (paper 0.007 %)\n\
-         LPV-OBF, n_g = {}, {}: strict {:.1} dB, median {:.1} dB; at positions {:.1} dB, between {:.1} dB\n\
+         LPV-OBF over [0.01, 3], n_g = {}, {}: strict {:.1} dB, median {:.1} dB; at positions {:.1} dB, between {:.1} dB\n\
          LFR: {} states, {} deltas, differs by {:.1e}\n\
          time, multiples of the noise (y1, y2): open loop {:.1}, {:.1}; closed loop {:.1}, {:.1}",
         number("/wall_seconds"),
@@ -128,10 +128,10 @@ fn headline(metrics: &Value, obf: &ObfError) -> String {
         number("/poles/worst_abs_percent"),
         obf.functions,
         obf.interpolation,
-        obf.strict_max_db,
-        obf.median_db,
-        obf.at_positions.strict_max_db,
-        obf.between.strict_max_db,
+        obf.band.strict_max_db,
+        obf.band.median_db,
+        obf.band.at_positions.strict_max_db,
+        obf.band.between.strict_max_db,
         number("/lfr/states"),
         number("/lfr/deltas"),
         number("/lfr/direct_max_rel"),

@@ -1,5 +1,7 @@
 //! The paper's sizes, the frozen identity, the refusals.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up must fail")]
+
 use lfr_realize::{RealizeError, realize};
 use lpv_core::nalgebra::{DMatrix, DVector, dmatrix};
 use lpv_core::{

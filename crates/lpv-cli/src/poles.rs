@@ -113,7 +113,7 @@ impl Search<'_> {
             move |source| PipelineError::Poles { place, source }
         };
         let first = &self.estimates[0];
-        let checked = self.settings.clone().check().map_err(failed(first))?;
+        let checked = self.settings.check().map_err(failed(first))?;
         let mut scanned = None;
         let order = match self.order {
             Some(order) => order,

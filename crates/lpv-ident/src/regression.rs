@@ -3,7 +3,7 @@
 mod eliminate;
 
 use crate::model_error::with_model_error;
-use crate::triangle::Triangle;
+use crate::triangle::{Triangle, solve_upper};
 use crate::{CheckedRegression, IdentError, RigidTerm, Weighting};
 use eliminate::{Eliminated, Regressors, eliminate};
 use lpv_core::{Discrete, Frf, FrfEstimate, StateSpace};
@@ -326,13 +326,6 @@ fn back_substitute(
         r11,
         gain_response,
     })
-}
-
-pub(crate) fn solve_upper(r: &DMatrix<f64>, rhs: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    if r.is_empty() {
-        return Some(DMatrix::zeros(r.ncols(), rhs.ncols()));
-    }
-    r.solve_upper_triangular(rhs)
 }
 
 impl LocalFits {

@@ -3,6 +3,7 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::qr::no_pivoting::factor::{qr_in_place, qr_in_place_scratch};
 use faer::{Mat, MatMut, Par, Spec};
+use nalgebra::DMatrix;
 
 /// Columns of one blocked Householder step.
 const PANEL: usize = 16;
@@ -65,4 +66,12 @@ impl Triangle {
     pub(crate) fn column(&self, j: usize) -> &[f64] {
         &self.work[j * self.stride..j * self.stride + self.columns]
     }
+}
+
+/// Back-substitution; `None` where the diagonal has a zero.
+pub(crate) fn solve_upper(r: &DMatrix<f64>, rhs: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    if r.is_empty() {
+        return Some(DMatrix::zeros(r.ncols(), rhs.ncols()));
+    }
+    r.solve_upper_triangular(rhs)
 }

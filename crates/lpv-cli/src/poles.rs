@@ -51,13 +51,29 @@ pub fn fit_poles(
     } else {
         Integrators::Fixed(integrators)
     };
+    // A covariance from few periods scatters: averaged over neighbouring lines it becomes a usable weight.
+    let freedom = estimates
+        .iter()
+        .map(FrfEstimate::degrees_of_freedom)
+        .fold(f64::INFINITY, f64::min);
+    let smoothing = if freedom < ENOUGH_FREEDOM {
+        (ENOUGH_FREEDOM / freedom.max(1.0)).ceil() as usize
+    } else {
+        0
+    };
+    if smoothing > 0 {
+        reasons.push(format!(
+            "the FRF covariance has {freedom:.0} degrees of freedom: averaged over {smoothing} lines on either side as a weight"
+        ));
+    }
     let mut search = Search {
         estimates,
         clock,
         order: config.order,
         settings: PoleFitSettings::new(integrators + FLEXIBLE_ORDERS[0])
             .integrators(kind)
-            .numerator(NumeratorDegree::StrictlyProper),
+            .numerator(NumeratorDegree::StrictlyProper)
+            .smoothing_lines(smoothing),
         integrators,
     };
     let mut found = search.run(&mut reasons)?;
@@ -73,7 +89,7 @@ pub fn fit_poles(
             .iter()
             .map(|f| f.account.relative_error_rms)
             .fold(0.0, f64::max)
-            .min(0.3);
+            .clamp(1e-9, 0.1);
         reasons.push(format!(
             "what is left is {misfit:.0} times the noise: fitted again with a relative error of {:.1} % in the weights",
             100.0 * floor
@@ -91,6 +107,9 @@ pub fn fit_poles(
         reasons,
     })
 }
+
+/// Complex degrees of freedom of a covariance from which on it serves as a weight line by line.
+const ENOUGH_FREEDOM: f64 = 12.0;
 
 /// Cost over its expectation beyond which noise does not explain the residual.
 const DISTORTED: f64 = 10.0;

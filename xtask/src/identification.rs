@@ -268,7 +268,7 @@ pub(crate) struct ObfAccount {
     pub(crate) paper_polynomial: ObfError,
     /// Chebyshev interpolant of the same order: it has an LFR.
     pub(crate) chebyshev: ObfError,
-    /// From exact responses, relative weights, on poles that FKcM chose: the setting of the digest's prototype.
+    /// From exact responses, relative weights, on poles that FKcM chose: no noise, every line alike.
     pub(crate) noise_free: ObfError,
     /// Weighted cost over its expectation with the pure covariance as weight: how far above the noise the truncation is.
     pub(crate) cost_over_expected: f64,

@@ -66,7 +66,12 @@ pub enum Weighting {
 
 /// An interpolation that is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", tag = "kind")]
+#[serde(
+    rename_all = "kebab-case",
+    rename_all_fields = "kebab-case",
+    tag = "kind",
+    deny_unknown_fields
+)]
 pub enum InterpolationKind {
     /// Least-squares polynomial.
     Polynomial {

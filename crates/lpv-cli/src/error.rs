@@ -10,8 +10,13 @@ pub enum PipelineError {
     #[error(transparent)]
     Data(#[from] experiment_data::DataError),
     /// The frequency responses cannot be estimated.
-    #[error(transparent)]
-    Frf(#[from] frf_estimation::FrfError),
+    #[error("{place}: {source}")]
+    Frf {
+        /// Position and records.
+        place: String,
+        /// What is wrong.
+        source: frf_estimation::FrfError,
+    },
     /// The poles cannot be fitted.
     #[error("{place}: {source}")]
     Poles {
@@ -21,7 +26,9 @@ pub enum PipelineError {
         source: pole_fit::PoleFitError,
     },
     /// The basis cannot be chosen.
-    #[error(transparent)]
+    #[error(
+        "basis from the estimated poles: {0}; other values of `order`, `integrators` or `functions`, or more periods, may help"
+    )]
     Basis(#[from] obf_basis::BasisError),
     /// The regression or interpolation failed.
     #[error(transparent)]
@@ -58,7 +65,9 @@ pub enum PipelineError {
         message: String,
     },
     /// A file that cannot be written.
-    #[error("{file}: {source}")]
+    #[error(
+        "{file}: cannot be written: {source}; choose a file in a folder that exists and may be written to"
+    )]
     Write {
         /// The file.
         file: PathBuf,

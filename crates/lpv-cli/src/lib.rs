@@ -10,7 +10,7 @@
 //! - *reasons*: the choices that were made from the data, in words.
 //!
 //! # What it does not do
-//! It holds no mathematics: each step is one call of the crate that owns it, and no step is told whether the data is
+//! It solves no problem that a crate below owns; its own are the rules that choose. No step is told whether the data is
 //! simulated or measured. It simulates no machine; that is xytable-plant's, which the reproduction calls by itself.
 //!
 //! # Example

@@ -84,13 +84,18 @@ fn run(arguments: &Identify) -> Result<String, PipelineError> {
     }
 }
 
-/// Writes beside the target and renames, so that a failure leaves no half file.
+/// Writes beside the target and renames, so that a failure leaves neither half a file nor a spare one.
 fn write_whole(file: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
-    let part = file.with_extension("part");
     let refuse = |source| PipelineError::Write {
         file: file.to_owned(),
         source,
     };
-    std::fs::write(&part, bytes).map_err(refuse)?;
-    std::fs::rename(&part, file).map_err(refuse)
+    let mut part = file.as_os_str().to_owned();
+    part.push(format!(".{}.part", std::process::id()));
+    let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, file));
+    written.map_err(|source| {
+        // What cannot be removed was never written.
+        std::fs::remove_file(&part).ok();
+        refuse(source)
+    })
 }

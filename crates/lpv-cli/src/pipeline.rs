@@ -79,8 +79,20 @@ pub fn identify(
     clock: Discrete,
     config: &IdentifyConfig,
 ) -> Result<Identified, PipelineError> {
-    let poles = fit_poles(estimates, clock, config)?;
+    if estimates.len() > 1
+        && let Some(asked) = config.integrators
+    {
+        rigid_channels(asked, estimates)?;
+    }
+    let mut poles = fit_poles(estimates, clock, config)?;
     if estimates.len() == 1 {
+        let unstable = &poles.fits[0].account.unstable_poles;
+        if !unstable.is_empty() {
+            poles.reasons.push(format!(
+                "warning: {} pole(s) of the fit lie on or outside the unit circle; set `order` or use more periods",
+                unstable.len()
+            ));
+        }
         let model = poles.fits[0].state_space()?;
         return Ok(Identified::Lti(Box::new(LtiStage { poles, model })));
     }
@@ -132,25 +144,25 @@ pub fn regress_on(
 ) -> Result<LocalFits, PipelineError> {
     let mut settings = RegressionSettings::new()
         .model_error(config.model_error.unwrap_or_else(|| basis.model_error()))
-        .model_error(config.model_error.unwrap_or_else(|| basis.model_error()))
         .weighting(match config.weighting {
             Weighting::Covariance => lpv_ident::Weighting::Covariance,
             Weighting::Relative => lpv_ident::Weighting::Relative,
         });
-    match integrators {
-        0 => {}
-        2 => {
-            let frf = estimates.first().map(FrfEstimate::frf);
-            let channels = frf.map_or(0, |f| f.outputs().min(f.inputs()));
-            settings = settings.diagonal_rigid_body(channels);
-        }
-        _ => {
-            return Err(PipelineError::Structure {
-                problem: "the series expansion (13) has two integrators in a channel or none; set `integrators` to 0 or 2, or take velocity or position as output",
-            });
-        }
-    }
+    settings = settings.diagonal_rigid_body(rigid_channels(integrators, estimates)?);
     Ok(regress(estimates, basis.basis.state_space(), &settings.check()?)?)
+}
+
+/// Diagonal channels with a rigid body: all of them with two integrators, none without.
+fn rigid_channels(integrators: usize, estimates: &[FrfEstimate]) -> Result<usize, PipelineError> {
+    match integrators {
+        0 => Ok(0),
+        2 => Ok(estimates
+            .first()
+            .map_or(0, |e| e.frf().outputs().min(e.frf().inputs()))),
+        _ => Err(PipelineError::Structure {
+            problem: "the series expansion (13) has two integrators in a channel or none; set `integrators` to 0 or 2, or take velocity or position as output",
+        }),
+    }
 }
 
 /// Highest polynomial order that is tried.

@@ -39,7 +39,7 @@ pub fn fit_poles(
         .ok_or(PipelineError::Structure {
             problem: "no frequency response was given; estimate at least one position first",
         })?;
-    let integrators = config.integrators.unwrap_or_else(|| {
+    let mut integrators = config.integrators.unwrap_or_else(|| {
         let (slope, count) = integrators_from_slope(middle);
         reasons.push(format!(
             "{count} integrators: |F| falls with the power {slope:.2} of frequency at the lowest lines"
@@ -67,6 +67,7 @@ pub fn fit_poles(
         ));
     }
     let mut search = Search {
+        slack: 1.0,
         estimates,
         clock,
         order: config.order,
@@ -76,6 +77,7 @@ pub fn fit_poles(
             .smoothing_lines(smoothing),
         integrators,
     };
+    let before = reasons.len();
     let mut found = search.run(&mut reasons)?;
     let misfit = found
         .0
@@ -90,11 +92,23 @@ pub fn fit_poles(
             .map(|f| f.account.relative_error_rms)
             .fold(0.0, f64::max)
             .clamp(1e-9, 0.1);
+        reasons.truncate(before);
         reasons.push(format!(
             "what is left is {misfit:.0} times the noise: fitted again with a relative error of {:.1} % in the weights",
             100.0 * floor
         ));
         search.settings = search.settings.relative_floor(floor);
+        search.slack = DISTORTION_SLACK;
+        if estimates.len() == 1 && config.integrators.is_none() {
+            // Friction turns integrators into slow poles, and a direct term takes what the amplifier does to the phase.
+            reasons.push("integrators left free: friction may have moved them".to_owned());
+            integrators = 0;
+            search.integrators = 0;
+            search.settings = search
+                .settings
+                .integrators(Integrators::Free)
+                .numerator(NumeratorDegree::Proper);
+        }
         found = search.run(&mut reasons)?;
     }
     let (fits, scan) = found;
@@ -114,8 +128,13 @@ const ENOUGH_FREEDOM: f64 = 12.0;
 /// Cost over its expectation beyond which noise does not explain the residual.
 const DISTORTED: f64 = 10.0;
 
+/// Distortion is not to be bought order after order: the smallest order within this factor of the least cost is taken.
+const DISTORTION_SLACK: f64 = 1.5;
+
 /// Fits at all positions, with the order given or scanned.
 struct Search<'a> {
+    /// Orders whose cost is within this factor of the best count as equal; 1 leaves the choice to description length.
+    slack: f64,
     estimates: &'a [FrfEstimate],
     clock: Discrete,
     order: Option<usize>,
@@ -149,11 +168,14 @@ impl Search<'_> {
                         scan(&few, self.clock, &checked, &orders).map_err(failed(&self.estimates[i]))
                     })
                     .collect::<Result<Vec<_>, _>>()?;
-                let each: Vec<usize> = scans.iter().map(|s| s.entries[parsimonious(s)].order).collect();
+                let each: Vec<usize> = scans
+                    .iter()
+                    .map(|s| s.entries[parsimonious(s, self.slack)].order)
+                    .collect();
                 let chosen = each.iter().copied().max().unwrap_or(self.integrators + 2);
                 let each: Vec<String> = each.iter().map(ToString::to_string).collect();
                 reasons.push(format!(
-                    "order {chosen}: description length chooses {} at the positions tried",
+                    "order {chosen}: {} at the positions tried",
                     each.join(", ")
                 ));
                 scanned = scans.into_iter().nth(indices.len() / 2);
@@ -173,13 +195,24 @@ impl Search<'_> {
 /// The order with the least description length when the noise level is not trusted: `N ln(cost) + k ln(N)`. Where a model
 /// reaches the noise, this agrees with the scan's own choice; where nonlinear distortion keeps the cost above the
 /// noise, it does not buy order after order to explain it.
-fn parsimonious(scan: &Scan) -> usize {
+fn parsimonious(scan: &Scan, slack: f64) -> usize {
     let length = |i: usize| {
         let a = &scan.entries[i].fit.account;
         let n = a.equations as f64;
         n * (a.cost.max(f64::MIN_POSITIVE) / n).ln() + a.unknowns as f64 * n.ln()
     };
-    (0..scan.entries.len())
+    // A flexible machine has stable modes: an order whose fit has a pole outside has found something else.
+    let stable = |i: &usize| scan.entries[*i].fit.account.unstable_poles.is_empty();
+    let some_stable = (0..scan.entries.len()).any(|i| stable(&i));
+    let usable = || (0..scan.entries.len()).filter(|i| !some_stable || stable(i));
+    let cost = |i: usize| scan.entries[i].fit.account.cost;
+    let least = usable().map(cost).fold(f64::INFINITY, f64::min);
+    if slack > 1.0 {
+        return usable()
+            .find(|&i| cost(i) <= slack * least)
+            .unwrap_or(scan.chosen);
+    }
+    usable()
         .min_by(|&a, &b| length(a).total_cmp(&length(b)))
         .unwrap_or(scan.chosen)
 }

@@ -27,6 +27,9 @@ impl Responses {
 /// Positions closer than this part of the range belong to one experiment.
 const SAME_POSITION: f64 = 1e-3;
 
+/// And so do positions that differ by this part of the largest one: a mean of noisy samples.
+const JITTER: f64 = 1e-5;
+
 /// Estimates the frequency response at every position from the periodic estimation records.
 ///
 /// # Errors
@@ -60,16 +63,23 @@ pub fn estimate_bundle(bundle: &Bundle, skip_periods: Option<usize>) -> Result<R
         skip,
         ..PeriodicSettings::default()
     }
-    .check()?;
+    .check()
+    .map_err(|source| PipelineError::Frf {
+        place: "settings".to_owned(),
+        source,
+    })?;
     let groups = group(&records);
     let estimates = groups
         .into_par_iter()
         .map(|group| {
-            Ok(estimate_records(
-                &group.iter().collect::<Vec<_>>(),
-                clock,
-                &settings,
-            )?)
+            let names: Vec<&str> = group.iter().map(|r| r.name.as_str()).collect();
+            estimate_records(&group.iter().collect::<Vec<_>>(), clock, &settings).map_err(|source| {
+                let at = group[0]
+                    .position
+                    .map_or(String::new(), |p| format!("position {p}, "));
+                let place = format!("{at}records {}", names.join(", "));
+                PipelineError::Frf { place, source }
+            })
         })
         .collect::<Result<Vec<_>, PipelineError>>()?;
     let scheduled = !description.channels.scheduling.is_empty() || estimates.len() > 1;
@@ -84,7 +94,7 @@ pub fn estimate_bundle(bundle: &Bundle, skip_periods: Option<usize>) -> Result<R
 fn group(records: &[Record]) -> Vec<&[Record]> {
     let at = |r: &Record| r.position.unwrap_or(0.0);
     let width = records.last().map_or(0.0, at) - records.first().map_or(0.0, at);
-    records
-        .chunk_by(|a, b| (at(b) - at(a)).abs() <= SAME_POSITION * width)
-        .collect()
+    let largest = records.iter().map(|r| at(r).abs()).fold(0.0, f64::max);
+    let same = (SAME_POSITION * width).max(JITTER * largest);
+    records.chunk_by(|a, b| (at(b) - at(a)).abs() <= same).collect()
 }

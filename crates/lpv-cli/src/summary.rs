@@ -2,6 +2,7 @@
 
 use crate::validation::{FrozenError, decibel, frozen_error};
 use crate::{Identified, PipelineError, Responses};
+use lpv_core::FrfEstimate;
 use serde::Serialize;
 
 /// The figures of one identification.
@@ -13,6 +14,8 @@ pub struct Summary {
     pub lines: usize,
     /// Median over lines and positions of the stated relative deviation of the FRF, in percent.
     pub frf_noise_percent: f64,
+    /// The same by output: deviation of a row of the FRF over the size of the row, in percent.
+    pub frf_noise_by_output_percent: Vec<f64>,
     /// Order of the common denominator.
     pub order: usize,
     /// Poles held at z = 1.
@@ -111,6 +114,9 @@ impl Summary {
             positions: estimates.len(),
             lines: first.frf().len(),
             frf_noise_percent: 100.0 * noise,
+            frf_noise_by_output_percent: (0..first.frf().outputs())
+                .map(|output| 100.0 * row_noise(&estimates, output))
+                .collect(),
             frf_noise_db: decibel(noise),
             order: poles.order,
             integrators: poles.integrators,
@@ -122,7 +128,12 @@ impl Summary {
             frozen: frozen_error(&model, &truth)?,
             relative_rms_percent,
             cost_over_expected: cost,
-            reasons: identified.reasons().to_vec(),
+            reasons: identified
+                .reasons()
+                .iter()
+                .cloned()
+                .chain(noise_warning(noise))
+                .collect(),
         })
     }
 
@@ -161,4 +172,27 @@ impl Summary {
             self.cost_over_expected,
         )
     }
+}
+
+/// Median over lines and positions of `sqrt(C_ii tr(S)) / ||F_i||` for one output.
+fn row_noise(estimates: &[&FrfEstimate], output: usize) -> f64 {
+    let mut values = Vec::new();
+    for e in estimates {
+        for k in 0..e.frf().len() {
+            let variance = e.output_covariance(k)[(output, output)].re * e.input_factor(k).trace().re;
+            values.push(variance.max(0.0).sqrt() / e.frf().line(k).row(output).norm());
+        }
+    }
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// In words, where a frequency response is mostly noise.
+fn noise_warning(noise: f64) -> Option<String> {
+    (noise > 0.5).then(|| {
+        format!(
+            "warning: the FRF noise is {:.0} % in the median; check `period`, or use more periods or a stronger excitation",
+            100.0 * noise
+        )
+    })
 }

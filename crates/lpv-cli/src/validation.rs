@@ -54,11 +54,11 @@ pub fn frozen_error(model: &[Frf], truth: &[Frf]) -> Result<FrozenError, Pipelin
     })
 }
 
-/// Error by channel: largest and median of `|G_ij - F_ij| / max_k |F_ij|`, in decibels; relative to the channel's own size,
-/// since an off-diagonal channel may be zero at a line.
+/// Error by channel: largest and median of `|G_ij - F_ij| / ||F||_F` over lines and responses, in decibels; relative to the
+/// whole matrix at the line, since a single channel may be zero.
 ///
 /// # Errors
-/// Different lines or channels.
+/// Different lines or channels; a channel that does not exist.
 pub fn channel_error(
     model: &[Frf],
     truth: &[Frf],
@@ -68,17 +68,14 @@ pub fn channel_error(
     let mut all = Vec::new();
     for (g, f) in model.iter().zip(truth) {
         g.relative_error(f)?;
-        let (error, size): (Vec<f64>, Vec<f64>) = g
-            .channel(output, input)
-            .zip(f.channel(output, input))
-            .map(|(a, b)| ((a - b).norm(), b.norm()))
-            .unzip();
+        if output >= f.outputs() || input >= f.inputs() {
+            return Err(PipelineError::Structure {
+                problem: "error by channel: the responses have no such channel",
+            });
+        }
         all.extend(
-            error
-                .iter()
-                .zip(&size)
-                .filter(|(_, s)| **s > 0.0)
-                .map(|(e, s)| e / s),
+            (0..f.len())
+                .map(|k| (g.line(k)[(output, input)] - f.line(k)[(output, input)]).norm() / f.line(k).norm()),
         );
     }
     all.sort_by(f64::total_cmp);
@@ -183,7 +180,7 @@ fn simulate(
     Ok(outputs)
 }
 
-/// Root mean square of `simulated - recorded`, one value an output.
+/// Root mean square of `simulated - recorded` over the samples that both have, one value an output.
 pub fn rms_error(simulated: &DMatrix<f64>, record: &Record) -> Vec<f64> {
     record
         .outputs
@@ -194,10 +191,10 @@ pub fn rms_error(simulated: &DMatrix<f64>, record: &Record) -> Vec<f64> {
         .map(|(i, y)| {
             let sum: f64 = y
                 .iter()
-                .enumerate()
-                .map(|(k, y)| (simulated[(i, k)] - y).powi(2))
+                .zip(simulated.row(i).iter())
+                .map(|(y, s)| (s - y).powi(2))
                 .sum();
-            (sum / y.len().max(1) as f64).sqrt()
+            (sum / y.len().min(simulated.ncols()).max(1) as f64).sqrt()
         })
         .collect()
 }

@@ -34,6 +34,9 @@ pub enum Interpolation {
 /// Noise variance of the Gaussian process relative to the kernel's: keeps the kernel matrix invertible.
 const NUGGET: f64 = 1e-10;
 
+/// Highest order of a Chebyshev interpolant; far above what positions support, low enough for its LFR.
+const MOST_CHEBYSHEV: usize = 200;
+
 impl Interpolation {
     /// A short name for tables.
     pub fn name(&self) -> String {
@@ -96,6 +99,11 @@ impl Interpolation {
                 let map = f.svd(true, true).pseudo_inverse(1e-13).map_err(|_| singular)?;
                 Ok(InterpolationOperator { basis, map })
             }
+            Self::Chebyshev { order } if order > MOST_CHEBYSHEV => Err(IdentError::Setting {
+                name: "order",
+                value: order as f64,
+                problem: "a Chebyshev interpolant of a spline gains nothing beyond order 200",
+            }),
             Self::Chebyshev { order } => {
                 let spline = FunctionBasis::new(BasisKind::Spline {
                     knots: positions.to_vec(),

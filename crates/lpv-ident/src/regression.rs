@@ -358,7 +358,7 @@ impl LocalFits {
         let f = &self.fits[position];
         let n = f.r11.nrows();
         let inverse = solve_upper(&f.r11, &DMatrix::identity(n, n)).unwrap_or_else(|| DMatrix::zeros(n, n));
-        &inverse * inverse.transpose()
+        &inverse * inverse.transpose() * self.row_variance
             + &f.gain_response * &self.gain_covariance * f.gain_response.transpose()
     }
 

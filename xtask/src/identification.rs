@@ -277,6 +277,9 @@ pub(crate) struct ObfAccount {
 /// Lines of the tables over n_g: enough for the fit, few enough for 49 fits.
 const TABLE_LINES: usize = 1500;
 
+/// Basis functions of the paper's model.
+const FUNCTIONS: usize = 16;
+
 /// The models of Sec. IV-E at n_g = 16, and the table over n_g and interpolations.
 pub(crate) fn obf(
     bench: &Bench,
@@ -289,7 +292,7 @@ pub(crate) fn obf(
         polish: Polish::None,
         ..IdentifyConfig::default()
     };
-    let basis = choose_basis(&stage.fits, &bench.positions, bench.clock, &config)?;
+    let basis = choose_basis(&stage.fits, &bench.positions, bench.clock, FUNCTIONS, &config)?;
     let fits = regress_on(estimates, &basis, 2, &config)?;
     let leave_one_out = fits.leave_one_out(&candidates(&fits, bench.size.order))?;
     let best = recommend(&leave_one_out, 1.0)
@@ -399,10 +402,9 @@ fn table(
         let config = IdentifyConfig {
             seed: bench.seed,
             polish: Polish::None,
-            functions,
             ..IdentifyConfig::default()
         };
-        let basis = choose_basis(&stage.fits, &bench.positions, bench.clock, &config)?;
+        let basis = choose_basis(&stage.fits, &bench.positions, bench.clock, functions, &config)?;
         let fits = regress_on(estimates, &basis, 2, &config)?;
         let of_size = candidates(&fits, bench.size.order)
             .par_iter()

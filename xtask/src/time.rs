@@ -74,8 +74,8 @@ pub(crate) fn validate(bench: &Bench, lfr: &Lfr<Discrete>) -> Result<TimeStage, 
     let controller = controller(bench);
     let (sweep, integration_error) = moving_record(bench)?;
     let still = still_record(bench)?;
-    let open = open_loop(lfr, &sweep)?;
-    let closed = closed_loop(lfr, &controller, &sweep)?;
+    let open = open_loop(lfr, &sweep, None)?.outputs;
+    let closed = closed_loop(lfr, &controller, &sweep, None)?.outputs;
     let plant = SampledPlant(&bench.machine, bench.clock);
     let pair = |simulated: &DMatrix<f64>, record: &Record| TimeError::new(rms_error(simulated, record));
     let (o, c) = (pair(&open, &sweep), pair(&closed, &sweep));
@@ -85,9 +85,9 @@ pub(crate) fn validate(bench: &Bench, lfr: &Lfr<Discrete>) -> Result<TimeStage, 
         closed_loop_rms: two(&c.rms),
         open_loop_sweep_over_noise: two(&o.over_noise),
         closed_loop_over_noise: two(&c.over_noise),
-        closed_loop_constant_p: pair(&closed_loop(lfr, &controller, &still)?, &still),
-        plant_open_loop: pair(&open_loop(&plant, &sweep)?, &sweep),
-        plant_closed_loop: pair(&closed_loop(&plant, &controller, &sweep)?, &sweep),
+        closed_loop_constant_p: pair(&closed_loop(lfr, &controller, &still, None)?.outputs, &still),
+        plant_open_loop: pair(&open_loop(&plant, &sweep, None)?.outputs, &sweep),
+        plant_closed_loop: pair(&closed_loop(&plant, &controller, &sweep, None)?.outputs, &sweep),
         integration_error,
     };
     Ok(TimeStage {

@@ -1,4 +1,4 @@
-//! Converts a bundle to another record format: `convert <bundle> <new folder> <npz|csv|mat>`.
+//! Converts a bundle to another record format: `convert <bundle> <new folder> <npz|csv|mat|parquet>`.
 //! Without arguments it makes a small bundle in a temporary folder and converts that.
 
 use experiment_data::{Bundle, BundleWriter, DataError, Description, RecordFormat};

@@ -198,7 +198,10 @@ impl Bundle {
                 names.push(column);
             }
         }
-        let mut data: Vec<Option<Vec<f64>>> = columns::read(path, &names)?.into_iter().map(Some).collect();
+        let mut data: Vec<Option<Vec<f64>>> = columns::read_columns(path, &names)?
+            .into_iter()
+            .map(Some)
+            .collect();
         let mut uses: Vec<usize> = names
             .iter()
             .map(|n| {
@@ -260,7 +263,7 @@ impl Bundle {
                 let Ok(path) = self.record_path(index) else {
                     continue;
                 };
-                let Ok(columns) = columns::read(&path, &names) else {
+                let Ok(columns) = columns::read_columns(&path, &names) else {
                     continue;
                 };
                 for (k, column) in columns.iter().enumerate() {

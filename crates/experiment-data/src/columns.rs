@@ -2,6 +2,9 @@
 
 mod csv;
 mod npz;
+pub(crate) mod number;
+#[cfg_attr(not(feature = "parquet"), path = "columns/no_parquet.rs")]
+mod parquet;
 
 use crate::nearest::nearest;
 use crate::{DescriptionError, RecordError, mat};
@@ -10,8 +13,14 @@ use std::path::Path;
 pub(crate) use csv::lines_of_rows as csv_lines;
 pub(crate) use csv::write as write_csv;
 pub(crate) use npz::write as write_npz;
+pub(crate) use parquet::write as write_parquet;
 
-pub(crate) const SUPPORTED: &str = ".npz, .csv, .mat (v5)";
+/// The endings that can be read.
+pub(crate) const SUPPORTED: &str = if cfg!(feature = "parquet") {
+    ".npz, .csv, .parquet, .mat (v5 and v7.3)"
+} else {
+    ".npz, .csv, .mat (v5 and v7.3), and .parquet in a build with the feature `parquet`"
+};
 
 /// Kinds of record files, told apart by their ending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,8 +29,10 @@ pub enum RecordFormat {
     Npz,
     /// Header line, comma separated, decimal points.
     Csv,
-    /// MATLAB level 5, one vector a column; written uncompressed.
+    /// MATLAB, one vector a column; read in level 5 and version 7.3, written in level 5, uncompressed.
     Mat,
+    /// One column of doubles each, packed with snappy; in a build with the feature `parquet`.
+    Parquet,
 }
 
 impl RecordFormat {
@@ -31,7 +42,13 @@ impl RecordFormat {
             Self::Npz => ".npz",
             Self::Csv => ".csv",
             Self::Mat => ".mat",
+            Self::Parquet => ".parquet",
         }
+    }
+
+    /// Whether this build reads and writes it.
+    pub fn is_built_in(self) -> bool {
+        self != Self::Parquet || cfg!(feature = "parquet")
     }
 
     /// The kind of a file by its name; upper and lower case are the same.
@@ -43,9 +60,9 @@ impl RecordFormat {
             .extension()
             .map(|e| format!(".{}", e.to_string_lossy()));
         let ending = ending.unwrap_or_default();
-        [Self::Npz, Self::Csv, Self::Mat]
+        [Self::Npz, Self::Csv, Self::Mat, Self::Parquet]
             .into_iter()
-            .find(|f| f.ending().eq_ignore_ascii_case(&ending))
+            .find(|f| f.ending().eq_ignore_ascii_case(&ending) && f.is_built_in())
             .ok_or(DescriptionError::UnsupportedFormat {
                 ending,
                 supported: SUPPORTED,
@@ -53,21 +70,53 @@ impl RecordFormat {
     }
 }
 
-/// The named columns, in the order of the names.
-pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
-    match RecordFormat::of(&path.to_string_lossy()) {
-        Ok(RecordFormat::Npz) => npz::read(path, names),
-        Ok(RecordFormat::Csv) => csv::read(path, names),
-        Ok(RecordFormat::Mat) => mat::read(path, names),
-        Err(_) => Err(RecordError::UnsupportedFormat {
-            found: path
-                .extension()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned(),
-            supported: SUPPORTED,
-        }),
+/// A column of a record file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ColumnInfo {
+    /// Its name, as `columns` of a bundle's description would have it.
+    pub name: String,
+    /// Number of samples.
+    pub rows: u64,
+}
+
+/// The columns that a record file offers, in the order of the file: every vector of real numbers.
+///
+/// In `.mat` files the fields of structs have dotted names. Whatever else a file holds is left out: matrices, complex
+/// numbers, texts, cells, objects. A CSV column counts as numbers by its first row.
+///
+/// # Errors
+/// [`RecordError`] for a file that cannot be read or is damaged; the text does not repeat the path.
+pub fn list_columns(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
+    match format(path)? {
+        RecordFormat::Npz => npz::list(path),
+        RecordFormat::Csv => csv::list(path),
+        RecordFormat::Mat => mat::list(path),
+        RecordFormat::Parquet => parquet::list(path),
     }
+}
+
+/// The named columns of a record file, in the order of the names, as they are in the file: no scale is applied, and
+/// nothing is asked of the samples.
+///
+/// # Errors
+/// [`RecordError`] for a file or column that cannot be read; the text does not repeat the path.
+pub fn read_columns(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
+    match format(path)? {
+        RecordFormat::Npz => npz::read(path, names),
+        RecordFormat::Csv => csv::read(path, names),
+        RecordFormat::Mat => mat::read(path, names),
+        RecordFormat::Parquet => parquet::read(path, names),
+    }
+}
+
+fn format(path: &Path) -> Result<RecordFormat, RecordError> {
+    RecordFormat::of(&path.to_string_lossy()).map_err(|_| {
+        let ending = path.extension().unwrap_or_default().to_string_lossy();
+        RecordError::UnsupportedFormat {
+            found: format!("`.{ending}`"),
+            supported: SUPPORTED,
+        }
+    })
 }
 
 pub(crate) fn is_csv(path: &Path) -> bool {

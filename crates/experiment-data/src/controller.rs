@@ -219,7 +219,7 @@ mod tests {
         assert!(text(one(&[1.0], &[1.0], &[1.0], Some(0.0))).contains("controller.limit: limit 0"));
         let mut c = one(&[1.0], &[1.0], &[1.0], None);
         c.feedback_numerator.clear();
-        assert!(text(c).contains("coefficients for 0 loops"));
+        assert!(text(c).contains("a list of 0 polynomials for 1 inputs"));
     }
 
     proptest! {

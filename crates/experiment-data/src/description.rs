@@ -2,6 +2,7 @@
 
 use crate::{Controller, Geometry};
 use lpv_core::{Purpose, RecordKind};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The content of `experiment.toml`, format 1.
@@ -72,7 +73,8 @@ pub struct Channels {
 }
 
 /// Columns of one role.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 pub struct ChannelGroup {
     /// Column or variable names in the record files.
     pub columns: Vec<String>,
@@ -103,7 +105,7 @@ impl ChannelGroup {
 }
 
 /// `kind` of a record.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum EntryKind {
     /// Steady multisine, p constant.
@@ -113,7 +115,8 @@ pub enum EntryKind {
 }
 
 /// One `[[records]]` table.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 pub struct RecordEntry {
     /// File, relative to the bundle folder, inside it.
     pub file: String,
@@ -121,6 +124,7 @@ pub struct RecordEntry {
     pub kind: EntryKind,
     /// Samples a period: at least 2 for a periodic record, absent for a transient one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 2))]
     pub period: Option<usize>,
     /// Whether it may be fitted or is held out.
     #[serde(rename = "use", with = "PurposeName")]
@@ -144,9 +148,13 @@ impl RecordEntry {
     }
 }
 
-#[derive(Serialize, Deserialize)]
+/// `use` of a record.
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(remote = "Purpose", rename_all = "lowercase")]
+#[schemars(rename = "Use")]
 enum PurposeName {
+    /// May be fitted.
     Estimation,
+    /// Held out: never used to fit anything.
     Validation,
 }

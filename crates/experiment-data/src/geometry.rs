@@ -4,13 +4,15 @@ use crate::DescriptionError;
 use crate::description_check::{Fault, fault};
 use crate::key_path::KeyPath;
 use lpv_core::nalgebra::DMatrix;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Motor forces from the inputs and motor coordinates from the outputs, rigid.
 ///
 /// `F = (T_0 + p T_1 + p^2 T_2) u`, `q = C y`; rows are motors. In a bundle the sizes fit the channels; a value made by
 /// hand is checked when it is written.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 pub struct Geometry {
     /// `[T_0]`, `[T_0, T_1]` or `[T_0, T_1, T_2]`, each n_motors x n_u, rows first.
     pub force_from_input: Vec<Vec<Vec<f64>>>,

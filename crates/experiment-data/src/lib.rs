@@ -3,13 +3,15 @@
 //! A bundle is a folder with one `experiment.toml` and the record files that it names. A column `c` of a file holds
 //! the samples `c(k)`, `k = 0 .. N-1`, taken at `t = k T_s`, `T_s = 1 / sample_rate`. This crate reads the description,
 //! multiplies every column by the scale written there, `x(k) = scale * c(k)`, checks the result against every clause
-//! of the format, and hands out [`lpv_core::Record`]s, one at a time. [`BundleWriter`] goes the other way.
+//! of the format, and hands out [`lpv_core::Record`]s, one at a time. [`BundleWriter`] goes the other way;
+//! [`list_columns`] and [`read_columns`] look into a file that has no description yet, and [`schema`] is the description
+//! as a JSON Schema.
 //!
 //! # Glossary
 //!
 //! | term | meaning |
 //! |---|---|
-//! | bundle | folder with `experiment.toml` and record files (`.npz`, `.csv`, `.mat` v5) |
+//! | bundle | folder with `experiment.toml` and record files (`.npz`, `.csv`, `.parquet`, `.mat` v5 and v7.3) |
 //! | channel group | list of columns with one role: output y, input u, reference r, scheduling p, auxiliary |
 //! | periodic record | steady multisine, p constant, a whole number (two or more) of periods |
 //! | transient record | anything else |
@@ -21,8 +23,13 @@
 //! It knows no identification. It does not resample, detrend, align or repair: a number that is not finite, a clipped
 //! sensor or a moving scheduling signal is refused with its place, because a silent repair would end as a pole in some
 //! model. It does not look whether the periodic records at one position excite all inputs independently; that needs
-//! spectra and belongs to the FRF estimate. Parquet and MAT v7.3 (HDF5) are refused by name, see
-//! [`RecordError::UnsupportedFormat`] and [`DescriptionError::UnsupportedFormat`].
+//! spectra and belongs to the FRF estimate. It reads vectors of real numbers: matrices, complex numbers, texts, lists and
+//! times are refused by name, and so is Parquet in a build without the feature `parquet`, Parquet packed otherwise than
+//! with snappy, and HDF5 packed otherwise than MATLAB packs it.
+//!
+//! It believes no header. What a file claims to hold is compared with what a file of its size can hold, before memory is
+//! taken for it, so that a damaged file ends in an error and not in a lack of memory. Every message is shown in
+//! `docs/bad-input.md`.
 //!
 //! What counts as constant and as clipped is written at [`RecordError::Constant`] and [`RecordError::Clipped`].
 //!
@@ -56,16 +63,18 @@ mod description_check;
 mod error;
 mod geometry;
 mod key_path;
-mod mat;
+pub mod mat;
 mod nearest;
 mod paths;
+mod schema;
 mod toml_file;
 mod writer;
 
 pub use bundle::Bundle;
-pub use columns::RecordFormat;
+pub use columns::{ColumnInfo, RecordFormat, list_columns, read_columns};
 pub use controller::{Controller, ControllerState};
 pub use description::{ChannelGroup, Channels, Description, EntryKind, RecordEntry};
 pub use error::{DataError, DescriptionError, Place, RecordError, RecordPlace};
 pub use geometry::Geometry;
+pub use schema::schema;
 pub use writer::BundleWriter;

@@ -53,6 +53,7 @@ fn neighbours(path: &Path) -> Vec<String> {
     let mut names: Vec<String> = entries
         .take(10_000)
         .flatten()
+        .filter(|e| e.file_type().is_ok_and(|t| t.is_file()))
         .map(|e| e.file_name().to_string_lossy().into_owned())
         .collect();
     names.sort();

@@ -5,6 +5,7 @@ use crate::description_check::{Fault, check_entries, check_head, fault};
 use crate::key_path::{KeyPath, Step};
 use crate::nearest::nearest;
 use crate::{Controller, DataError, DescriptionError, Geometry, Place};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use toml::Spanned;
@@ -18,7 +19,7 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Description, DataError> {
             file: file.to_owned(),
             line,
             column,
-            message: e.message().to_owned(),
+            message: plain_words(e.message()),
         }
     };
     let table = DeTable::parse(text).map_err(|e| syntax(&e))?;
@@ -53,6 +54,23 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Description, DataError> {
     Ok(description)
 }
 
+/// What the parser says about types, for readers who do not know Rust.
+fn plain_words(message: &str) -> String {
+    [
+        ("missing field", "missing key"),
+        ("unknown variant", "unknown value"),
+        ("a sequence", "a list"),
+        ("expected usize", "expected a whole number, not negative"),
+        ("expected u32", "expected a whole number, not negative"),
+        ("expected f64", "expected a number"),
+        ("floating point", "fraction"),
+        ("invalid type: ", "found "),
+        ("invalid value: ", "found "),
+    ]
+    .iter()
+    .fold(message.to_owned(), |text, (from, to)| text.replace(from, to))
+}
+
 /// The error of a fault, with the line and column of its key.
 pub(crate) fn locate_in(file: &Path, text: &str, f: Fault) -> DataError {
     match DeTable::parse(text) {
@@ -79,44 +97,70 @@ pub(crate) fn print(d: &Description) -> Result<String, toml::ser::Error> {
     toml::to_string(&DescriptionFile::from_description(d))
 }
 
-/// The file's own layout.
-#[derive(Serialize, Deserialize)]
-struct DescriptionFile {
+/// An experiment bundle: what the record files hold, and how they were measured.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "experiment.toml, format 1", deny_unknown_fields)]
+pub(crate) struct DescriptionFile {
+    /// Version of the format.
+    #[schemars(extend("const" = 1))]
     format: u32,
+    /// Name of the experiment.
     name: String,
+    /// Samples a second, Hz.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     sample_rate: f64,
+    /// The columns and their roles.
     channels: ChannelsFile,
+    /// The loop that was closed; needed for closed-loop simulation.
     #[serde(skip_serializing_if = "Option::is_none")]
     controller: Option<ControllerFile>,
+    /// What lies between the logged channels and the motors.
     #[serde(skip_serializing_if = "Option::is_none")]
     geometry: Option<Geometry>,
+    /// The record files.
+    // The reader has a clearer word for a bundle without records.
     #[serde(default)]
+    #[schemars(required, length(min = 1))]
     records: Vec<RecordEntry>,
 }
 
-#[derive(Serialize, Deserialize)]
+/// Columns by role.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "Channels", deny_unknown_fields)]
 struct ChannelsFile {
+    /// Plant outputs y.
     output: ChannelGroup,
+    /// Plant inputs u.
     input: ChannelGroup,
+    /// Excitation or setpoints r.
     #[serde(default, skip_serializing_if = "ChannelGroup::is_empty")]
     reference: ChannelGroup,
+    /// Scheduling p; absent means that the machine is treated as LTI.
     #[serde(default, skip_serializing_if = "ChannelGroup::is_empty")]
     scheduling: ChannelGroup,
+    /// Other measured signals.
     #[serde(default, skip_serializing_if = "ChannelGroup::is_empty")]
     auxiliary: ChannelGroup,
 }
 
-#[derive(Serialize, Deserialize)]
+/// Digital controller, one loop an input: u = sat(B_r/A r - B_y/A y) + injection, coefficients of z^0, z^-1, ...
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "Controller", deny_unknown_fields)]
 struct ControllerFile {
+    /// B_r.
     reference_numerator: Coefficients,
+    /// B_y.
     feedback_numerator: Coefficients,
+    /// A; its first coefficient is not zero.
     denominator: Coefficients,
+    /// Saturation of |u| in scaled input units.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     limit: Option<f64>,
 }
 
 /// One list for all loops, or one a loop.
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(
     untagged,
     expecting = "expected a list of numbers, or one list of numbers a loop"
@@ -193,7 +237,7 @@ impl DescriptionFile {
 }
 
 /// The keys of each table; `*` stands for any index.
-const KEYS: [(&str, &[&str]); 11] = [
+pub(crate) const KEYS: [(&str, &[&str]); 11] = [
     (
         "",
         &[
@@ -274,7 +318,14 @@ fn unknown_key(table: &DeTable<'_>, pattern: &str, name: &str) -> Option<(usize,
 /// Points at the value, or at the nearest table around it that the file has.
 fn locate(file: &Path, text: &str, table: &DeTable<'_>, f: Fault) -> DataError {
     let mut here: Option<&Spanned<DeValue<'_>>> = None;
-    for step in &f.path.0 {
+    for (k, step) in f.path.0.iter().enumerate() {
+        // A list that serves all loops has no lists for each, which the key counts all the same.
+        if let (Step::Index(_), Some(Step::Index(_)), Some(DeValue::Array(items))) =
+            (step, f.path.0.get(k + 1), here.map(Spanned::get_ref))
+            && !items.iter().any(|v| matches!(v.get_ref(), DeValue::Array(_)))
+        {
+            continue;
+        }
         let next = match (step, here.map(Spanned::get_ref)) {
             (Step::Key(key), None) => table.get(*key),
             (Step::Key(key), Some(DeValue::Table(t))) => t.get(*key),

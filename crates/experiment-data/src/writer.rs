@@ -103,6 +103,7 @@ impl BundleWriter {
             RecordFormat::Npz => columns::write_npz(out, &names, &columns),
             RecordFormat::Csv => columns::write_csv(out, &names, &columns),
             RecordFormat::Mat => mat::write(out, &names, &columns),
+            RecordFormat::Parquet => columns::write_parquet(out, &names, &columns),
         }
         .and_then(|file: File| file.sync_all().map_err(RecordError::io("write")));
         if let Err(problem) = written {

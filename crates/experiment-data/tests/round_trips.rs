@@ -9,7 +9,12 @@ use lpv_core::{Purpose, Record, RecordKind, Signals};
 use proptest::prelude::*;
 use std::path::Path;
 
-const FORMATS: [RecordFormat; 3] = [RecordFormat::Npz, RecordFormat::Csv, RecordFormat::Mat];
+const FORMATS: [RecordFormat; 4] = [
+    RecordFormat::Npz,
+    RecordFormat::Csv,
+    RecordFormat::Mat,
+    RecordFormat::Parquet,
+];
 
 #[test]
 fn a_bundle_survives_each_format() {
@@ -127,7 +132,7 @@ fn what_cannot_be_read_is_not_written() {
     }
     refuse(
         &|r| r.outputs.columns[0][1] = f64::NAN,
-        "column `y`: 1 values are NaN",
+        "column `y` is NaN or infinite in rows 2",
     );
     refuse(&|r| r.outputs.columns[0] = vec![1.0; 4], "column `y` is constant");
     refuse(
@@ -148,7 +153,7 @@ fn what_cannot_be_read_is_not_written() {
     );
     refuse(
         &|r| r.kind = RecordKind::Periodic { period: 0 },
-        "period of 0 samples",
+        "`period` = 0; a period has",
     );
     refuse(
         &|r| r.position = Some(f64::INFINITY),
@@ -194,7 +199,7 @@ proptest! {
     #[test]
     fn any_finite_numbers_survive(
         rows in prop::collection::vec((any::<f64>(), any::<f64>()), 2..40),
-        which in 0usize..3,
+        which in 0usize..4,
     ) {
         let finite = |v: f64| if v.is_finite() { v } else { -0.0 };
         let y: Vec<f64> = rows.iter().map(|r| finite(r.0)).collect();
@@ -233,7 +238,7 @@ proptest! {
 
         let mut d = Description::new("t", rate, &["y"], &["u"]);
         d.channels.scheduling = ChannelGroup::new(&["p"]);
-        if let Ok(mut writer) = BundleWriter::create(&small.path().join("n"), d, FORMATS[cut % 3]) {
+        if let Ok(mut writer) = BundleWriter::create(&small.path().join("n"), d, FORMATS[cut % 4]) {
             let mut record = transient("a", vec![], vec![]);
             record.kind = RecordKind::Periodic { period };
             record.outputs.columns = columns.clone();

@@ -17,6 +17,8 @@
 //! *Any excitation* ([`local_polynomial`], [`local_rational`]). Response and transient are smooth, or have few poles, in a
 //! window of neighbouring lines, and are separated there by least squares.
 //!
+//! Before any model, [`multiple_coherence`] tells how much of each output the inputs explain at all.
+//!
 //! # Glossary
 //!
 //! - *line*: an integer multiple `k` of the inverse record or period length; *spectra* are `(1/N) sum x exp(-j 2 pi k t / N)`.
@@ -58,6 +60,7 @@
 //! ```
 
 mod accumulator;
+mod coherence;
 mod confidence;
 mod detection;
 mod error;
@@ -72,6 +75,7 @@ mod settings;
 mod spectra;
 
 pub use accumulator::{Layout, PeriodicAccumulator};
+pub use coherence::{Coherence, multiple_coherence};
 pub use confidence::{confidence_radius, f_quantile_2};
 pub use detection::DetectionLines;
 pub use error::FrfError;

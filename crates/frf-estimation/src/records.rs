@@ -5,7 +5,7 @@ use crate::{CheckedSettings, FrfError, Layout, PeriodicAccumulator, PeriodicEsti
 use lpv_core::{Clock, Discrete, PeriodBlock, Record, RecordKind, Signals};
 
 /// Factor above what the later periods show that a difference must exceed to be called a transient.
-const EXCESS: f64 = 1.2;
+const EXCESS: f64 = 1.5;
 /// Differences below this part of the signal's root mean square do not matter, whatever the later periods show.
 const FLOOR: f64 = 1e-9;
 
@@ -13,7 +13,7 @@ const FLOOR: f64 = 1e-9;
 ///
 /// Under [`SkipRule::Auto`] the last period is taken as settled. For each output and input, the mean square
 /// of the difference between a period and the last one is compared with its largest value over the second half of the
-/// record; every period of the first half up to the last one that is more than 20 % above is dropped, and as many from
+/// record; every period of the first half up to the last one that is more than 50 % above is dropped, and as many from
 /// every record, so that all keep their steady part. At most half of the periods are dropped.
 ///
 /// # Errors

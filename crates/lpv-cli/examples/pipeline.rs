@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let config = IdentifyConfig {
         order: Some(2),
         integrators: Some(0),
-        functions: 8,
+        functions: Some(8),
         ..IdentifyConfig::default()
     };
     let identified = identify(&estimates, clock, &config)?;

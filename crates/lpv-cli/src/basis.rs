@@ -38,10 +38,11 @@ pub fn choose_basis(
     fits: &[PoleFit],
     positions: &[f64],
     clock: Discrete,
+    functions: usize,
     config: &IdentifyConfig,
 ) -> Result<BasisStage, PipelineError> {
     let observed = PoleSet::new(&fits.iter().flat_map(PoleFit::flexible_poles).collect::<Vec<_>>())?;
-    let settings = FkcmSettings::new(config.functions)
+    let settings = FkcmSettings::new(functions)
         .fuzziness(config.fuzziness)
         .seed(config.seed)
         .check()?;

@@ -1,6 +1,7 @@
 //! Settings of the identification, with defaults that need no tuning.
 
 use crate::PipelineError;
+use crate::settings_file::read_settings;
 use lpv_ident::Interpolation;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -9,27 +10,32 @@ use std::path::Path;
 ///
 /// | setting | default | meaning |
 /// |---|---|---|
+/// | `structure` | `lpv` with several positions, else `lti` | what kind of model |
 /// | `skip-periods` | from the decay between periods | periods dropped as transient |
-/// | `order` | minimum description length | order of the common denominator, integrators included |
+/// | `order` | minimum description length | order of the common denominator, integrators included; states of a time-domain fit |
 /// | `integrators` | slope at the lowest lines | poles held at z = 1 |
-/// | `functions` | 16 | number of basis functions n_g |
+/// | `functions` | truncation a tenth of the FRF noise | number of basis functions n_g |
 /// | `fuzziness` | 35 | m of Fuzzy-Kolmogorov c-Max |
 /// | `polish` | `minimax` | what follows FKcM |
 /// | `weighting` | `covariance` | weights of the regression |
 /// | `model-error` | n-width cost of the basis | relative error of the truncated basis, added to the covariance |
 /// | `interpolation` | leave-one-out, among those with an exact LFR | coefficient functions |
+/// | `focus` | `simulation`, with integrators `prediction` | what a fit in the time domain minimises |
+/// | `hold-out` | 0 | last part of each transient estimation record that is not fitted but judged |
 /// | `seed` | 0 | of every random choice |
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct IdentifyConfig {
+    /// What kind of model.
+    pub structure: Option<Structure>,
     /// Periods dropped as transient.
     pub skip_periods: Option<usize>,
-    /// Order of the common denominator, fixed integrators included.
+    /// Order of the common denominator, fixed integrators included; number of states of a fit in the time domain.
     pub order: Option<usize>,
     /// Poles held at z = 1.
     pub integrators: Option<usize>,
     /// Number of basis functions.
-    pub functions: usize,
+    pub functions: Option<usize>,
     /// Fuzziness of FKcM.
     pub fuzziness: f64,
     /// What follows FKcM.
@@ -40,8 +46,34 @@ pub struct IdentifyConfig {
     pub model_error: Option<f64>,
     /// The coefficient functions.
     pub interpolation: Option<InterpolationKind>,
+    /// What a fit in the time domain minimises.
+    pub focus: Option<FitFocus>,
+    /// Last part of each transient estimation record that is held out of the fit and judged, 0 to below 1.
+    pub hold_out: f64,
     /// Seed of every random choice.
     pub seed: u64,
+}
+
+/// What kind of model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Structure {
+    /// LPV: orthonormal basis, coefficient functions of the position, LFR.
+    Lpv,
+    /// Time-invariant.
+    Lti,
+    /// Servo axes: mass or inertia, viscous friction and offset of each.
+    RigidBody,
+}
+
+/// What a fit in the time domain minimises.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FitFocus {
+    /// The error of the simulated output.
+    Simulation,
+    /// The error of the one-step prediction.
+    Prediction,
 }
 
 /// What follows FKcM.
@@ -109,31 +141,111 @@ impl From<InterpolationKind> for Interpolation {
 impl Default for IdentifyConfig {
     fn default() -> Self {
         Self {
+            structure: None,
             skip_periods: None,
             order: None,
             integrators: None,
-            functions: 16,
+            functions: None,
             fuzziness: 35.0,
             polish: Polish::Minimax,
             weighting: Weighting::Covariance,
             model_error: None,
             interpolation: None,
+            focus: None,
+            hold_out: 0.0,
             seed: 0,
         }
     }
 }
 
 impl IdentifyConfig {
-    /// Reads a TOML file; unknown keys are refused with their place.
+    /// Reads a TOML file; unknown keys are refused with their place and the nearest known one.
     ///
     /// # Errors
     /// [`PipelineError::Config`].
     pub fn read(file: &Path) -> Result<Self, PipelineError> {
-        let refuse = |message: String| PipelineError::Config {
-            file: file.to_owned(),
-            message,
-        };
-        let text = std::fs::read_to_string(file).map_err(|e| refuse(e.to_string()))?;
-        toml::from_str(&text).map_err(|e| refuse(e.to_string()))
+        let config: Self = read_settings(file)?;
+        if !(0.0..1.0).contains(&config.hold_out) {
+            return Err(PipelineError::Config {
+                file: file.to_owned(),
+                message: format!("`hold-out` is {}; give a part from 0 to below 1", config.hold_out),
+            });
+        }
+        Ok(config)
+    }
+
+    /// A file with every setting, what it means, and its default; where the data decides, the line is a comment with an
+    /// example.
+    pub fn template() -> &'static str {
+        TEMPLATE
+    }
+}
+
+/// Kept by a test against the fields and the defaults.
+const TEMPLATE: &str = r#"# Settings of `lpv identify`. A line that is commented out is decided from the data, and the program says why.
+
+# What kind of model: "lpv" (several positions), "lti", or "rigid-body" (mass or inertia, viscous friction, offset of each axis).
+# structure = "lpv"
+
+# Periods dropped at the start of each periodic record, until the transient is gone.
+# skip-periods = 2
+
+# Order of the common denominator, integrators included; for records without periods the number of states.
+# order = 8
+
+# Poles held at z = 1: 2 for a position that follows a force, 1 for a speed, 0 for a spring to ground.
+# integrators = 2
+
+# Number of orthonormal basis functions n_g.
+# functions = 16
+
+# Fuzziness m of Fuzzy-Kolmogorov c-Max, above 1.
+fuzziness = 35.0
+
+# What follows it: "minimax" (descent of the n-width cost, also between the positions) or "none".
+polish = "minimax"
+
+# Weights of the regression: "covariance" (of the frequency response) or "relative" (its size).
+weighting = "covariance"
+
+# Relative error of the truncated basis, added to the covariance; 0 gives the pure covariance.
+# model-error = 0.1
+
+# Coefficient functions: kind = "polynomial" or "chebyshev" with order, "spline", "linear", or "gaussian-process" with length-scale.
+# interpolation = { kind = "polynomial", order = 4 }
+
+# What a fit to records without periods minimises: "simulation" or "prediction" (needed for integrators and unstable plants).
+# focus = "simulation"
+
+# Last part of each such record that is not fitted but judged.
+hold-out = 0.0
+
+# Seed of every random choice.
+seed = 0
+"#;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_template_has_every_setting_and_the_defaults() {
+        let plain: IdentifyConfig = toml::from_str(TEMPLATE).unwrap();
+        assert_eq!(plain, IdentifyConfig::default());
+        // With every suggestion taken, each field is set and none is unknown.
+        let full = TEMPLATE
+            .lines()
+            .map(|l| {
+                l.strip_prefix("# ")
+                    .filter(|r| r.contains(" = ") && !r.contains(": "))
+                    .unwrap_or(l)
+            })
+            .collect::<Vec<_>>()
+            .join("\n");
+        let full: IdentifyConfig = toml::from_str(&full).unwrap();
+        let json = serde_json::to_value(&full).unwrap();
+        for (key, value) in json.as_object().unwrap() {
+            assert!(!value.is_null(), "{key} is not in the template");
+        }
     }
 }

@@ -39,14 +39,20 @@ pub enum PipelineError {
     /// A model or signal is inconsistent.
     #[error(transparent)]
     Core(#[from] lpv_core::CoreError),
+    /// The fit in the time domain failed.
+    #[error(transparent)]
+    Lti(#[from] lti_ident::LtiIdentError),
+    /// The simulated machine refuses its settings.
+    #[error(transparent)]
+    Plant(#[from] xytable_plant::PlantError),
     /// A picture or page cannot be made.
     #[error(transparent)]
     Report(#[from] lpv_report::ReportError),
     /// No record that this stage can use.
     #[error(
-        "{bundle}: no periodic record with use = \"estimation\"; identification from frequency responses needs at least one"
+        "{bundle}: no record with use = \"estimation\" that is periodic or rests at one position; identification from frequency responses needs at least one"
     )]
-    NoPeriodicRecords {
+    NoResponses {
         /// Name of the bundle.
         bundle: String,
     },
@@ -56,6 +62,35 @@ pub enum PipelineError {
         /// What does not fit, and what to do.
         problem: &'static str,
     },
+    /// A model of another sample time than the records.
+    #[error(
+        "the model has the sample time {model}, the records {records}; identify one at this rate, or convert the model"
+    )]
+    Clock {
+        /// Of the model.
+        model: f64,
+        /// Of the records.
+        records: f64,
+    },
+    /// A model file that cannot be read.
+    #[error("{file}: {problem}")]
+    Model {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong, and where.
+        problem: String,
+    },
+    /// A file that is to become a record and cannot.
+    #[error("{file}: {problem}")]
+    RecordFile {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A result that its file format cannot hold.
+    #[error("cannot be written in this format: {0}")]
+    Format(String),
     /// A configuration file that cannot be read.
     #[error("{file}: {message}")]
     Config {
@@ -80,8 +115,14 @@ impl PipelineError {
     /// 2 where the input or its use is at fault, 1 for anything else.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Write { .. } | Self::Report(_) => 1,
+            Self::Write { .. } | Self::Report(_) | Self::Format(_) => 1,
             _ => 2,
         }
+    }
+}
+
+impl From<serde_json::Error> for PipelineError {
+    fn from(e: serde_json::Error) -> Self {
+        Self::Format(e.to_string())
     }
 }

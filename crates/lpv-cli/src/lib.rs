@@ -30,17 +30,32 @@
 
 mod basis;
 mod config;
+pub mod convert;
 mod error;
+mod identify;
+pub mod inspect;
+mod model_file;
+pub mod new;
 mod pipeline;
 mod poles;
+mod progress;
+pub mod report;
 mod responses;
+mod settings_file;
+mod signal;
+pub mod simulate;
 mod summary;
+mod table;
 pub mod validation;
 
 pub use basis::{BasisStage, choose_basis};
-pub use config::{IdentifyConfig, InterpolationKind, Polish, Weighting};
+pub use config::{FitFocus, IdentifyConfig, InterpolationKind, Polish, Structure, Weighting};
 pub use error::PipelineError;
+pub use identify::{Outcome, Stages, identify_bundle};
+pub use model_file::{Identification, ModelFile, relative_folder, write_whole};
 pub use pipeline::{Identified, LpvStage, LtiStage, identify, regress_on};
 pub use poles::{PoleStage, fit_poles};
-pub use responses::{Responses, estimate_bundle};
-pub use summary::Summary;
+pub use progress::{Progress, silent};
+pub use responses::{Responses, estimate_bundle, estimate_local, estimate_periodic, load_records};
+pub use settings_file::{nearest_name, read_settings};
+pub use summary::{AxisSummary, FrequencySummary, HeldOut, LpvSummary, OrderRow, Summary, TimeSummary};

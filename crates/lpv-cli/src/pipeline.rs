@@ -5,8 +5,10 @@ use crate::PipelineError;
 use crate::basis::{BasisStage, choose_basis};
 use crate::config::{IdentifyConfig, Weighting};
 use crate::poles::{PoleStage, fit_poles};
+use crate::signal::median;
+use crate::validation::decibel;
 use lfr_realize::{Realization, realize};
-use lpv_core::{Discrete, FrfEstimate, Model, StateSpace};
+use lpv_core::{Discrete, FrfEstimate, Model, StateSpace, WellPosedness};
 use lpv_ident::{Interpolation, LeaveOneOut, LocalFits, LpvObfModel, RegressionSettings, recommend, regress};
 
 /// A model of a machine that moves: every stage with its account.
@@ -98,7 +100,10 @@ pub fn identify(
     }
     let positions: Vec<f64> = estimates.iter().map(|e| e.position().unwrap_or(0.0)).collect();
     let mut reasons = poles.reasons.clone();
-    let basis = choose_basis(&poles.fits, &positions, clock, config)?;
+    let basis = match config.functions {
+        Some(functions) => choose_basis(&poles.fits, &positions, clock, functions, config)?,
+        None => choose_size(estimates, &poles, &positions, clock, config, &mut reasons)?,
+    };
     reasons.push(format!(
         "{} basis functions: FKcM reaches an n-width cost of {:.2} dB on the estimated poles{}",
         basis.basis.functions(),
@@ -118,7 +123,12 @@ pub fn identify(
         None
     };
     reasons.push(match &realization {
-        Some(r) => format!("exact LFR: {} states, {} deltas, {:?}", r.lfr.states(), r.lfr.delta_count(), r.well_posedness),
+        Some(r) => format!(
+            "exact LFR: {} states, {} deltas, {}",
+            r.lfr.states(),
+            r.lfr.delta_count(),
+            well_posedness(&r.well_posedness)
+        ),
         None => "no LFR: these coefficient functions are not polynomials; the model file holds the series expansion".to_owned(),
     });
     Ok(Identified::Lpv(Box::new(LpvStage {
@@ -130,6 +140,63 @@ pub fn identify(
         realization,
         reasons,
     })))
+}
+
+fn well_posedness(found: &WellPosedness) -> String {
+    match found {
+        WellPosedness::Proven { margin } => {
+            format!("well-posed over the whole range, proven with a margin of {margin:.2}")
+        }
+        WellPosedness::Sampled { smallest } => {
+            format!("well-posed at all points tried, smallest reciprocal condition number {smallest:.1e}")
+        }
+        WellPosedness::Fails { p } => format!("not well-posed: singular at p = {p:?}"),
+    }
+}
+
+/// Numbers of basis functions that are tried where none is given.
+const SIZES: [usize; 6] = [4, 8, 12, 16, 20, 24];
+
+/// What the truncated basis leaves out should be this far below the noise of the responses: a tenth.
+const BELOW_NOISE_DB: f64 = 20.0;
+
+/// The smallest basis whose n-width cost lies well below the noise of the responses, or the largest tried.
+fn choose_size(
+    estimates: &[FrfEstimate],
+    poles: &PoleStage,
+    positions: &[f64],
+    clock: Discrete,
+    config: &IdentifyConfig,
+    reasons: &mut Vec<String>,
+) -> Result<BasisStage, PipelineError> {
+    let deviations: Vec<f64> = estimates
+        .iter()
+        .flat_map(|e| (0..e.frf().len()).map(|k| e.relative_deviation(k)))
+        .collect();
+    let noise_db = decibel(median(&deviations));
+    let mut tried = Vec::new();
+    let mut chosen: Option<BasisStage> = None;
+    for functions in SIZES {
+        let found = match choose_basis(&poles.fits, positions, clock, functions, config) {
+            Ok(found) => found,
+            // A size that one of the next can replace is no reason to stop.
+            Err(_) if functions != SIZES[SIZES.len() - 1] || chosen.is_some() => continue,
+            Err(refused) => return Err(refused),
+        };
+        tried.push(format!("{functions}: {:.1} dB", found.cost_db));
+        let enough = found.cost_db <= noise_db - BELOW_NOISE_DB;
+        chosen = Some(found);
+        if enough {
+            break;
+        }
+    }
+    reasons.push(format!(
+        "size of the basis: what it leaves out ({}) should be a tenth of the noise of the responses ({noise_db:.1} dB)",
+        tried.join(", ")
+    ));
+    chosen.ok_or(PipelineError::Structure {
+        problem: "no size of the basis could be tried; set `functions`",
+    })
 }
 
 /// The regression on a basis: a rigid body in the diagonal channels where the machine has two integrators.

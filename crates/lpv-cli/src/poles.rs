@@ -226,7 +226,7 @@ fn thinned(estimate: &FrfEstimate) -> FrfEstimate {
 }
 
 /// Power with which the diagonal falls over the lowest lines, and the number of integrators that it means.
-fn integrators_from_slope(estimate: &FrfEstimate) -> (f64, usize) {
+pub(crate) fn integrators_from_slope(estimate: &FrfEstimate) -> (f64, usize) {
     let frf = estimate.frf();
     let lowest = frf.len().min(8).max(2.min(frf.len()));
     let first = usize::from(frf.frequencies_hz().first() == Some(&0.0));

@@ -1,8 +1,11 @@
 //! Bundle in, one frequency response with covariance a position out.
 
 use crate::PipelineError;
+use crate::progress::{Counter, Progress};
 use experiment_data::Bundle;
-use frf_estimation::{PeriodicEstimate, PeriodicSettings, SkipRule, estimate_records};
+use frf_estimation::{
+    LocalSettings, PeriodicEstimate, PeriodicSettings, Regressor, SkipRule, estimate_records, local_rational,
+};
 use lpv_core::{Discrete, FrfEstimate, Purpose, Record, RecordKind};
 use rayon::prelude::*;
 
@@ -11,17 +14,10 @@ use rayon::prelude::*;
 pub struct Responses {
     /// The clock of the records.
     pub clock: Discrete,
-    /// The estimates with their accounts.
-    pub estimates: Vec<PeriodicEstimate>,
-    /// Whether the bundle has a scheduling channel.
-    pub scheduled: bool,
-}
-
-impl Responses {
-    /// The estimates alone.
-    pub fn frfs(&self) -> Vec<FrfEstimate> {
-        self.estimates.iter().map(|e| e.estimate.clone()).collect()
-    }
+    /// One estimate a position.
+    pub estimates: Vec<FrfEstimate>,
+    /// How they were made, in words.
+    pub reasons: Vec<String>,
 }
 
 /// Positions closer than this part of the range belong to one experiment.
@@ -30,71 +26,181 @@ const SAME_POSITION: f64 = 1e-3;
 /// And so do positions that differ by this part of the largest one: a mean of noisy samples.
 const JITTER: f64 = 1e-5;
 
-/// Estimates the frequency response at every position from the periodic estimation records.
+/// The records of a bundle for which `wanted` holds, by index, in the order of the bundle.
 ///
 /// # Errors
-/// [`PipelineError::NoPeriodicRecords`]; whatever is wrong with a record or an experiment.
-pub fn estimate_bundle(bundle: &Bundle, skip_periods: Option<usize>) -> Result<Responses, PipelineError> {
-    let description = bundle.description();
-    let clock = bundle.clock()?;
-    let wanted: Vec<usize> = (0..bundle.len())
-        .filter(|&i| {
-            let entry = &description.records[i];
-            entry.purpose == Purpose::Estimation && matches!(entry.record_kind(), RecordKind::Periodic { .. })
+/// What is wrong with the first record that cannot be read.
+pub fn load_records(
+    bundle: &Bundle,
+    wanted: impl Fn(usize) -> bool,
+    progress: Progress<'_>,
+) -> Result<Vec<Record>, PipelineError> {
+    let indices: Vec<usize> = (0..bundle.len()).filter(|&i| wanted(i)).collect();
+    let counter = Counter::new(progress, "reading records", indices.len());
+    let records = indices
+        .par_iter()
+        .map(|&i| {
+            let record = bundle.load(i);
+            counter.one();
+            record
         })
-        .collect();
-    if wanted.is_empty() {
-        return Err(PipelineError::NoPeriodicRecords {
-            bundle: description.name.clone(),
+        // Collected before the first error is taken, so that it is the first in the file and not in time.
+        .collect::<Vec<_>>();
+    Ok(records.into_iter().collect::<Result<Vec<_>, _>>()?)
+}
+
+/// Estimates the frequency response at every position: from the periodic estimation records, or, where there are none,
+/// from the transient ones at constant position by the local rational method.
+///
+/// # Errors
+/// [`PipelineError::NoResponses`]; whatever is wrong with a record or an experiment.
+pub fn estimate_bundle(
+    bundle: &Bundle,
+    skip_periods: Option<usize>,
+    progress: Progress<'_>,
+) -> Result<Responses, PipelineError> {
+    let entries = &bundle.description().records;
+    let periodic = |i: usize| matches!(entries[i].record_kind(), RecordKind::Periodic { .. });
+    let fitted = |i: usize| entries[i].purpose == Purpose::Estimation;
+    let clock = bundle.clock()?;
+    if (0..bundle.len()).any(|i| fitted(i) && periodic(i)) {
+        let mut records = load_records(bundle, |i| fitted(i) && periodic(i), progress)?;
+        let estimates = estimate_periodic(&mut records, clock, skip_periods, progress)?;
+        return Ok(Responses {
+            clock,
+            estimates: estimates.into_iter().map(|e| e.estimate).collect(),
+            reasons: Vec::new(),
         });
     }
-    let mut records = wanted
-        .par_iter()
-        .map(|&i| bundle.load(i))
-        .collect::<Result<Vec<Record>, _>>()?;
+    let mut records = load_records(bundle, fitted, progress)?;
+    records.iter_mut().for_each(rest_position);
+    if !bundle.description().channels.scheduling.is_empty() {
+        records.retain(|r| r.position.is_some());
+    }
+    if records.is_empty() {
+        return Err(PipelineError::NoResponses {
+            bundle: bundle.description().name.clone(),
+        });
+    }
+    let (estimates, reason) = estimate_local(&mut records, clock, progress)?;
+    Ok(Responses {
+        clock,
+        estimates,
+        reasons: vec![reason],
+    })
+}
+
+/// The FRF of periodic records by position; `records` are sorted by position and name.
+///
+/// # Errors
+/// [`PipelineError::Frf`] with the position and the records.
+pub fn estimate_periodic(
+    records: &mut [Record],
+    clock: Discrete,
+    skip_periods: Option<usize>,
+    progress: Progress<'_>,
+) -> Result<Vec<PeriodicEstimate>, PipelineError> {
+    let skip = skip_periods.map_or(SkipRule::Auto, SkipRule::Fixed);
+    let settings = PeriodicSettings::default()
+        .skip(skip)
+        .check()
+        .map_err(|source| PipelineError::Frf {
+            place: "settings".to_owned(),
+            source,
+        })?;
+    by_position(records, progress, |group| {
+        estimate_records(group, clock, &settings)
+    })
+}
+
+/// The FRF of transient records by position, by the local rational method, and the choice of its regressor in words.
+///
+/// # Errors
+/// [`PipelineError::Frf`] with the position and the records.
+pub fn estimate_local(
+    records: &mut [Record],
+    clock: Discrete,
+    progress: Progress<'_>,
+) -> Result<(Vec<FrfEstimate>, String), PipelineError> {
+    let moves = |r: &Record| {
+        r.references.channels() == r.inputs.channels()
+            && r.references.columns.iter().all(|c| c.iter().any(|v| *v != c[0]))
+    };
+    let references = records.iter().all(moves);
+    let regressor = if references {
+        Regressor::References
+    } else {
+        Regressor::Inputs
+    };
+    let settings = LocalSettings::default()
+        .regressor(regressor)
+        .check()
+        .map_err(|source| PipelineError::Frf {
+            place: "settings".to_owned(),
+            source,
+        })?;
+    let estimates = by_position(records, progress, |group| {
+        local_rational(group, clock, &settings).map(|e| e.estimate)
+    })?;
+    let reason = if references {
+        "no periodic records: local rational method, the references explain outputs and inputs".to_owned()
+    } else {
+        "no periodic records: local rational method from inputs to outputs; in closed loop the noise that is fed back biases it"
+            .to_owned()
+    };
+    Ok((estimates, reason))
+}
+
+/// Applies an estimator to the records of each position, in parallel.
+fn by_position<T: Send>(
+    records: &mut [Record],
+    progress: Progress<'_>,
+    estimate: impl Fn(&[&Record]) -> Result<T, frf_estimation::FrfError> + Sync,
+) -> Result<Vec<T>, PipelineError> {
     records.sort_by(|a, b| {
         a.position
             .unwrap_or(0.0)
             .total_cmp(&b.position.unwrap_or(0.0))
             .then_with(|| a.name.cmp(&b.name))
     });
-    let skip = skip_periods.map_or(SkipRule::Auto, SkipRule::Fixed);
-    let settings = PeriodicSettings {
-        skip,
-        ..PeriodicSettings::default()
-    }
-    .check()
-    .map_err(|source| PipelineError::Frf {
-        place: "settings".to_owned(),
-        source,
-    })?;
-    let groups = group(&records);
-    let estimates = groups
+    let groups = group(records);
+    let counter = Counter::new(progress, "frequency responses", groups.len());
+    groups
         .into_par_iter()
         .map(|group| {
-            let names: Vec<&str> = group.iter().map(|r| r.name.as_str()).collect();
-            estimate_records(&group.iter().collect::<Vec<_>>(), clock, &settings).map_err(|source| {
+            let found = estimate(&group.iter().collect::<Vec<_>>()).map_err(|source| {
+                let names: Vec<&str> = group.iter().map(|r| r.name.as_str()).collect();
                 let at = group[0]
                     .position
                     .map_or(String::new(), |p| format!("position {p}, "));
                 let place = format!("{at}records {}", names.join(", "));
                 PipelineError::Frf { place, source }
-            })
+            });
+            counter.one();
+            found
         })
-        .collect::<Result<Vec<_>, PipelineError>>()?;
-    let scheduled = !description.channels.scheduling.is_empty() || estimates.len() > 1;
-    Ok(Responses {
-        clock,
-        estimates,
-        scheduled,
-    })
+        .collect::<Vec<_>>()
+        .into_iter()
+        .collect()
 }
 
 /// Runs of records at the same position.
-fn group(records: &[Record]) -> Vec<&[Record]> {
+pub(crate) fn group(records: &[Record]) -> Vec<&[Record]> {
     let at = |r: &Record| r.position.unwrap_or(0.0);
     let width = records.last().map_or(0.0, at) - records.first().map_or(0.0, at);
     let largest = records.iter().map(|r| at(r).abs()).fold(0.0, f64::max);
     let same = (SAME_POSITION * width).max(JITTER * largest);
     records.chunk_by(|a, b| (at(b) - at(a)).abs() <= same).collect()
+}
+
+/// A transient record whose one scheduling signal rests is a record at that position.
+fn rest_position(record: &mut Record) {
+    if record.position.is_none()
+        && let [p] = record.scheduling.columns.as_slice()
+    {
+        let (low, high) = crate::signal::range(p);
+        if high - low <= SAME_POSITION * high.abs().max(low.abs()) {
+            record.position = Some(p.iter().sum::<f64>() / p.len() as f64);
+        }
+    }
 }

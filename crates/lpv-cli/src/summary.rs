@@ -1,13 +1,35 @@
 //! What a person and a program are told about an identification.
 
+mod time;
+
+pub use time::{AxisSummary, HeldOut, OrderRow, TimeSummary};
+
 use crate::validation::{FrozenError, decibel, frozen_error};
-use crate::{Identified, PipelineError, Responses};
-use lpv_core::FrfEstimate;
-use serde::Serialize;
+use crate::{Identified, PipelineError};
+use lpv_core::{Frf, FrfEstimate, Model};
+use serde::{Deserialize, Serialize};
 
 /// The figures of one identification.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
+    /// Kind of the model, in words.
+    pub model: String,
+    /// From frequency responses.
+    #[serde(flatten)]
+    pub frequency: Option<FrequencySummary>,
+    /// From records without periods.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time: Option<TimeSummary>,
+    /// Servo axes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub axes: Vec<AxisSummary>,
+    /// The choices, in words.
+    pub reasons: Vec<String>,
+}
+
+/// Figures of an identification from frequency responses.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FrequencySummary {
     /// Positions with an FRF.
     pub positions: usize,
     /// Lines of the first position.
@@ -33,8 +55,43 @@ pub struct Summary {
     pub cost_over_expected: f64,
     /// Median noise of the FRF in decibels, to set beside `frozen.median_db`.
     pub frf_noise_db: f64,
-    /// The choices, in words.
-    pub reasons: Vec<String>,
+    /// What the LPV stages found; none for one position.
+    pub lpv: Option<LpvSummary>,
+}
+
+/// Figures of the LPV stages.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LpvSummary {
+    /// Positions.
+    pub positions: Vec<f64>,
+    /// Modes at every position: frequency in cycles per unit of time, and damping ratio.
+    pub modes: Vec<Vec<[f64; 2]>>,
+    /// Number of basis functions.
+    pub functions: usize,
+    /// Name of the interpolation.
+    pub interpolation: String,
+    /// Leave-one-out cost an equation of the interpolations tried, by name.
+    pub leave_one_out: Vec<(String, f64)>,
+    /// States and deltas of the LFR, where there is one.
+    pub lfr: Option<[usize; 2]>,
+}
+
+/// Root mean square of the error relative to that of the response, over all responses and lines, by output, percent.
+pub(crate) fn relative_rms_percent(model: &[Frf], truth: &[Frf]) -> Vec<f64> {
+    (0..truth.first().map_or(0, Frf::outputs))
+        .map(|output| {
+            let (mut error, mut size) = (0.0, 0.0);
+            for (g, f) in model.iter().zip(truth) {
+                for input in 0..f.inputs() {
+                    for (a, b) in g.channel(output, input).zip(f.channel(output, input)) {
+                        error += (a - b).norm_sqr();
+                        size += b.norm_sqr();
+                    }
+                }
+            }
+            100.0 * (error / size).sqrt()
+        })
+        .collect()
 }
 
 impl Summary {
@@ -42,17 +99,15 @@ impl Summary {
     ///
     /// # Errors
     /// None for a model of these responses.
-    pub fn new(identified: &Identified, responses: &Responses) -> Result<Self, PipelineError> {
-        let estimates: Vec<_> = responses.estimates.iter().map(|e| &e.estimate).collect();
+    pub fn of_responses(identified: &Identified, estimates: &[FrfEstimate]) -> Result<Self, PipelineError> {
         let first = estimates.first().ok_or(PipelineError::Structure {
             problem: "there are no responses to compare with",
         })?;
-        let mut deviations: Vec<f64> = estimates
+        let deviations: Vec<f64> = estimates
             .iter()
             .flat_map(|e| (0..e.frf().len()).map(|k| e.relative_deviation(k)))
             .collect();
-        deviations.sort_by(f64::total_cmp);
-        let noise = deviations.get(deviations.len() / 2).copied().unwrap_or(f64::NAN);
+        let noise = crate::signal::median(&deviations);
         let (poles, model, cost) = match identified {
             Identified::Lti(stage) => {
                 let account = &stage.poles.fits[0].account;
@@ -78,20 +133,6 @@ impl Summary {
             }
         };
         let truth: Vec<_> = estimates.iter().map(|e| e.frf().clone()).collect();
-        let relative_rms_percent = (0..first.frf().outputs())
-            .map(|output| {
-                let (mut error, mut size) = (0.0, 0.0);
-                for (g, f) in model.iter().zip(&truth) {
-                    for input in 0..f.inputs() {
-                        for (a, b) in g.channel(output, input).zip(f.channel(output, input)) {
-                            error += (a - b).norm_sqr();
-                            size += b.norm_sqr();
-                        }
-                    }
-                }
-                100.0 * (error / size).sqrt()
-            })
-            .collect();
         let middle = &poles.fits[poles.fits.len() / 2];
         let band = |f: f64| {
             let lines = first.frf().frequencies_hz();
@@ -109,25 +150,45 @@ impl Summary {
                 resonance = Some((height, mode.frequency_hz));
             }
         }
-        Ok(Self {
+        let frequency = FrequencySummary {
             resonance_hz: resonance.map(|r| r.1),
             positions: estimates.len(),
             lines: first.frf().len(),
             frf_noise_percent: 100.0 * noise,
             frf_noise_by_output_percent: (0..first.frf().outputs())
-                .map(|output| 100.0 * row_noise(&estimates, output))
+                .map(|output| 100.0 * row_noise(estimates, output))
                 .collect(),
             frf_noise_db: decibel(noise),
             order: poles.order,
             integrators: poles.integrators,
-            modes: middle
-                .modes()
-                .iter()
-                .map(|m| [m.frequency_hz, m.damping])
-                .collect(),
+            modes: pole_modes(middle),
             frozen: frozen_error(&model, &truth)?,
-            relative_rms_percent,
+            relative_rms_percent: relative_rms_percent(&model, &truth),
             cost_over_expected: cost,
+            lpv: match identified {
+                Identified::Lti(_) => None,
+                Identified::Lpv(stage) => Some(LpvSummary {
+                    positions: stage.fits.positions().to_vec(),
+                    modes: stage.poles.fits.iter().map(pole_modes).collect(),
+                    functions: stage.fits.functions(),
+                    interpolation: stage.model.interpolation().name().to_owned(),
+                    leave_one_out: stage
+                        .leave_one_out
+                        .iter()
+                        .map(|e| (e.interpolation.name().to_owned(), e.cost))
+                        .collect(),
+                    lfr: stage
+                        .realization
+                        .as_ref()
+                        .map(|r| [r.lfr.states(), r.lfr.delta_count()]),
+                }),
+            },
+        };
+        Ok(Self {
+            model: crate::convert::describe(&identified.model()?),
+            frequency: Some(frequency),
+            time: None,
+            axes: Vec::new(),
             reasons: identified
                 .reasons()
                 .iter()
@@ -137,21 +198,58 @@ impl Summary {
         })
     }
 
+    pub(crate) fn of_time(model: &Model, time: TimeSummary, reasons: Vec<String>) -> Self {
+        Self {
+            model: crate::convert::describe(model),
+            frequency: None,
+            time: Some(time),
+            axes: Vec::new(),
+            reasons,
+        }
+    }
+
+    pub(crate) fn of_axes(model: &Model, axes: Vec<AxisSummary>, reasons: Vec<String>) -> Self {
+        Self {
+            model: crate::convert::describe(model),
+            frequency: None,
+            time: None,
+            axes,
+            reasons,
+        }
+    }
+
     /// The summary in words.
     pub fn text(&self) -> String {
-        let modes: Vec<String> = self
-            .modes
-            .iter()
-            .map(|[f, d]| format!("  {f:.5} cycles per unit of time, damping {d:.4}"))
-            .collect();
-        let rms: Vec<String> = self
-            .relative_rms_percent
-            .iter()
-            .map(|e| format!("{e:.2} %"))
-            .collect();
+        let mut parts = vec![self.model.clone()];
+        parts.extend(self.reasons.iter().map(|r| format!("- {r}")));
+        parts.extend(self.frequency.as_ref().map(FrequencySummary::text));
+        parts.extend(self.time.as_ref().map(TimeSummary::text));
+        parts.extend(self.axes.iter().map(AxisSummary::text));
+        parts.join("\n")
+    }
+}
+
+fn pole_modes(fit: &pole_fit::PoleFit) -> Vec<[f64; 2]> {
+    fit.modes().iter().map(|m| [m.frequency_hz, m.damping]).collect()
+}
+
+fn mode_lines(modes: &[[f64; 2]]) -> String {
+    let lines: Vec<String> = modes
+        .iter()
+        .map(|[f, d]| format!("  {f:.5} cycles per unit of time, damping {d:.4}"))
+        .collect();
+    lines.join("\n")
+}
+
+fn percents(values: &[f64]) -> String {
+    let texts: Vec<String> = values.iter().map(|e| format!("{e:.2} %")).collect();
+    texts.join(", ")
+}
+
+impl FrequencySummary {
+    fn text(&self) -> String {
         format!(
             "{} position(s), {} lines, FRF noise {:.2} % in the median ({:.1} dB)\n\
-             {}\n\
              modes at the middle position:\n{}\n\
              frozen error against the FRF: largest {:.1} dB (at {:.4}), median {:.1} dB; rms by output {}\n\
              weighted cost over its expectation: {:.3}",
@@ -159,23 +257,18 @@ impl Summary {
             self.lines,
             self.frf_noise_percent,
             self.frf_noise_db,
-            self.reasons
-                .iter()
-                .map(|r| format!("- {r}"))
-                .collect::<Vec<_>>()
-                .join("\n"),
-            modes.join("\n"),
+            mode_lines(&self.modes),
             self.frozen.strict_max_db,
             self.frozen.worst_frequency_hz,
             self.frozen.median_db,
-            rms.join(", "),
+            percents(&self.relative_rms_percent),
             self.cost_over_expected,
         )
     }
 }
 
 /// Median over lines and positions of `sqrt(C_ii tr(S)) / ||F_i||` for one output.
-fn row_noise(estimates: &[&FrfEstimate], output: usize) -> f64 {
+fn row_noise(estimates: &[FrfEstimate], output: usize) -> f64 {
     let mut values = Vec::new();
     for e in estimates {
         for k in 0..e.frf().len() {
@@ -183,8 +276,7 @@ fn row_noise(estimates: &[&FrfEstimate], output: usize) -> f64 {
             values.push(variance.max(0.0).sqrt() / e.frf().line(k).row(output).norm());
         }
     }
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    crate::signal::median(&values)
 }
 
 /// In words, where a frequency response is mostly noise.

@@ -1,10 +1,10 @@
 //! Models as JSON, with a schema that says which version it is.
 
 use crate::{
-    Clock, Continuous, CoreError, DeltaBlock, Discrete, FunctionBasis, Lfr, LfrBlocks, LpvStateSpace,
-    MatrixFunction, SchedulingRange, SeriesExpansion, StateSpace,
+    Clock, Continuous, CoreError, DeltaBlock, Discrete, FunctionBasis, InnovationModel, Lfr, LfrBlocks,
+    LpvStateSpace, MatrixFunction, RigidBody, RigidBodyAxis, SchedulingRange, SeriesExpansion, StateSpace,
 };
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use serde::de::{DeserializeOwned, Error as _};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -30,6 +30,10 @@ pub enum Model {
     ContinuousLfr(Lfr<Continuous>),
     /// Series expansion in fixed filters.
     SeriesExpansion(SeriesExpansion),
+    /// Discrete state space with the predictor of its noise.
+    InnovationStateSpace(InnovationModel),
+    /// Axes that move as one mass each.
+    RigidBody(RigidBody),
 }
 
 #[derive(Serialize)]
@@ -197,6 +201,29 @@ mirror!(SeriesExpansion, SeriesMirror {
         range: e.range().clone(),
     },
     |m| SeriesExpansion::new(m.rigid_body, m.basis, m.direct, m.weights, m.range).map_err(D::Error::custom));
+
+mirror!(InnovationModel, InnovationMirror {
+        system: StateSpace<Discrete>,
+        gain: Rows,
+        innovation_covariance: Rows,
+        input_offset: Vec<f64>,
+        output_offset: Vec<f64>,
+    },
+    |m| InnovationMirror {
+        system: m.model().clone(),
+        gain: m.gain().into(),
+        innovation_covariance: m.innovation_covariance().into(),
+        input_offset: m.input_offset().iter().copied().collect(),
+        output_offset: m.output_offset().iter().copied().collect(),
+    },
+    |m| InnovationModel::new(
+        m.system, m.gain.matrix()?, m.innovation_covariance.matrix()?,
+        DVector::from_vec(m.input_offset), DVector::from_vec(m.output_offset),
+    ).map_err(D::Error::custom));
+
+mirror!(RigidBody, RigidBodyMirror { axes: Vec<RigidBodyAxis> },
+    |m| RigidBodyMirror { axes: m.axes().to_vec() },
+    |m| RigidBody::new(m.axes).map_err(D::Error::custom));
 
 clocked_mirror!(StateSpace, StateSpaceMirror { a: Rows, b: Rows, c: Rows, d: Rows },
     s => StateSpaceMirror {

@@ -36,7 +36,7 @@ pub enum Discretisation {
 /// | `rolloff_ratio` a_r | 6 | roll-off begins this factor above the bandwidth | > 0 |
 /// | `rolloff_damping` zeta | 0.7 | damping ratio of the roll-off | > 0 |
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct ControllerSettings {
     /// Frequency at which the loop gain is 1.
     pub bandwidth_hz: f64,

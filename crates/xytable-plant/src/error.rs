@@ -121,7 +121,7 @@ pub enum PlantError {
     /// Sub-steps were doubled to the limit without reaching the tolerance.
     #[error(
         "integration: two runs still differ by {difference:e} with {substeps} sub-steps a sample, tolerance {tolerance:e}; \
-         raise the tolerance or shorten the sample time"
+         raise the tolerance, shorten the sample time, or weaken a hidden effect that the loop cannot hold"
     )]
     Integration {
         /// Largest difference of an output between the last two runs.
@@ -131,6 +131,41 @@ pub enum PlantError {
         /// Tolerance asked for.
         tolerance: f64,
     },
+    /// A hidden effect that does not exist.
+    #[error("there is no effect `{name}`; nearest: `{nearest}`; there are {known}")]
+    UnknownEffect {
+        /// The name given.
+        name: String,
+        /// The most similar name.
+        nearest: &'static str,
+        /// All names.
+        known: String,
+    },
+    /// A severity that is no number or out of range.
+    #[error("{name}={value}: give a number from {least} to {most} {unit} ({meaning})")]
+    Severity {
+        /// The effect.
+        name: &'static str,
+        /// What was given.
+        value: String,
+        /// Least severity.
+        least: f64,
+        /// Largest severity.
+        most: f64,
+        /// Its unit.
+        unit: &'static str,
+        /// What it is.
+        meaning: &'static str,
+    },
+    /// One effect asked for twice.
+    #[error("effect `{name}` is given twice; give it once, with the severity meant")]
+    EffectTwice {
+        /// The effect.
+        name: &'static str,
+    },
+    /// Effects in a loop with a continuous controller.
+    #[error("hidden effects need the digital loop; choose the digital loop or leave the effects out")]
+    EffectsNeedDigitalLoop,
     /// A refusal of lpv-core.
     #[error(transparent)]
     Core(#[from] CoreError),

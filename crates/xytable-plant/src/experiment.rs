@@ -4,7 +4,10 @@ use crate::continuous_loop::ContinuousLoop;
 use crate::digital_loop::{DigitalLoop, LaneSignals, LoopState};
 use crate::noise::NoiseStream;
 use crate::separation::Separation;
-use crate::{Machine, Multisine, Noise, PlantError, VerifiedController};
+use crate::{
+    HiddenEffect, Machine, MovingExperiment, MovingSample, MovingSettings, Multisine, Noise, PlantError,
+    Setpoint, Setpoints, Since, VerifiedController,
+};
 use lpv_core::PeriodBlock;
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
@@ -76,6 +79,7 @@ pub struct Experiment<'a> {
     position: f64,
     settings: ExperimentSettings,
     references: [[Vec<f64>; 2]; 2],
+    effects: Option<Vec<HiddenEffect>>,
 }
 
 /// Memory of one experiment: outputs, inputs and references of the current period.
@@ -154,7 +158,25 @@ impl<'a> Experiment<'a> {
             position,
             settings,
             references,
+            effects: None,
         })
+    }
+
+    /// The same experiments on a machine with those of the effects that are there since the grid.
+    ///
+    /// With one, the exact sampled plant gives way to the Runge-Kutta simulation of [`MovingExperiment`] with its
+    /// default tolerance, p held; memory then grows with the number of periods.
+    ///
+    /// # Errors
+    /// [`PlantError::EffectsNeedDigitalLoop`], [`PlantError::EffectTwice`].
+    pub fn with_effects(mut self, effects: &[HiddenEffect]) -> Result<Self, PlantError> {
+        let mut effects = HiddenEffect::in_order(effects)?;
+        effects.retain(|e| e.info().since == Since::Grid);
+        if !effects.is_empty() && self.settings.loop_kind == LoopKind::Continuous {
+            return Err(PlantError::EffectsNeedDigitalLoop);
+        }
+        self.effects = (!effects.is_empty()).then_some(effects);
+        Ok(self)
     }
 
     /// Position of the carriage.
@@ -175,11 +197,14 @@ impl<'a> Experiment<'a> {
     ///
     /// # Errors
     /// What `sink` returns; [`PlantError::NotStable`] for a continuous loop that is not stable although its sampled
-    /// version is; [`PlantError::Diverged`] if signals stop being finite.
+    /// version is; [`PlantError::Diverged`] if signals stop being finite; [`PlantError::Integration`] with effects.
     pub fn run<E: From<PlantError>>(
         &self,
         sink: &mut dyn FnMut(PeriodBlock<'_>) -> Result<(), E>,
     ) -> Result<ExperimentAccount, E> {
+        if let Some(effects) = &self.effects {
+            return self.run_hidden(effects, sink);
+        }
         let clock = self.controller.clock();
         let order = self
             .controller
@@ -202,6 +227,56 @@ impl<'a> Experiment<'a> {
             LoopKind::Digital if order <= 4 => self.run_digital::<4, E>(sink),
             LoopKind::Digital => self.run_digital::<MOST_ORDER, E>(sink),
         }
+    }
+
+    fn run_hidden<E: From<PlantError>>(
+        &self,
+        effects: &[HiddenEffect],
+        sink: &mut dyn FnMut(PeriodBlock<'_>) -> Result<(), E>,
+    ) -> Result<ExperimentAccount, E> {
+        let period = self.period();
+        let simulated = [self.integrate(effects, 0)?, self.integrate(effects, 1)?];
+        for index in 0..self.settings.periods {
+            for (experiment, channels) in simulated.iter().enumerate() {
+                let [outputs, inputs] = [0, 2]
+                    .map(|first| [0, 1].map(|i| channels[first + i][index * period..][..period].to_vec()));
+                sink(PeriodBlock {
+                    experiment,
+                    period: index,
+                    outputs: &outputs,
+                    inputs: &inputs,
+                    references: &self.references[experiment],
+                })?;
+            }
+        }
+        Ok(self.account())
+    }
+
+    /// Outputs, then inputs, of one experiment by integration.
+    fn integrate(&self, effects: &[HiddenEffect], experiment: usize) -> Result<[Vec<f64>; 4], PlantError> {
+        let clock = self.controller.clock();
+        let samples = self.period() * self.settings.periods;
+        let repeat = |r: &[f64]| Setpoint::from_positions(r.repeat(self.settings.periods), clock);
+        let [r1, r2] = &self.references[experiment];
+        let setpoints = Setpoints {
+            y1: repeat(r1)?,
+            y2: repeat(r2)?,
+            x1: Setpoint::constant(self.position, samples),
+            injection: None,
+        };
+        let settings = MovingSettings {
+            noise: self.settings.noise,
+            seed: self.settings.seed,
+            ..MovingSettings::default()
+        };
+        let (samples, _) = MovingExperiment::new(self.machine, self.controller, setpoints, settings)?
+            .with_effects(effects)?
+            .starting_at_zero(experiment as u64)
+            .integrate()?;
+        Ok([0, 1, 2, 3].map(|channel| {
+            let value = |s: &MovingSample| [s.outputs, s.inputs].as_flattened()[channel];
+            samples.iter().map(value).collect()
+        }))
     }
 
     fn run_digital<const N: usize, E: From<PlantError>>(
@@ -254,11 +329,15 @@ impl<'a> Experiment<'a> {
                 })?;
             }
         }
-        Ok(ExperimentAccount {
-            position: *position,
+        Ok(self.account())
+    }
+
+    fn account(&self) -> ExperimentAccount {
+        ExperimentAccount {
+            position: self.position,
             experiments: 2,
-            samples: 2 * period * settings.periods,
+            samples: 2 * self.period() * self.settings.periods,
             spectral_radius: self.controller.robustness().spectral_radius(),
-        })
+        }
     }
 }

@@ -26,9 +26,18 @@
 //!
 //! It estimates nothing and reads or writes no files: records leave through [`lpv_core::Record`] and
 //! [`lpv_core::PeriodBlock`], as measured ones do, so that nothing downstream can tell that they are simulated or look
-//! at the true parameters. It has no friction, saturation or delay; those are effects on top of this nominal machine,
-//! which would hide what the identification of the nominal machine can reach. The motor of x1 feels no reaction of the
-//! beam, as in (7), where the mass matrix is constant and block diagonal.
+//! at the true parameters. The nominal machine has no friction, saturation or delay, which would hide what the
+//! identification of it can reach. The motor of x1 feels no reaction of the beam, as in (7), where the mass matrix is
+//! constant and block diagonal.
+//!
+//! # What can be hidden in it
+//!
+//! [`HiddenEffect`]s put what a real machine has into the simulation: friction, cogging, lag, delay, saturation, a
+//! payload, sensor errors and more, see [`HiddenEffect::catalogue`]. They act physically: on the commands, the motors,
+//! the guides at the ends of the beam, the couplings and the sensors. Controllers, decoupling and feed-forward stay
+//! nominal. With an effect, experiments at constant p are integrated as the moves are, instead of being exact. Coulomb
+//! friction is `tanh(speed / 0.1 mm/s)` in place of a sign, so that the integration converges: a guide creeps and never
+//! sticks.
 //!
 //! # A run
 //!
@@ -56,28 +65,33 @@ mod continuous_loop;
 mod controller;
 mod crest;
 mod digital_loop;
+mod effects;
 mod error;
 mod experiment;
 mod filter;
 mod lines;
 mod mechanics;
 mod model;
+mod moves;
 mod moving;
 mod multisine;
 mod noise;
 mod parameters;
+mod plant;
 mod profile;
 mod robustness;
 mod separation;
 
 pub use controller::{ControllerSettings, DigitalController, Discretisation, design_controller, discretise};
 pub use crest::CrestStop;
+pub use effects::{EffectInfo, HiddenEffect, Since};
 pub use error::PlantError;
 pub use experiment::{Experiment, ExperimentAccount, ExperimentSettings, LoopKind};
 pub use lines::Lines;
+pub use moves::{MoveKind, MoveSettings};
 pub use moving::{IntegrationAccount, MovingExperiment, MovingRun, MovingSample, MovingSettings, Setpoints};
 pub use multisine::{Multisine, MultisineSettings};
-pub use noise::Noise;
+pub use noise::{Noise, split_seed};
 pub use parameters::{Machine, MachineParameters};
 pub use profile::{MoveLimits, Profile, ProfilePoint, Setpoint};
 pub use robustness::{Robustness, VerificationSettings, VerifiedController};

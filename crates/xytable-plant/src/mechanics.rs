@@ -8,7 +8,7 @@ pub(crate) type State = [f64; 10];
 /// The machine's numbers in the form that the innermost loop needs.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Mechanics {
-    inverse_masses: [f64; 5],
+    pub(crate) inverse_masses: [f64; 5],
     stiffness: [f64; 2],
     damping: [f64; 2],
     half_beam: f64,
@@ -36,6 +36,12 @@ impl Mechanics {
         }
     }
 
+    /// The same bodies behind the decoupling of another machine: the nominal one, when something hidden is mounted.
+    pub(crate) fn decoupled_as(mut self, nominal: &Self) -> Self {
+        self.decoupling = nominal.decoupling;
+        self
+    }
+
     /// Rigid motion at rest with these outputs: no deflection, no force.
     pub(crate) fn at_rest(x1: f64, outputs: [f64; 2]) -> State {
         let [y, r] = outputs;
@@ -59,7 +65,7 @@ impl Mechanics {
 
     /// Rates of the state under motor forces `[F_x, F_left, F_right]` (7), (8).
     #[inline]
-    fn rates(&self, x: &State, motors: [f64; 3]) -> State {
+    pub(crate) fn rates(&self, x: &State, motors: [f64; 3]) -> State {
         let p = x[0];
         let [f_x, left, right] = motors;
         // (8) takes E(p)^T times the rates for the damping; the rate of p itself does not enter.

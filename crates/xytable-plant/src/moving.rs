@@ -1,14 +1,17 @@
 //! The closed loop while the carriage moves: p = x1(t), continuous in time.
 
+mod record;
+
 use crate::error::{finite, positive};
 use crate::filter::Filter;
-use crate::mechanics::{Mechanics, State};
 use crate::noise::NoiseStream;
+use crate::plant::{Plant, Rounding};
 use crate::{
-    ControllerSettings, DigitalController, Discretisation, Machine, Noise, PlantError, Setpoint,
-    VerifiedController, discretise,
+    ControllerSettings, DigitalController, Discretisation, HiddenEffect, Machine, Noise, PlantError,
+    Setpoint, VerifiedController, discretise,
 };
-use lpv_core::{Purpose, Record, RecordKind, Signals};
+use lpv_core::{Purpose, Record};
+use record::record;
 use serde::{Deserialize, Serialize};
 
 /// Settings of an experiment with moving p, unchecked; [`MovingExperiment::new`] checks them.
@@ -103,6 +106,10 @@ pub struct MovingExperiment<'a> {
     servo: DigitalController,
     setpoints: Setpoints,
     settings: MovingSettings,
+    effects: Vec<HiddenEffect>,
+    noise_stream: u64,
+    /// `[y'_1, y'_2]` before the first sample.
+    start: [f64; 2],
 }
 
 const MOST_SUBSTEPS: usize = 1024;
@@ -160,13 +167,33 @@ impl<'a> MovingExperiment<'a> {
         };
         let sampled = discretise(&rule.design()?, controller.clock(), Discretisation::ZeroOrderHold)?;
         let servo = DigitalController::from_state_space(&sampled)?;
+        let start = [setpoints.y1.position()[0], setpoints.y2.position()[0]];
         Ok(Self {
             machine,
             controller,
             servo,
+            start,
             setpoints,
             settings,
+            effects: Vec::new(),
+            noise_stream: NoiseStream::MOVING,
         })
+    }
+
+    /// The same experiment on a machine with these effects. Controllers, decoupling and feed-forward stay the nominal ones.
+    ///
+    /// # Errors
+    /// [`PlantError::EffectTwice`].
+    pub fn with_effects(mut self, effects: &[HiddenEffect]) -> Result<Self, PlantError> {
+        self.effects = HiddenEffect::in_order(effects)?;
+        Ok(self)
+    }
+
+    /// As an experiment at constant position starts: at rest at zero, with the noise of that experiment.
+    pub(crate) fn starting_at_zero(mut self, experiment: u64) -> Self {
+        self.noise_stream = experiment;
+        self.start = [0.0; 2];
+        self
     }
 
     /// Number of samples.
@@ -184,34 +211,47 @@ impl<'a> MovingExperiment<'a> {
 
     /// Simulates with 1, 2, 4, ... sub-steps a sample until two successive runs agree within the tolerance.
     ///
+    /// Sensors that round make no finer step agree better, so the sub-steps are chosen without their rounding.
+    ///
     /// # Errors
     /// [`PlantError::Integration`] if 1024 sub-steps are not enough; [`PlantError::LeftStroke`],
     /// [`PlantError::Diverged`].
     pub fn run(&self, name: &str, purpose: Purpose) -> Result<MovingRun, PlantError> {
+        let (samples, account) = self.integrate()?;
+        Ok(MovingRun {
+            record: record(name, purpose, &samples, self.setpoints.injection.as_ref()),
+            account,
+        })
+    }
+
+    /// The samples of [`MovingExperiment::run`].
+    pub(crate) fn integrate(&self) -> Result<(Vec<MovingSample>, IntegrationAccount), PlantError> {
         let mut substeps = 1;
-        let mut coarse = self.collect(substeps);
+        let mut coarse = self.collect(substeps, Rounding::Off);
         let mut runs = 1;
         loop {
             substeps *= 2;
             runs += 1;
-            let fine = self.collect(substeps);
+            let fine = self.collect(substeps, Rounding::Off);
             // A step too coarse for the resonances may diverge or leave the stroke; only the finer run's word counts.
             let difference = match (&coarse, &fine) {
                 (Ok(a), Ok(b)) => difference(a, b),
-                (Err(_), Err(error)) if runs > 4 => return Err(error.clone()),
+                (Err(_), Err(error)) if runs > 9 => return Err(error.clone()),
                 _ => f64::INFINITY,
             };
             if difference <= self.settings.tolerance {
-                let account = IntegrationAccount {
+                let mut account = IntegrationAccount {
                     substeps,
                     difference,
                     estimated_error: difference / 15.0,
                     runs,
                 };
-                return Ok(MovingRun {
-                    record: self.record(name, purpose, &fine?),
-                    account,
-                });
+                let mut samples = fine?;
+                if self.plant().rounds() {
+                    account.runs += 1;
+                    samples = self.collect(substeps, Rounding::Sensor)?;
+                }
+                return Ok((samples, account));
             }
             if substeps >= MOST_SUBSTEPS {
                 fine?;
@@ -225,6 +265,16 @@ impl<'a> MovingExperiment<'a> {
         }
     }
 
+    fn plant(&self) -> Plant {
+        let start = [self.setpoints.x1.position()[0], self.start[0], self.start[1]];
+        Plant::new(
+            self.machine,
+            &self.effects,
+            self.controller.clock().sample_time(),
+            start,
+        )
+    }
+
     /// Simulates with a given number of sub-steps a sample and hands over sample by sample; no error control.
     ///
     /// # Errors
@@ -233,6 +283,15 @@ impl<'a> MovingExperiment<'a> {
     pub fn stream<E: From<PlantError>>(
         &self,
         substeps: usize,
+        sink: &mut dyn FnMut(MovingSample) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.simulate(substeps, Rounding::Sensor, sink)
+    }
+
+    fn simulate<E: From<PlantError>>(
+        &self,
+        substeps: usize,
+        rounding: Rounding,
         sink: &mut dyn FnMut(MovingSample) -> Result<(), E>,
     ) -> Result<(), E> {
         if !(1..=MOST_SUBSTEPS).contains(&substeps) {
@@ -250,23 +309,21 @@ impl<'a> MovingExperiment<'a> {
             x1,
             injection,
         } = &self.setpoints;
-        let mechanics = Mechanics::new(self.machine);
         let t = self.controller.clock().sample_time();
-        let h = t / substeps as f64;
         let half_stroke_m = self.machine.parameters().half_stroke_m;
         let mass = self.machine.parameters().servo_mass_kg;
         let mut noise = NoiseStream::new(
             self.settings.noise,
             self.settings.seed,
             x1.position()[0],
-            NoiseStream::MOVING,
+            self.noise_stream,
         );
         let [mut k1, mut k2] = [0, 1].map(|i: usize| Filter::new(&self.controller.digital()[i]));
         let mut servo = Filter::new(&self.servo);
-        let mut x: State = Mechanics::at_rest(x1.position()[0], [y1.position()[0], y2.position()[0]]);
+        let mut plant = self.plant();
         for k in 0..self.len() {
-            let p = x[0];
-            if !x.iter().all(|v| v.is_finite()) {
+            let p = plant.position();
+            if !plant.is_finite() {
                 return Err(PlantError::Diverged { sample: k }.into());
             }
             if p.abs() > half_stroke_m * (1.0 + 1e-9) {
@@ -277,8 +334,7 @@ impl<'a> MovingExperiment<'a> {
                 }
                 .into());
             }
-            let (y, v) = (Mechanics::outputs(&x), noise.pair());
-            let outputs = [y[0] + v[0], y[1] + v[1]];
+            let outputs = plant.measure(noise.pair(), rounding);
             let references = [y1.position()[k], y2.position()[k]];
             let mut inputs = [
                 k1.next(references[0] - outputs[0]),
@@ -297,59 +353,18 @@ impl<'a> MovingExperiment<'a> {
                 references,
                 position: p,
             })?;
-            for _ in 0..substeps {
-                x = mechanics.step(&x, f_x, inputs, h);
-            }
+            plant.advance(f_x, inputs, substeps);
         }
         Ok(())
     }
 
-    fn collect(&self, substeps: usize) -> Result<Vec<MovingSample>, PlantError> {
+    fn collect(&self, substeps: usize, rounding: Rounding) -> Result<Vec<MovingSample>, PlantError> {
         let mut samples = Vec::with_capacity(self.len());
-        self.stream(substeps, &mut |sample| -> Result<(), PlantError> {
+        self.simulate(substeps, rounding, &mut |sample| -> Result<(), PlantError> {
             samples.push(sample);
             Ok(())
         })?;
         Ok(samples)
-    }
-
-    fn record(&self, name: &str, purpose: Purpose, samples: &[MovingSample]) -> Record {
-        let column = |f: fn(&MovingSample) -> f64| samples.iter().map(f).collect::<Vec<f64>>();
-        let signals = |names: &[&str], units: &[&str], columns| Signals {
-            units: units.iter().map(ToString::to_string).collect(),
-            ..Signals::new(names, columns)
-        };
-        let acceleration = ["m/s^2", "rad/s^2"];
-        Record {
-            name: name.to_owned(),
-            kind: RecordKind::Transient,
-            purpose,
-            position: None,
-            outputs: signals(
-                &["y1", "y2"],
-                &["m", "rad"],
-                vec![column(|s| s.outputs[0]), column(|s| s.outputs[1])],
-            ),
-            inputs: signals(
-                &["u1", "u2"],
-                &acceleration,
-                vec![column(|s| s.inputs[0]), column(|s| s.inputs[1])],
-            ),
-            references: signals(
-                &["r1", "r2"],
-                &["m", "rad"],
-                vec![column(|s| s.references[0]), column(|s| s.references[1])],
-            ),
-            scheduling: signals(&["p"], &["m"], vec![column(|s| s.position)]),
-            auxiliary: Signals::default(),
-            injection: self
-                .setpoints
-                .injection
-                .as_ref()
-                .map_or_else(Signals::default, |columns| {
-                    signals(&["injection1", "injection2"], &acceleration, columns.to_vec())
-                }),
-        }
     }
 }
 

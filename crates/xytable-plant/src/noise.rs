@@ -96,6 +96,12 @@ impl NoiseStream {
     }
 }
 
+/// The seed of one part of an experiment: one seed enters at the top and is split by name.
+pub fn split_seed(seed: u64, name: &str) -> u64 {
+    name.bytes()
+        .fold(mix(seed), |key, byte| mix(key ^ u64::from(byte)))
+}
+
 /// SplitMix64's finaliser: a bijection that spreads every bit.
 fn mix(value: u64) -> u64 {
     let z = value.wrapping_add(0x9e37_79b9_7f4a_7c15);

@@ -23,7 +23,7 @@ use std::f64::consts::TAU;
 ///
 /// Time is scaled as in the paper, so a "second" is one unit of that time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct MachineParameters {
     /// Carriage mass m1.
     pub carriage_mass_kg: f64,

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// Bounds of a move, unchecked; in units of the coordinate (m or rad) and time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct MoveLimits {
     /// Largest speed, > 0.
     pub speed: f64,

@@ -1,132 +1,68 @@
-//! CSV: a header line, commas, decimal points. A byte order mark is tolerated; semicolons, tabs and decimal commas are
-//! refused, because guessing them wrong would shift columns silently.
+//! CSV: a header line, commas, decimal points. A byte order mark in front is tolerated; semicolons, tabs and decimal
+//! commas are refused, because guessing them wrong would shift columns silently.
 
-use super::missing;
+mod blocks;
+mod rows;
+#[cfg(test)]
+mod tests;
+mod writer;
+
+use super::{ColumnInfo, missing};
 use crate::RecordError;
-use csv::{ByteRecord, Reader, ReaderBuilder};
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use rows::Table;
 use std::path::Path;
 
+pub(crate) use writer::write;
+
 pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
-    let mut reader = open(path)?;
-    let mut row = ByteRecord::new();
-    if !reader.read_byte_record(&mut row).map_err(damaged)? {
-        return Err(RecordError::Malformed {
-            format: "CSV",
-            variable: String::new(),
-            problem: "the file is empty; the first line must name the columns".to_owned(),
-        });
-    }
-    let header: Vec<String> = header(&row);
-    separators(&header)?;
-    let places = places(&header, names)?;
+    let mut table = Table::open(path)?;
+    let places = places(table.header(), names)?;
+    let mut wanted = places.clone();
+    wanted.sort_unstable();
+    wanted.dedup();
+    let order: Vec<usize> = places
+        .iter()
+        .map(|place| wanted.partition_point(|w| w < place))
+        .collect();
     let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
-    while reader.read_byte_record(&mut row).map_err(damaged)? {
-        if row.len() != header.len() {
-            return Err(RecordError::CsvRagged {
-                line: line(&row),
-                expected: header.len() as u64,
-                found: row.len() as u64,
-            });
+    table.each_row(&wanted, |_, values| {
+        for (column, &at) in columns.iter_mut().zip(&order) {
+            column.push(values[at]);
         }
-        for (column, &place) in columns.iter_mut().zip(&places) {
-            let field = row.get(place).unwrap_or_default();
-            column.push(number(field).ok_or_else(|| RecordError::CsvNumber {
-                line: line(&row),
-                column: header[place].clone(),
-                text: String::from_utf8_lossy(field).chars().take(40).collect(),
-            })?);
-        }
-    }
+    })?;
     Ok(columns)
 }
 
-/// The lines of the given data rows (from 1), as far as the file still has them.
+/// The columns whose first row is a number.
+pub(crate) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
+    let mut table = Table::open(path)?;
+    let numeric = table.numeric_in_first_row()?;
+    let names: Vec<String> = numeric
+        .into_iter()
+        .map(|place| table.header()[place].clone())
+        .filter(|name| !name.is_empty())
+        .collect();
+    for name in &names {
+        places(table.header(), &[name])?;
+    }
+    let mut rows = 0;
+    table.each_row(&[], |_, _| rows += 1)?;
+    Ok(names.into_iter().map(|name| ColumnInfo { name, rows }).collect())
+}
+
+/// The lines of the given data rows (from 1, ascending), as far as the file still has them.
 pub(crate) fn lines_of_rows(path: &Path, rows: &[usize]) -> Vec<u64> {
-    let Ok(mut reader) = open(path) else {
-        return Vec::new();
-    };
-    let mut lines = Vec::new();
-    // The header is number 0, so data rows count from 1.
-    for (number, row) in reader.byte_records().enumerate() {
-        let Ok(row) = row else { break };
-        if rows.contains(&number) {
-            lines.push(line(&row));
-        }
-        if lines.len() == rows.len() {
-            break;
-        }
-    }
-    lines
-}
-
-pub(crate) fn write(file: File, names: &[&str], columns: &[&[f64]]) -> Result<File, RecordError> {
-    let to_error = |e: csv::Error| RecordError::io("write")(e.into());
-    let mut writer = csv::Writer::from_writer(BufWriter::new(file));
-    writer.write_record(names).map_err(to_error)?;
-    let rows = columns.first().map_or(0, |c| c.len());
-    let mut text = String::new();
-    for k in 0..rows {
-        for column in columns {
-            use std::fmt::Write as _;
-            text.clear();
-            // `{:?}` is the shortest text that reads back to the same bits.
-            let _ = write!(text, "{:?}", column[k]);
-            writer.write_field(&text).map_err(to_error)?;
-        }
-        writer.write_record(None::<&[u8]>).map_err(to_error)?;
-    }
-    let mut buffer = writer
-        .into_inner()
-        .map_err(|e| RecordError::io("write")(std::io::Error::other(e.error().to_string())))?;
-    buffer.flush().map_err(RecordError::io("write"))?;
-    buffer
-        .into_inner()
-        .map_err(|e| RecordError::io("write")(e.into_error()))
-}
-
-fn open(path: &Path) -> Result<Reader<File>, RecordError> {
-    let file = File::open(path).map_err(RecordError::io("open"))?;
-    Ok(ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .from_reader(file))
-}
-
-fn damaged(e: csv::Error) -> RecordError {
-    RecordError::io("read")(e.into())
-}
-
-fn line(row: &ByteRecord) -> u64 {
-    row.position().map_or(0, csv::Position::line)
-}
-
-fn header(row: &ByteRecord) -> Vec<String> {
-    row.iter()
-        .enumerate()
-        .map(|(i, field)| {
-            let text = String::from_utf8_lossy(field);
-            let text = if i == 0 {
-                text.trim_start_matches('\u{feff}')
-            } else {
-                &text
-            };
-            text.trim().to_owned()
+    let (mut lines, mut row) = (Vec::new(), 0);
+    let found = Table::open(path).and_then(|mut table| {
+        table.each_row(&[], |line, _| {
+            row += 1;
+            if rows.get(lines.len()) == Some(&row) {
+                lines.push(line);
+            }
         })
-        .collect()
-}
-
-/// One field that holds a foreign separator is a header that nobody split.
-fn separators(header: &[String]) -> Result<(), RecordError> {
-    let found = match header {
-        [one] if one.contains(';') => "semicolons",
-        [one] if one.contains('\t') => "tabs",
-        // Semicolons between fields and commas inside them, or the other way round.
-        many if many.iter().any(|f| f.contains(';')) => "semicolons",
-        _ => return Ok(()),
-    };
-    Err(RecordError::CsvSeparator { found })
+    });
+    // A file that changed since it was read has no lines to tell.
+    if found.is_ok() { lines } else { Vec::new() }
 }
 
 fn places(header: &[String], names: &[&str]) -> Result<Vec<usize>, RecordError> {
@@ -146,6 +82,10 @@ fn places(header: &[String], names: &[&str]) -> Result<Vec<usize>, RecordError> 
         .collect()
 }
 
-fn number(field: &[u8]) -> Option<f64> {
-    std::str::from_utf8(field.trim_ascii()).ok()?.parse().ok()
+fn malformed(line: u64, problem: &str) -> RecordError {
+    RecordError::Malformed {
+        format: "CSV",
+        variable: String::new(),
+        problem: format!("line {line}: {problem}"),
+    }
 }

@@ -5,9 +5,10 @@
 
 mod header;
 
-use self::header::{Header, Kind};
-use super::{missing, vector_length};
+use self::header::{Header, number};
+use super::{ColumnInfo, missing, vector_length};
 use crate::RecordError;
+use crate::columns::number::DEFLATE_RATIO;
 use npyz::WriterBuilder;
 use npyz::npz::{NpzArchive, NpzWriter, array_name_from_file_name, file_name_from_array_name};
 use npyz::zip;
@@ -24,6 +25,25 @@ pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordE
         .collect()
 }
 
+/// Every vector of real numbers, in the order of the archive.
+pub(crate) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
+    let file = File::open(path).map_err(RecordError::io("open"))?;
+    let mut archive = NpzArchive::new(BufReader::new(file)).map_err(|e| malformed("", &e.to_string()))?;
+    let archive = archive.zip_archive();
+    let mut columns = Vec::new();
+    for index in 0..archive.len() {
+        let mut entry = archive.by_index(index).map_err(|e| refused("", &e))?;
+        let Some(name) = array_name_from_file_name(entry.name()).map(str::to_owned) else {
+            continue;
+        };
+        let header = Header::read(&mut entry).map_err(|problem| malformed(&name, problem))?;
+        if let (Some(_), Ok(rows)) = (number(&header.descr), vector_length(&name, &header.shape)) {
+            columns.push(ColumnInfo { name, rows });
+        }
+    }
+    Ok(columns)
+}
+
 fn read_array<R: Read + std::io::Seek>(
     archive: &mut zip::ZipArchive<R>,
     name: &str,
@@ -38,42 +58,45 @@ fn read_array<R: Read + std::io::Seek>(
         present.sort();
         return Err(missing(name, &present));
     }
-    let mut entry = archive
-        .by_name(&file)
-        .map_err(|e| malformed(name, &e.to_string()))?;
+    let mut entry = archive.by_name(&file).map_err(|e| refused(name, &e))?;
     let header = Header::read(&mut entry).map_err(|problem| malformed(name, problem))?;
     let length = vector_length(name, &header.shape)?;
-    let Some(kind) = Kind::of(&header.descr) else {
+    let Some(number) = number(&header.descr) else {
         let found = format!("the dtype '{}'", header.descr);
         return Err(RecordError::NotNumeric {
             column: name.to_owned(),
             found,
         });
     };
-    let size = kind.size as u64;
-    let bytes = length
+    let size = number.size as u64;
+    let claimed = length
         .checked_mul(size)
-        .ok_or_else(|| malformed(name, "the header claims too many values"))?;
-    // The buffer grows with what arrives, so a false claim costs nothing. Reading to the end also lets the archive
-    // compare its checksum; one byte more than claimed is enough to see a false claim.
-    let mut data = Vec::new();
-    entry
-        .take(bytes.saturating_add(1))
-        .read_to_end(&mut data)
-        .map_err(|e| malformed(name, &e.to_string()))?;
-    if data.len() as u64 != bytes {
-        let more = if data.len() as u64 > bytes {
-            "at least "
-        } else {
-            ""
-        };
+        .and_then(|b| b.checked_add(header.length));
+    let (unpacked, packed) = (entry.size(), entry.compressed_size());
+    if claimed != Some(unpacked) {
         let problem = format!(
-            "the header claims {bytes} bytes of data, the archive has {more}{}",
-            data.len()
+            "its header claims {length} values of {size} bytes, the archive holds {} bytes of values",
+            unpacked.saturating_sub(header.length)
         );
         return Err(malformed(name, &problem));
     }
-    Ok(data.chunks_exact(kind.size).map(|c| kind.value(c)).collect())
+    if unpacked / DEFLATE_RATIO > packed {
+        let problem = format!("{packed} bytes that claim to unpack to {unpacked}");
+        return Err(malformed(name, &problem));
+    }
+    let column = number
+        .column(&mut entry, length)
+        .map_err(|e| malformed(name, &e.to_string()))?;
+    // Reading on to the end lets the archive compare its checksum.
+    let more = entry
+        .read(&mut [0])
+        .map_err(|e| malformed(name, &e.to_string()))?;
+    if column.len() as u64 != length || more != 0 {
+        let found = if more == 0 { "fewer" } else { "more" };
+        let problem = format!("the header claims {length} values, the archive has {found}");
+        return Err(malformed(name, &problem));
+    }
+    Ok(column)
 }
 
 /// Arrays of `<f8`, stored, with a fixed date: the same columns give the same bytes.
@@ -109,5 +132,15 @@ fn malformed(variable: &str, problem: &str) -> RecordError {
         format: "NPZ",
         variable: variable.to_owned(),
         problem: problem.to_owned(),
+    }
+}
+
+fn refused(variable: &str, e: &zip::result::ZipError) -> RecordError {
+    match e {
+        zip::result::ZipError::UnsupportedArchive(what) => RecordError::UnsupportedFormat {
+            found: format!("the array `{variable}` in this archive ({what})"),
+            supported: "entries that are stored or deflated, without a password",
+        },
+        e => malformed(variable, &e.to_string()),
     }
 }

@@ -21,7 +21,7 @@ pub enum DescriptionError {
         known: Vec<&'static str>,
     },
     /// A sample rate that no clock can have.
-    #[error("sample rate {value} Hz; it must be finite and above zero")]
+    #[error("sample rate {value:?} Hz; it must be finite and above zero")]
     SampleRate {
         /// What the file says.
         value: f64,
@@ -30,7 +30,7 @@ pub enum DescriptionError {
     #[error("no columns; a record needs at least one output and one input")]
     NoColumns,
     /// A column without a name.
-    #[error("a column name is empty")]
+    #[error("a column name is empty; write the name that the record files use")]
     EmptyName,
     /// One column in two roles. Only scheduling may repeat a column of another group, and a reference may repeat an
     /// input (open loop).
@@ -42,7 +42,7 @@ pub enum DescriptionError {
         first: String,
     },
     /// A list with another length than `columns`.
-    #[error("{found} entries for {expected} columns; give one a column, or leave the list out")]
+    #[error("a list of {found} for {expected} columns; give one a column, or leave the list out")]
     ListLength {
         /// Number of columns.
         expected: usize,
@@ -76,13 +76,13 @@ pub enum DescriptionError {
         period: usize,
     },
     /// A period that holds no oscillation.
-    #[error("period of {period} samples; at least 2 are needed")]
+    #[error("`period` = {period}; a period has at least 2 samples")]
     PeriodShort {
         /// What the file says.
         period: usize,
     },
     /// A file ending that this program does not read.
-    #[error("`{ending}` is not supported; supported: {supported}")]
+    #[error("{} not supported; supported: {supported}", ending_text(ending))]
     UnsupportedFormat {
         /// The ending, with its dot.
         ending: String,
@@ -118,7 +118,7 @@ pub enum DescriptionError {
     },
     /// Coefficients for another number of loops.
     #[error(
-        "coefficients for {found} loops, but there are {expected} inputs; give one list for all or one a loop"
+        "a list of {found} polynomials for {expected} inputs; give one polynomial for all loops, or one a loop"
     )]
     Loops {
         /// Number of inputs.
@@ -130,7 +130,9 @@ pub enum DescriptionError {
     #[error("an empty polynomial; give at least one coefficient")]
     EmptyPolynomial,
     /// A denominator that starts with zero.
-    #[error("the first coefficient of the denominator is zero, so the controller is not causal")]
+    #[error(
+        "the first coefficient of the denominator is zero, so the controller is not causal; leave leading zeros out"
+    )]
     NotCausal,
     /// A saturation that is no positive number.
     #[error("limit {value}; it must be finite and above zero")]
@@ -172,4 +174,12 @@ pub enum DescriptionError {
         /// Scheduling signals.
         found: usize,
     },
+}
+
+fn ending_text(ending: &str) -> String {
+    if ending.is_empty() {
+        "a record file without an ending is".to_owned()
+    } else {
+        format!("record files with the ending `{ending}` are")
+    }
 }

@@ -49,7 +49,7 @@ pub enum RecordError {
         found: u64,
     },
     /// A field that is no number.
-    #[error("line {line}, column `{column}`: `{text}` is not a number")]
+    #[error("line {line}, column `{column}`: {}", cell_text(text))]
     CsvNumber {
         /// Line, from 1.
         line: u64,
@@ -67,7 +67,10 @@ pub enum RecordError {
         times: usize,
     },
     /// A column that the file does not have.
-    #[error("no column `{column}` among {present}{}", hint(nearest))]
+    #[error(
+        "no column `{column}` among the {present} of the file{}; correct `columns` or the file",
+        hint(nearest)
+    )]
     ColumnMissing {
         /// The column.
         column: String,
@@ -77,7 +80,7 @@ pub enum RecordError {
         present: usize,
     },
     /// A variable that holds no real numbers.
-    #[error("column `{column}` holds {found}, not real numbers")]
+    #[error("column `{column}` holds {found}; a vector of real numbers is needed")]
     NotNumeric {
         /// The column.
         column: String,
@@ -85,7 +88,7 @@ pub enum RecordError {
         found: String,
     },
     /// An array that is neither a row nor a column.
-    #[error("column `{column}` has the shape {shape:?}; a vector is needed")]
+    #[error("column `{column}` has the shape {shape:?}; store each signal as a vector of its own")]
     NotAVector {
         /// The column.
         column: String,
@@ -107,13 +110,29 @@ pub enum RecordError {
         expected: usize,
     },
     /// A record without samples.
-    #[error("column `{column}` has no rows")]
+    #[error("column `{column}` has no rows; a record needs samples")]
     Empty {
         /// The first column.
         column: String,
     },
+    /// Rows without a value.
+    #[error(
+        "column `{column}` has no value (null) in {}, {count} in all; fill or cut these rows (some programs write NaN so)",
+        rows_text(rows, &[], *count)
+    )]
+    Null {
+        /// The column.
+        column: String,
+        /// The first rows concerned.
+        rows: Vec<usize>,
+        /// How many there are.
+        count: usize,
+    },
     /// NaN or infinity, after scaling.
-    #[error("column `{column}`: {count} values are NaN or infinite, at {}", rows_text(rows, lines, *count))]
+    #[error(
+        "column `{column}` is NaN or infinite in {}, {count} in all; cut the record or repair these rows",
+        rows_text(rows, lines, *count)
+    )]
     NotFinite {
         /// The column.
         column: String,
@@ -149,7 +168,7 @@ pub enum RecordError {
     /// It is constant if its peak-to-peak value is at most 1/1000 of the largest |p|, of this record or of any record
     /// of the bundle; with p near zero everywhere, also if it looks like white noise (von Neumann ratio above 1).
     #[error(
-        "scheduling column `{column}` moves from {from} to {to} during a periodic record; at most {tolerance:e} is taken as constant"
+        "scheduling column `{column}` moves from {from} to {to} during a periodic record; at most {tolerance:e} is taken as constant (a record that moves is \"transient\")"
     )]
     SchedulingMoves {
         /// The column.
@@ -162,7 +181,9 @@ pub enum RecordError {
         tolerance: f64,
     },
     /// A declared position that the scheduling column contradicts by more than 1/100 of the largest |p| of the bundle.
-    #[error("`position` = {declared}, but the scheduling column `{column}` has the mean {measured}")]
+    #[error(
+        "`position` = {declared}, but the scheduling column `{column}` has the mean {measured}; correct one of them"
+    )]
     PositionMismatch {
         /// The column.
         column: String,
@@ -276,5 +297,13 @@ fn rows_text(rows: &[usize], lines: &[u64], count: usize) -> String {
             "rows {rows}{more} (lines {}{more})",
             list(lines.iter().map(ToString::to_string).collect())
         )
+    }
+}
+
+fn cell_text(text: &str) -> String {
+    if text.is_empty() {
+        "the cell is empty; every row needs a value".to_owned()
+    } else {
+        format!("`{text}` is not a number; write numbers like -1.5e-3")
     }
 }

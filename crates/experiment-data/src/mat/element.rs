@@ -1,5 +1,6 @@
 //! Data elements: a tag (type, length), the bytes, padding to 8.
 
+use crate::columns::number::{Class, Number};
 use std::io::{self, Read};
 
 pub(super) const MATRIX: u32 = 14;
@@ -81,8 +82,15 @@ impl<R: Read> Elements<R> {
         })
     }
 
-    /// The bytes of an element. The buffer grows with what arrives, so a false length costs nothing.
+    /// The bytes of an element that describes an array: names and sizes, never long.
     pub(super) fn data(&mut self, tag: Tag) -> Result<Vec<u8>, Damage> {
+        const LONGEST: u32 = 1 << 20;
+        if tag.bytes > LONGEST {
+            return Err(Damage(format!(
+                "an element of {} bytes where a name or a size is due",
+                tag.bytes
+            )));
+        }
         if let Some(small) = tag.small {
             return Ok(small[..tag.bytes as usize].to_vec());
         }
@@ -149,33 +157,41 @@ impl<R: Read> Elements<R> {
         data.chunks_exact(4).map(|c| self.u32(c) as i32).collect()
     }
 
-    /// Numbers of any stored type; none if the type is not numeric or the length does not fit.
-    pub(super) fn numbers(&self, kind: u32, data: &[u8]) -> Option<Vec<f64>> {
-        let size: usize = match kind {
-            1 | 2 => 1,
-            3 | 4 => 2,
-            5..=7 => 4,
-            9 | 12 | 13 => 8,
-            _ => return None,
+    /// Numbers of any stored type, as many as the dimensions say.
+    pub(super) fn numbers(&mut self, tag: Tag, length: u64) -> Result<Vec<f64>, Damage> {
+        let (class, size) = match tag.kind {
+            1 => (Class::Signed, 1),
+            2 => (Class::Unsigned, 1),
+            3 => (Class::Signed, 2),
+            4 => (Class::Unsigned, 2),
+            5 => (Class::Signed, 4),
+            6 => (Class::Unsigned, 4),
+            7 => (Class::Float, 4),
+            9 => (Class::Float, 8),
+            12 => (Class::Signed, 8),
+            13 => (Class::Unsigned, 8),
+            _ => return Err("numbers of no known type".into()),
         };
-        if !data.len().is_multiple_of(size) {
-            return None;
+        let number = Number {
+            class,
+            size,
+            big_endian: self.big_endian,
+        };
+        let bytes = u64::from(tag.bytes);
+        if length.checked_mul(size as u64) != Some(bytes) {
+            let text = format!("dimensions for {length} numbers of {size} bytes, but {bytes} bytes of them");
+            return Err(Damage(text));
         }
-        let shift = 64 - 8 * size as u32;
-        let one = |c: &[u8]| {
-            let mut le = [0u8; 8];
-            for (i, b) in c.iter().enumerate() {
-                le[if self.big_endian { size - 1 - i } else { i }] = *b;
-            }
-            let bits = u64::from_le_bytes(le);
-            match kind {
-                7 => f64::from(f32::from_bits(bits as u32)),
-                9 => f64::from_bits(bits),
-                1 | 3 | 5 | 12 => (((bits << shift) as i64) >> shift) as f64,
-                _ => bits as f64,
-            }
-        };
-        Some(data.chunks_exact(size).map(one).collect())
+        if let Some(small) = tag.small {
+            return Ok(number.column(&mut &small[..], length)?);
+        }
+        self.claim(bytes)?;
+        let column = number.column(&mut self.source, length)?;
+        if column.len() as u64 != length {
+            return Err("it ends in the middle of an element".into());
+        }
+        self.pad(tag)?;
+        Ok(column)
     }
 
     fn pad(&mut self, tag: Tag) -> Result<(), Damage> {

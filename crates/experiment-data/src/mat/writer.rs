@@ -16,12 +16,7 @@ pub(crate) fn write(file: File, names: &[&str], columns: &[&[f64]]) -> Result<Fi
 }
 
 fn content(out: &mut impl Write, names: &[&str], columns: &[&[f64]]) -> std::io::Result<()> {
-    let mut header = [b' '; 128];
-    let text = b"MATLAB 5.0 MAT-file, written by experiment-data";
-    header[..text.len()].copy_from_slice(text);
-    header[116..124].fill(0);
-    header[124..].copy_from_slice(&[0x00, 0x01, b'I', b'M']);
-    out.write_all(&header)?;
+    header(out)?;
     for (name, column) in names.iter().zip(columns) {
         let padded = name.len().next_multiple_of(8);
         let data = 8 * column.len();
@@ -44,13 +39,23 @@ fn content(out: &mut impl Write, names: &[&str], columns: &[&[f64]]) -> std::io:
     Ok(())
 }
 
-fn element(out: &mut impl Write, kind: u32, bytes: usize) -> std::io::Result<()> {
+/// The 128 bytes in front of a file.
+pub(super) fn header(out: &mut impl Write) -> std::io::Result<()> {
+    let mut header = [b' '; 128];
+    let text = b"MATLAB 5.0 MAT-file";
+    header[..text.len()].copy_from_slice(text);
+    header[116..124].fill(0);
+    header[124..].copy_from_slice(&[0x00, 0x01, b'I', b'M']);
+    out.write_all(&header)
+}
+
+pub(super) fn element(out: &mut impl Write, kind: u32, bytes: usize) -> std::io::Result<()> {
     out.write_all(&kind.to_le_bytes())?;
     out.write_all(&(bytes as u32).to_le_bytes())
 }
 
 /// Names and sizes that the format can hold.
-fn writable(name: &str, rows: usize) -> Result<(), RecordError> {
+pub(super) fn writable(name: &str, rows: usize) -> Result<(), RecordError> {
     let letters = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let reason = if !name.starts_with(|c: char| c.is_ascii_alphabetic()) || !name.chars().all(letters) {
         "a MATLAB name starts with a letter and has letters, digits and `_` only"

@@ -1,5 +1,6 @@
 //! The header of a `.npy` array and its numbers (NumPy enhancement proposal 1).
 
+use crate::columns::number::{Class, Number};
 use std::io::Read;
 
 /// `{'descr': '<f8', 'fortran_order': False, 'shape': (N,), }`. The order does not matter for a vector.
@@ -7,6 +8,8 @@ use std::io::Read;
 pub(super) struct Header {
     pub(super) descr: String,
     pub(super) shape: Vec<u64>,
+    /// Bytes in front of the numbers.
+    pub(super) length: u64,
 }
 
 impl Header {
@@ -41,7 +44,9 @@ impl Header {
             return Err("it ends inside the array header");
         }
         let text = std::str::from_utf8(&text).map_err(|_| "an array header that is no text")?;
-        Self::parse(text).ok_or("an array header that cannot be understood")
+        let mut header = Self::parse(text).ok_or("an array header that cannot be understood")?;
+        header.length = 8 + if wide { 4 } else { 2 } + u64::from(length);
+        Ok(header)
     }
 
     fn parse(text: &str) -> Option<Self> {
@@ -65,73 +70,38 @@ impl Header {
             .filter(|n| !n.is_empty())
             .map(|n| n.trim_end_matches('L').parse().ok())
             .collect::<Option<_>>()?;
-        Some(Self { descr, shape })
-    }
-}
-
-/// A real number type: byte order, letter, size.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Kind {
-    big_endian: bool,
-    letter: u8,
-    pub(super) size: usize,
-}
-
-impl Kind {
-    /// None for complex numbers, texts, objects, dates and structures.
-    pub(super) fn of(descr: &str) -> Option<Self> {
-        let [order, letter, size @ ..] = descr.as_bytes() else {
-            return None;
-        };
-        let size: usize = std::str::from_utf8(size).ok()?.parse().ok()?;
-        let known = match letter {
-            b'f' => matches!(size, 2 | 4 | 8),
-            b'i' | b'u' => matches!(size, 1 | 2 | 4 | 8),
-            b'b' => size == 1,
-            _ => false,
-        };
-        let big_endian = match order {
-            b'<' | b'|' => false,
-            b'>' => true,
-            b'=' => cfg!(target_endian = "big"),
-            _ => return None,
-        };
-        known.then_some(Self {
-            big_endian,
-            letter: *letter,
-            size,
+        Some(Self {
+            descr,
+            shape,
+            length: 0,
         })
     }
-
-    /// The number; 64-bit integers beyond 2^53 are rounded.
-    pub(super) fn value(self, bytes: &[u8]) -> f64 {
-        let mut le = [0u8; 8];
-        for (i, b) in bytes.iter().take(self.size).enumerate() {
-            le[if self.big_endian { self.size - 1 - i } else { i }] = *b;
-        }
-        let bits = u64::from_le_bytes(le);
-        let shift = 64 - 8 * self.size as u32;
-        match (self.letter, self.size) {
-            (b'f', 8) => f64::from_bits(bits),
-            (b'f', 4) => f64::from(f32::from_bits(bits as u32)),
-            (b'f', _) => half(bits as u16),
-            (b'i', _) => (((bits << shift) as i64) >> shift) as f64,
-            (b'b', _) => f64::from(u8::from(bits != 0)),
-            _ => bits as f64,
-        }
-    }
 }
 
-/// IEEE 754 binary16.
-fn half(bits: u16) -> f64 {
-    let sign = if bits >> 15 == 1 { -1.0 } else { 1.0 };
-    let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
-    sign * match exponent {
-        0 => fraction * 2f64.powi(-24),
-        31 if fraction == 0.0 => f64::INFINITY,
-        31 => f64::NAN,
-        _ => (1024.0 + fraction) * 2f64.powi(exponent - 25),
-    }
+/// The number of a dtype; none for complex numbers, texts, objects, dates and structures.
+pub(super) fn number(descr: &str) -> Option<Number> {
+    let [order, letter, size @ ..] = descr.as_bytes() else {
+        return None;
+    };
+    let size: usize = std::str::from_utf8(size).ok()?.parse().ok()?;
+    let (class, sizes): (_, &[usize]) = match letter {
+        b'f' => (Class::Float, &[2, 4, 8]),
+        b'i' => (Class::Signed, &[1, 2, 4, 8]),
+        b'u' => (Class::Unsigned, &[1, 2, 4, 8]),
+        b'b' => (Class::Logical, &[1]),
+        _ => return None,
+    };
+    let big_endian = match order {
+        b'<' | b'|' => false,
+        b'>' => true,
+        b'=' => cfg!(target_endian = "big"),
+        _ => return None,
+    };
+    sizes.contains(&size).then_some(Number {
+        class,
+        size,
+        big_endian,
+    })
 }
 
 #[cfg(test)]
@@ -140,7 +110,7 @@ mod tests {
 
     #[test]
     fn numbers_by_hand() {
-        let value = |descr: &str, bytes: &[u8]| Kind::of(descr).unwrap().value(bytes);
+        let value = |descr: &str, bytes: &[u8]| number(descr).unwrap().value(bytes);
         assert_eq!(value("<i2", &[0xfe, 0xff]), -2.0);
         assert_eq!(value(">i2", &[0xff, 0xfe]), -2.0);
         assert_eq!(value("|u1", &[200]), 200.0);
@@ -164,7 +134,7 @@ mod tests {
             "<fé",
             "[('a', '<f8')]",
         ] {
-            assert_eq!(Kind::of(descr), None, "{descr}");
+            assert_eq!(number(descr), None, "{descr}");
         }
     }
 

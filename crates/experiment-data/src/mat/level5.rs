@@ -1,18 +1,31 @@
 use super::element::{COMPRESSED, Damage, Elements, MATRIX};
+use super::{Array, DEEPEST};
 use crate::RecordError;
-use crate::columns::{SUPPORTED, missing, vector_length};
+use crate::columns::number::DEFLATE_RATIO;
+use crate::columns::{ColumnInfo, SUPPORTED, missing, vector_length};
 use flate2::read::ZlibDecoder;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Structs deeper than this are no measurement.
-const DEEPEST: usize = 16;
+/// The named variables as vectors, in the order of the names; `a.b` is the field `b` of the struct `a`.
+pub(super) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
+    let arrays = read_arrays(path, names, Shape::Vector)?;
+    Ok(arrays.into_iter().map(|a| a.data).collect())
+}
 
-/// The named variables, in the order of the names; `a.b` is the field `b` of the struct `a`.
-pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
+/// Which arrays are accepted.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shape {
+    Vector,
+    Any,
+}
+
+/// The named variables, in the order of the names.
+pub(super) fn read_arrays(path: &Path, names: &[&str], shape: Shape) -> Result<Vec<Array>, RecordError> {
     let mut wanted = Wanted {
         names,
+        shape,
         found: vec![None; names.len()],
         present: None,
     };
@@ -21,16 +34,37 @@ pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordE
         // Only now the names of everything in the file are worth their time.
         wanted.present = Some(Vec::new());
         walk(path, &mut wanted)?;
-        return Err(missing(names[absent], &wanted.present.unwrap_or_default()));
+        let present: Vec<String> = wanted.present.into_iter().flatten().map(|p| p.name).collect();
+        return Err(missing(names[absent], &present));
     }
     Ok(wanted.found.into_iter().flatten().collect())
 }
 
+/// Every vector of real numbers, in the order of the file.
+pub(super) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
+    let mut wanted = Wanted {
+        names: &[],
+        shape: Shape::Vector,
+        found: Vec::new(),
+        present: Some(Vec::new()),
+    };
+    walk(path, &mut wanted)?;
+    let vector = |p: Present| p.rows.map(|rows| ColumnInfo { name: p.name, rows });
+    Ok(wanted.present.into_iter().flatten().filter_map(vector).collect())
+}
+
 struct Wanted<'a> {
     names: &'a [&'a str],
-    found: Vec<Option<Vec<f64>>>,
-    /// Names of numeric variables, while they are collected.
-    present: Option<Vec<String>>,
+    shape: Shape,
+    found: Vec<Option<Array>>,
+    /// Numeric variables, while they are collected.
+    present: Option<Vec<Present>>,
+}
+
+/// A numeric variable; rows only if it is a real vector.
+struct Present {
+    name: String,
+    rows: Option<u64>,
 }
 
 impl Wanted<'_> {
@@ -85,7 +119,7 @@ fn walk(path: &Path, wanted: &mut Wanted<'_>) -> Result<(), RecordError> {
                 let mut inner = Elements::new((&mut file).take(bytes), big_endian, bytes);
                 matrix(&mut inner, "", 0, wanted, &mut name)
             }
-            COMPRESSED => compressed((&mut file).take(bytes), big_endian, wanted, &mut name),
+            COMPRESSED => compressed((&mut file).take(bytes), bytes, big_endian, wanted, &mut name),
             // Anything else at the top level is no variable.
             _ => Ok(()),
         };
@@ -125,9 +159,6 @@ fn file_header(file: &mut impl Read) -> Result<bool, RecordError> {
             supported: SUPPORTED,
         })
     };
-    if header.starts_with(b"MATLAB 7.3") || header.starts_with(b"\x89HDF\r\n\x1a\n") {
-        return refused("a MAT file of version 7.3 (HDF5; save it with `-v7`)");
-    }
     if header.len() < 128 {
         return Err(malformed("it is shorter than the header of a MAT file"));
     }
@@ -142,6 +173,7 @@ fn file_header(file: &mut impl Read) -> Result<bool, RecordError> {
 
 fn compressed(
     source: impl Read,
+    packed: u64,
     big_endian: bool,
     wanted: &mut Wanted<'_>,
     name: &mut String,
@@ -152,6 +184,10 @@ fn compressed(
         return Ok(());
     }
     let bytes = u64::from(tag.bytes);
+    if bytes / DEFLATE_RATIO > packed {
+        let text = format!("{packed} bytes that claim to unpack to {bytes}");
+        return Err(Damage(text).into());
+    }
     let mut inner = Elements::new(outer.into_source(), big_endian, bytes);
     let found = |w: &Wanted<'_>| w.found.iter().flatten().count();
     let before = found(wanted);
@@ -209,24 +245,24 @@ fn matrix<R: Read>(
     match class {
         6..=15 => {
             if let Some(present) = &mut wanted.present {
-                present.push(full);
+                let rows = vector_length(&full, &shape).ok().filter(|_| !complex);
+                present.push(Present { name: full, rows });
                 return Ok(());
             }
             let Some(index) = index else { return Ok(()) };
             if complex {
                 return Err(not_numeric("complex numbers"));
             }
-            let length = vector_length(&full, &shape).map_err(Stop::Refuse)?;
+            let length = match wanted.shape {
+                Shape::Vector => vector_length(&full, &shape).map_err(Stop::Refuse)?,
+                Shape::Any => shape
+                    .iter()
+                    .try_fold(1u64, |n, d| n.checked_mul(*d))
+                    .unwrap_or(u64::MAX),
+            };
             let tag = e.tag()?;
-            let data = e.data(tag)?;
-            let numbers = e
-                .numbers(tag.kind, &data)
-                .ok_or_else(|| Damage("numbers of no known type".to_owned()))?;
-            if numbers.len() as u64 != length {
-                let d = format!("dimensions for {length} numbers, data for {}", numbers.len());
-                return Err(Damage(d).into());
-            }
-            wanted.found[index] = Some(numbers);
+            let data = e.numbers(tag, length)?;
+            wanted.found[index] = Some(Array { shape, data });
             Ok(())
         }
         2 if wanted.enters(&full) => {

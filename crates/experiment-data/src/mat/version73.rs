@@ -1,0 +1,284 @@
+//! MATLAB 7.3: an HDF5 file with a header of 512 bytes, in which variables are data sets and structs are groups. The
+//! attribute `MATLAB_class` says what a variable is; files of other programs may lack it.
+
+use super::DEEPEST;
+use crate::RecordError;
+use crate::columns::number::DEFLATE_RATIO;
+use crate::columns::{ColumnInfo, missing, vector_length};
+use hdf5_pure::{AttrValue, ChunkCacheConfig, DType, DatasetAccessProperties, Group, Layout};
+use std::collections::HashMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+/// More variables than any measurement has; a damaged file may have groups that contain themselves.
+const MOST_VARIABLES: usize = 100_000;
+
+/// The named variables, in the order of the names.
+pub(super) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
+    guarded(|| {
+        let walk = Walk::new(path, names)?;
+        let mut columns = Vec::with_capacity(names.len());
+        for name in names {
+            let place = walk.variables.iter().position(|v| v.name == *name);
+            let Some(place) = place else {
+                let real = walk.variables.into_iter().filter(|v| v.what == What::Numbers);
+                let present: Vec<String> = real.map(|v| v.name).collect();
+                return Err(missing(name, &present));
+            };
+            columns.push(walk.column(place)?);
+        }
+        Ok(columns)
+    })
+}
+
+/// Every vector of real numbers, in the order of the file.
+pub(super) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
+    guarded(|| {
+        let walk = Walk::new(path, &[])?;
+        let numbers = walk.variables.into_iter().filter(|v| v.what == What::Numbers);
+        Ok(numbers
+            .filter_map(|v| {
+                let rows = vector_length(&v.name, &v.shape).ok()?;
+                Some(ColumnInfo { name: v.name, rows })
+            })
+            .collect())
+    })
+}
+
+/// `hdf5-pure` means to refuse damaged files with errors, but it asserts some of its own invariants; a panic in it is
+/// an error of the file here, because nothing of ours is half changed when it happens.
+fn guarded<T>(run: impl FnOnce() -> Result<T, RecordError>) -> Result<T, RecordError> {
+    catch_unwind(AssertUnwindSafe(run))
+        .unwrap_or_else(|_| Err(malformed("", "its structure contradicts itself")))
+}
+
+fn malformed(variable: &str, problem: &str) -> RecordError {
+    RecordError::Malformed {
+        format: "MAT (version 7.3)",
+        variable: variable.to_owned(),
+        problem: problem.to_owned(),
+    }
+}
+
+#[derive(Debug, PartialEq)]
+enum What {
+    Numbers,
+    /// An empty array stores its shape in the place of its numbers.
+    Empty,
+    Other(String),
+}
+
+struct Variable {
+    name: String,
+    what: What,
+    /// As MATLAB counts: rows first.
+    shape: Vec<u64>,
+    /// Name of the group and of the data set in it; none for groups.
+    dataset: Option<(Group, String)>,
+}
+
+/// All variables of a file, in the order of the file.
+struct Walk<'a> {
+    /// Structs are entered if they lead to one of these; all are, if there is none.
+    names: &'a [&'a str],
+    bytes: u64,
+    variables: Vec<Variable>,
+}
+
+impl<'a> Walk<'a> {
+    fn new(path: &Path, names: &'a [&'a str]) -> Result<Self, RecordError> {
+        let bytes = path.metadata().map_err(RecordError::io("open"))?.len();
+        let file = hdf5_pure::File::open_streaming(path).map_err(|e| malformed("", &e.to_string()))?;
+        let mut walk = Self {
+            names,
+            bytes,
+            variables: Vec::new(),
+        };
+        walk.group(&file.root(), "", 0)?;
+        Ok(walk)
+    }
+
+    fn group(&mut self, group: &Group, path: &str, depth: usize) -> Result<(), RecordError> {
+        let damaged = |e: hdf5_pure::Error| malformed(path, &e.to_string());
+        let full = |name: &str| {
+            if path.is_empty() {
+                name.to_owned()
+            } else {
+                format!("{path}.{name}")
+            }
+        };
+        for (own, dataset) in group.iter_datasets().map_err(damaged)? {
+            let name = full(&own);
+            let damaged = |e: hdf5_pure::Error| malformed(&name, &e.to_string());
+            let attributes = dataset.attrs().map_err(damaged)?;
+            let mut shape = dataset.shape().map_err(damaged)?;
+            shape.reverse();
+            let what = kind_of_dataset(&attributes, &dataset.dtype().map_err(damaged)?);
+            self.push(Variable {
+                name,
+                what,
+                shape,
+                dataset: Some((group.clone(), own)),
+            })?;
+        }
+        for (own, inner) in group.iter_groups().map_err(damaged)? {
+            // Where MATLAB keeps the contents of cells and objects.
+            if depth == 0 && own.starts_with('#') {
+                continue;
+            }
+            let name = full(&own);
+            let attributes = inner.attrs().map_err(|e| malformed(&name, &e.to_string()))?;
+            let what = kind_of_group(&attributes);
+            let is_struct = what == STRUCT;
+            self.push(Variable {
+                name: name.clone(),
+                what: What::Other(what.to_owned()),
+                shape: Vec::new(),
+                dataset: None,
+            })?;
+            if is_struct && self.enters(&name) {
+                if depth + 1 >= DEEPEST {
+                    return Err(malformed(&name, "structs nested too deep"));
+                }
+                self.group(&inner, &name, depth + 1)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn enters(&self, name: &str) -> bool {
+        let inside = |n: &&str| n.strip_prefix(name).is_some_and(|rest| rest.starts_with('.'));
+        self.names.is_empty() || self.names.iter().any(inside)
+    }
+
+    fn push(&mut self, variable: Variable) -> Result<(), RecordError> {
+        if self.variables.len() == MOST_VARIABLES {
+            return Err(malformed("", "more variables than any measurement has"));
+        }
+        self.variables.push(variable);
+        Ok(())
+    }
+
+    fn column(&self, place: usize) -> Result<Vec<f64>, RecordError> {
+        let variable = &self.variables[place];
+        let name = &variable.name;
+        let (group, own) = match (&variable.what, &variable.dataset) {
+            (What::Empty, _) => return Ok(Vec::new()),
+            (What::Numbers, Some((group, own))) => (group, own),
+            (What::Other(found), _) => {
+                return Err(RecordError::NotNumeric {
+                    column: name.clone(),
+                    found: found.clone(),
+                });
+            }
+            (What::Numbers, None) => return Err(malformed(name, "numbers without a data set")),
+        };
+        let damaged = |e: hdf5_pure::Error| malformed(name, &e.to_string());
+        let length = vector_length(name, &variable.shape)?;
+        // Every part is read once.
+        let once = DatasetAccessProperties::new().with_chunk_cache(ChunkCacheConfig::disabled());
+        let dataset = group.dataset_with_options(own, once).map_err(damaged)?;
+        self.check_claim(name, &dataset, length)?;
+        let column = dataset.read_f64().map_err(damaged)?;
+        if column.len() as u64 != length {
+            let problem = format!("its header claims {length} values, the file has {}", column.len());
+            return Err(malformed(name, &problem));
+        }
+        Ok(column)
+    }
+
+    /// Compares what a data set claims to hold with what the file can hold, before any of it is read.
+    fn check_claim(&self, name: &str, dataset: &hdf5_pure::Dataset, length: u64) -> Result<(), RecordError> {
+        let damaged = |e: hdf5_pure::Error| malformed(name, &e.to_string());
+        let unsupported = |what: String, supported| {
+            let found = format!("`{name}` with {what}");
+            Err(RecordError::UnsupportedFormat { found, supported })
+        };
+        let size = dataset.element_size().map_err(damaged)?;
+        let too_much = || {
+            let bytes = self.bytes;
+            let problem =
+                format!("its header claims {length} values of {size} bytes, the file has {bytes} bytes");
+            malformed(name, &problem)
+        };
+        let claimed = length.checked_mul(size).ok_or_else(too_much)?;
+        let chunk_shape = match dataset.layout().map_err(damaged)? {
+            Layout::Compact { .. } | Layout::Contiguous { .. } if claimed <= self.bytes => return Ok(()),
+            Layout::Chunked { chunk_shape, .. } => chunk_shape,
+            Layout::Virtual => {
+                return unsupported("values in other files".to_owned(), "values in the file itself");
+            }
+            _ => return Err(too_much()),
+        };
+        if let Some(other) = dataset.filters().into_iter().find(|id| !matches!(id, 1..=3)) {
+            return unsupported(format!("HDF5 filter {other}"), "deflate, shuffle, checksums");
+        }
+        let chunk = chunk_shape.iter().try_fold(size, |all, n| all.checked_mul(*n));
+        // A chunk has at least one entry of 8 bytes in an index, and unpacks to so many times its size at most.
+        let chunks = match chunk {
+            Some(chunk) if chunk > 0 && chunk / DEFLATE_RATIO <= self.bytes => claimed.div_ceil(chunk),
+            _ => return Err(too_much()),
+        };
+        if claimed / DEFLATE_RATIO > self.bytes || chunks > self.bytes / 8 {
+            return Err(too_much());
+        }
+        let stored = dataset.chunks().map_err(damaged)?;
+        let stored: u64 = stored.iter().map(|c| c.storage_size.min(self.bytes)).sum();
+        if claimed / DEFLATE_RATIO > stored {
+            return Err(too_much());
+        }
+        Ok(())
+    }
+}
+
+const STRUCT: &str = "a struct (name a field with a dot)";
+
+fn class(attributes: &HashMap<String, AttrValue>) -> Option<&str> {
+    attributes.get("MATLAB_class").and_then(AttrValue::as_str)
+}
+
+fn kind_of_group(attributes: &HashMap<String, AttrValue>) -> &'static str {
+    match class(attributes) {
+        _ if attributes.contains_key("MATLAB_sparse") => "a sparse matrix",
+        None | Some("struct") => STRUCT,
+        Some(_) => "an object",
+    }
+}
+
+fn kind_of_dataset(attributes: &HashMap<String, AttrValue>, dtype: &DType) -> What {
+    let other = |what: &str| What::Other(what.to_owned());
+    let empty = attributes.get("MATLAB_empty").and_then(AttrValue::as_i64) == Some(1);
+    match (class(attributes), dtype) {
+        _ if attributes.contains_key("MATLAB_object_decode") => other("an object"),
+        (Some("char"), _) | (None, DType::String | DType::VariableLengthString) => other("characters"),
+        (Some("cell"), _) => other("a cell array"),
+        (Some("function_handle"), _) => other("a function"),
+        (Some("struct") | None, DType::ObjectReference) => other("a struct array"),
+        (Some("struct"), _) => other("an empty struct array"),
+        (
+            Some(
+                "double" | "single" | "logical" | "int8" | "int16" | "int32" | "int64" | "uint8" | "uint16"
+                | "uint32" | "uint64",
+            )
+            | None,
+            kind,
+        ) => match kind {
+            _ if empty => What::Empty,
+            // Other programs write truth values as names of 0 and 1.
+            DType::Enum(_)
+            | DType::F32
+            | DType::F64
+            | DType::I8
+            | DType::I16
+            | DType::I32
+            | DType::I64
+            | DType::U8
+            | DType::U16
+            | DType::U32
+            | DType::U64 => What::Numbers,
+            DType::Compound(_) => other("complex numbers"),
+            _ => other("an HDF5 type that is no real number"),
+        },
+        (Some(class), _) => other(&format!("a variable of class {class}")),
+    }
+}

@@ -1,0 +1,227 @@
+//! The command line.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// LPV models of position-dependent machines from measured records.
+///
+/// Exit codes: 0 done, 2 bad input or usage, 1 anything else.
+#[derive(Parser)]
+#[command(name = "lpv", version, about, long_about)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Subcommand)]
+pub(crate) enum Command {
+    /// Draft an experiment.toml from record files.
+    #[command(
+        after_help = "Example:\n  lpv new measurements/run1.csv measurements/run2.csv --input u --output y"
+    )]
+    New(New),
+    /// Tell what is in a bundle, checked: sampling, periods, noise, distortion, coverage, warnings.
+    #[command(after_help = "Example:\n  lpv inspect measurements")]
+    Inspect(Inspect),
+    /// Write a bundle from the simulated xy-table.
+    #[command(
+        after_help = "Example:\n  lpv simulate --print-machine > machine.toml\n  lpv simulate --machine machine.toml --hide coulomb-friction -o bundle"
+    )]
+    Simulate(Simulate),
+    /// Identify a model from a bundle.
+    #[command(after_help = "Example:\n  lpv identify measurements -o result/model.json")]
+    Identify(Identify),
+    /// Compare a model with the records that a bundle holds out.
+    #[command(after_help = "Example:\n  lpv validate result/model.json measurements")]
+    Validate(Validate),
+    /// Write a model for MATLAB, Python or a spreadsheet, or read it back.
+    #[command(after_help = "Example:\n  lpv convert result/model.json --to mat -o result/model.mat")]
+    Convert(Convert),
+    /// Write a page with Bode plots, poles, coefficient functions, errors and time responses of the models in a folder.
+    #[command(after_help = "Example:\n  lpv report result")]
+    Report(Report),
+    /// Print the JSON Schema of experiment.toml.
+    #[command(after_help = "Example:\n  lpv schema > experiment.schema.json")]
+    Schema,
+    /// Print the completions of a shell.
+    #[command(
+        after_help = "Example:\n  lpv completions bash > ~/.local/share/bash-completion/completions/lpv"
+    )]
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+}
+
+#[derive(Args)]
+pub(crate) struct New {
+    /// Record files: .npz, .csv, .parquet, .mat.
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) files: Vec<PathBuf>,
+    /// Columns of the measured outputs.
+    #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
+    pub(crate) output: Vec<String>,
+    /// Columns of the inputs of the machine.
+    #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
+    pub(crate) input: Vec<String>,
+    /// Columns of the excitation or setpoint.
+    #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
+    pub(crate) reference: Vec<String>,
+    /// Column of the position on which the dynamics depend.
+    #[arg(long, value_name = "COLUMN", value_delimiter = ',')]
+    pub(crate) scheduling: Vec<String>,
+    /// Samples per second.
+    #[arg(long, value_name = "HZ")]
+    pub(crate) sample_rate: Option<f64>,
+    /// Samples a period, of all files.
+    #[arg(long, value_name = "SAMPLES")]
+    pub(crate) period: Option<usize>,
+    /// Files that are held out to judge the model.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) validation: Vec<PathBuf>,
+    /// Name of the experiment.
+    #[arg(long)]
+    pub(crate) name: Option<String>,
+    /// Replace an experiment.toml that is already there.
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print what was guessed as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Args)]
+pub(crate) struct Inspect {
+    /// The bundle: a folder with an experiment.toml, or that file.
+    pub(crate) bundle: PathBuf,
+    /// Print one row for each line of the spectra, as CSV, instead.
+    #[arg(long, conflicts_with = "json")]
+    pub(crate) lines: bool,
+    /// Print everything as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Args)]
+pub(crate) struct Simulate {
+    /// The machine and its experiments; the default machine without.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) machine: Option<PathBuf>,
+    /// An effect that the machine has and the bundle does not tell, with its size; may be repeated.
+    #[arg(long, value_name = "EFFECT[=VALUE]")]
+    pub(crate) hide: Vec<String>,
+    /// The folder of the bundle.
+    #[arg(short, long, value_name = "FOLDER", required_unless_present = "print_machine")]
+    pub(crate) output: Option<PathBuf>,
+    /// Kind of the record files.
+    #[arg(long, value_enum, default_value_t = Format::Npz)]
+    pub(crate) format: Format,
+    /// Print a machine file with all defaults, and do nothing else.
+    #[arg(long)]
+    pub(crate) print_machine: bool,
+    /// Print the account as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Kinds of record files.
+#[derive(Clone, Copy, ValueEnum)]
+pub(crate) enum Format {
+    Npz,
+    Csv,
+    Parquet,
+    Mat,
+}
+
+#[derive(Args)]
+pub(crate) struct Identify {
+    /// The bundle: a folder with an experiment.toml, or that file.
+    #[arg(required_unless_present = "print_config")]
+    pub(crate) bundle: Option<PathBuf>,
+    /// Where the model goes, as JSON.
+    #[arg(short, long, value_name = "FILE", required_unless_present = "print_config")]
+    pub(crate) output: Option<PathBuf>,
+    /// Settings, a TOML file; what it leaves out is chosen from the data.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Print the settings with their defaults as a TOML file, and do nothing else.
+    #[arg(long)]
+    pub(crate) print_config: bool,
+    /// What kind of model, instead of the configured one.
+    #[arg(long, value_enum)]
+    pub(crate) structure: Option<StructureName>,
+    /// Number of basis functions, instead of the configured one.
+    #[arg(long, value_name = "N")]
+    pub(crate) functions: Option<usize>,
+    /// Last part of each transient record that is held out, instead of the configured one.
+    #[arg(long, value_name = "PART")]
+    pub(crate) hold_out: Option<f64>,
+    /// Seed of every random choice, instead of the configured one.
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<u64>,
+    /// Print the summary as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Kinds of models.
+#[derive(Clone, Copy, ValueEnum)]
+pub(crate) enum StructureName {
+    Lpv,
+    Lti,
+    RigidBody,
+}
+
+#[derive(Args)]
+pub(crate) struct Validate {
+    /// The model, a file of `lpv identify` or `lpv convert`.
+    pub(crate) model: PathBuf,
+    /// The bundle.
+    pub(crate) bundle: PathBuf,
+    /// Judge also the records with use = "estimation".
+    #[arg(long)]
+    pub(crate) all: bool,
+    /// Print everything as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Args)]
+pub(crate) struct Convert {
+    /// The model: .json, .mat or .csv.
+    pub(crate) model: PathBuf,
+    /// What to write.
+    #[arg(long, value_enum)]
+    pub(crate) to: TargetName,
+    /// Where it goes; beside the model without.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
+    /// Frozen systems a scheduling parameter.
+    #[arg(long, value_name = "N", default_value_t = 11, value_parser = clap::value_parser!(u16).range(2..=1000))]
+    pub(crate) points: u16,
+}
+
+/// What a model can be written as.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TargetName {
+    /// MATLAB 5 file with a struct of A, B1, ... D22 and frozen systems on a grid.
+    Mat,
+    /// The program's own format.
+    Json,
+    /// One matrix entry a line.
+    Csv,
+    /// A module that builds python-control systems.
+    Python,
+}
+
+#[derive(Args)]
+pub(crate) struct Report {
+    /// A folder with models that `lpv identify` wrote.
+    pub(crate) folder: PathBuf,
+    /// The bundle to compare with, instead of the one that each model names.
+    #[arg(long)]
+    pub(crate) bundle: Option<PathBuf>,
+    /// Where the page goes; report.html in the folder without.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
+}

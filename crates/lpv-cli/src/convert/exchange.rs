@@ -1,0 +1,300 @@
+//! A model taken apart into named matrices: what all foreign formats hold.
+
+use crate::{ModelFile, PipelineError};
+use lpv_core::nalgebra::{DMatrix, DVector};
+use lpv_core::{
+    Clock, Continuous, DeltaBlock, Discrete, InnovationModel, Lfr, LfrBlocks, LpvStateSpace, Model,
+    RigidBody, RigidBodyAxis, SchedulingRange, StateSpace,
+};
+
+/// Named matrices of a model, and its frozen systems on a grid.
+pub(super) struct Exchange {
+    /// What the model is, in words.
+    pub(super) description: String,
+    /// `state-space`, `innovation`, `rigid-body`, `lfr` or `grid` (frozen systems only).
+    pub(super) kind: String,
+    /// Sample time, 0 for continuous time.
+    pub(super) sample_time: f64,
+    /// Matrices by name, in order.
+    pub(super) blocks: Vec<(String, DMatrix<f64>)>,
+    /// Frozen systems: scheduling value, A, B, C, D; empty for a time-invariant model.
+    pub(super) grid: Vec<(Vec<f64>, [DMatrix<f64>; 4])>,
+    /// Names of inputs and outputs, where known.
+    pub(super) inputs: Vec<String>,
+    pub(super) outputs: Vec<String>,
+}
+
+/// The model in a few words.
+pub fn describe(model: &Model) -> String {
+    let io = |ny: usize, nu: usize| format!("{nu} input(s), {ny} output(s)");
+    let lfr =
+        |states, deltas, ny, nu| format!("LFR with {states} states and {deltas} deltas, {}", io(ny, nu));
+    match model {
+        Model::DiscreteStateSpace(s) => format!(
+            "discrete state space with {} states, {}",
+            s.states(),
+            io(s.outputs(), s.inputs())
+        ),
+        Model::ContinuousStateSpace(s) => format!(
+            "continuous state space with {} states, {}",
+            s.states(),
+            io(s.outputs(), s.inputs())
+        ),
+        Model::InnovationStateSpace(m) => format!(
+            "state space in innovation form with {} states, {}",
+            m.model().states(),
+            io(m.model().outputs(), m.model().inputs())
+        ),
+        Model::RigidBody(m) => format!("rigid body, {} axis or axes", m.axes().len()),
+        Model::DiscreteLfr(m) => lfr(m.states(), m.delta_count(), m.outputs(), m.inputs()),
+        Model::ContinuousLfr(m) => {
+            "continuous ".to_owned() + &lfr(m.states(), m.delta_count(), m.outputs(), m.inputs())
+        }
+        Model::DiscreteLpv(m) => format!(
+            "LPV state space with {} states, {}",
+            m.states(),
+            io(m.outputs(), m.inputs())
+        ),
+        Model::ContinuousLpv(m) => format!(
+            "continuous LPV state space with {} states, {}",
+            m.states(),
+            io(m.outputs(), m.inputs())
+        ),
+        Model::SeriesExpansion(m) => format!(
+            "LPV series expansion in {} basis functions, {}",
+            m.functions(),
+            io(m.direct().shape().0, m.direct().shape().1)
+        ),
+        _ => "model of a kind that this version does not know".to_owned(),
+    }
+}
+
+impl Exchange {
+    /// Takes the model apart; `points` frozen systems a parameter.
+    pub(super) fn new(file: &ModelFile, points: usize) -> Result<Self, PipelineError> {
+        let account = file.identification.as_ref();
+        let mut exchange = Self {
+            description: describe(&file.model),
+            kind: "state-space".to_owned(),
+            sample_time: 0.0,
+            blocks: Vec::new(),
+            grid: Vec::new(),
+            inputs: account.map_or_else(Vec::new, |a| a.inputs.clone()),
+            outputs: account.map_or_else(Vec::new, |a| a.outputs.clone()),
+        };
+        match &file.model {
+            Model::DiscreteStateSpace(s) => {
+                exchange.sample_time = s.clock().sample_time();
+                exchange.system(s);
+            }
+            Model::ContinuousStateSpace(s) => exchange.system(s),
+            Model::InnovationStateSpace(m) => {
+                exchange.kind = "innovation".to_owned();
+                exchange.sample_time = m.model().clock().sample_time();
+                exchange.system(m.model());
+                exchange.push("K", m.gain().clone());
+                exchange.push("innovation_covariance", m.innovation_covariance().clone());
+                exchange.push("input_offset", column(m.input_offset().as_slice()));
+                exchange.push("output_offset", column(m.output_offset().as_slice()));
+            }
+            Model::RigidBody(body) => {
+                exchange.kind = "rigid-body".to_owned();
+                exchange.system(&body.to_state_space()?);
+                let rows = body.axes().iter().flat_map(|a| {
+                    [
+                        a.inertia,
+                        a.viscous,
+                        a.offset,
+                        a.inertia_deviation,
+                        a.viscous_deviation,
+                        a.offset_deviation,
+                    ]
+                });
+                exchange.push("axes", DMatrix::from_row_iterator(body.axes().len(), 6, rows));
+            }
+            Model::DiscreteLfr(m) => {
+                exchange.sample_time = m.clock().sample_time();
+                exchange.lfr(m, points)?;
+            }
+            Model::ContinuousLfr(m) => exchange.lfr(m, points)?,
+            Model::DiscreteLpv(m) => {
+                exchange.sample_time = m.clock().sample_time();
+                exchange.lpv(m, points)?;
+            }
+            Model::ContinuousLpv(m) => exchange.lpv(m, points)?,
+            Model::SeriesExpansion(m) => {
+                let m = m.to_state_space()?;
+                exchange.sample_time = m.clock().sample_time();
+                exchange.lpv(&m, points)?;
+            }
+            _ => {
+                return Err(PipelineError::Structure {
+                    problem: "this kind of model cannot be converted by this version of the program",
+                });
+            }
+        }
+        Ok(exchange)
+    }
+
+    fn push(&mut self, name: &str, matrix: DMatrix<f64>) {
+        self.blocks.push((name.to_owned(), matrix));
+    }
+
+    fn system<K: Clock>(&mut self, s: &StateSpace<K>) {
+        for (name, m) in [("A", s.a()), ("B", s.b()), ("C", s.c()), ("D", s.d())] {
+            self.push(name, m.clone());
+        }
+    }
+
+    fn lfr<K: Clock>(&mut self, m: &Lfr<K>, points: usize) -> Result<(), PipelineError> {
+        self.kind = "lfr".to_owned();
+        let b = m.blocks();
+        for (name, block) in [
+            ("A", &b.a),
+            ("B1", &b.b1),
+            ("B2", &b.b2),
+            ("C1", &b.c1),
+            ("D11", &b.d11),
+            ("D12", &b.d12),
+            ("C2", &b.c2),
+            ("D21", &b.d21),
+            ("D22", &b.d22),
+        ] {
+            self.push(name, block.clone());
+        }
+        self.range(m.range());
+        let deltas = m
+            .deltas()
+            .iter()
+            .flat_map(|d| [d.parameter as f64 + 1.0, d.repetitions as f64]);
+        self.push("deltas", DMatrix::from_row_iterator(m.deltas().len(), 2, deltas));
+        for p in m.range().grid(points) {
+            self.frozen(&m.frozen(&p)?, p);
+        }
+        Ok(())
+    }
+
+    fn lpv<K: Clock>(&mut self, m: &LpvStateSpace<K>, points: usize) -> Result<(), PipelineError> {
+        self.kind = "grid".to_owned();
+        self.range(m.range());
+        for p in m.range().grid(points) {
+            self.frozen(&m.frozen(&p)?, p);
+        }
+        Ok(())
+    }
+
+    fn range(&mut self, range: &SchedulingRange) {
+        let bounds = range.bounds().iter().flatten().copied();
+        self.push("range", DMatrix::from_row_iterator(range.parameters(), 2, bounds));
+    }
+
+    fn frozen<K: Clock>(&mut self, s: &StateSpace<K>, p: Vec<f64>) {
+        self.grid
+            .push((p, [s.a().clone(), s.b().clone(), s.c().clone(), s.d().clone()]));
+    }
+
+    fn block(&self, name: &str) -> Result<DMatrix<f64>, String> {
+        self.blocks
+            .iter()
+            .find(|(n, _)| n == name)
+            .map(|(_, m)| m.clone())
+            .ok_or_else(|| format!("the matrix {name} is missing"))
+    }
+
+    /// The model again.
+    pub(super) fn model(&self) -> Result<Model, String> {
+        let text = |e: lpv_core::CoreError| e.to_string();
+        let discrete = || Discrete::new(self.sample_time).map_err(text);
+        match (self.kind.as_str(), self.sample_time > 0.0) {
+            ("state-space", true) => Ok(Model::DiscreteStateSpace(self.state_space(discrete()?)?)),
+            ("state-space", false) => Ok(Model::ContinuousStateSpace(self.state_space(Continuous)?)),
+            ("lfr", true) => Ok(Model::DiscreteLfr(self.to_lfr(discrete()?)?)),
+            ("lfr", false) => Ok(Model::ContinuousLfr(self.to_lfr(Continuous)?)),
+            ("innovation", _) => {
+                let vector = |name: &str| Ok::<_, String>(DVector::from_column_slice(self.block(name)?.as_slice()));
+                InnovationModel::new(
+                    self.state_space(discrete()?)?,
+                    self.block("K")?,
+                    self.block("innovation_covariance")?,
+                    vector("input_offset")?,
+                    vector("output_offset")?,
+                )
+                .map(Model::InnovationStateSpace)
+                .map_err(text)
+            }
+            ("rigid-body", _) => {
+                let rows = self.block("axes")?;
+                if rows.ncols() != 6 {
+                    return Err(format!("the matrix axes has {} columns, not 6", rows.ncols()));
+                }
+                let axes = rows
+                    .row_iter()
+                    .map(|r| RigidBodyAxis {
+                        inertia: r[0],
+                        viscous: r[1],
+                        offset: r[2],
+                        inertia_deviation: r[3],
+                        viscous_deviation: r[4],
+                        offset_deviation: r[5],
+                    })
+                    .collect();
+                RigidBody::new(axes).map(Model::RigidBody).map_err(text)
+            }
+            ("grid", _) => Err("it holds frozen systems on a grid, from which the coefficient functions cannot be had back; keep the JSON file".to_owned()),
+            (other, _) => Err(format!("unknown kind of model `{other}`")),
+        }
+    }
+
+    fn state_space<K: Clock>(&self, clock: K) -> Result<StateSpace<K>, String> {
+        StateSpace::new(
+            self.block("A")?,
+            self.block("B")?,
+            self.block("C")?,
+            self.block("D")?,
+            clock,
+        )
+        .map_err(|e| e.to_string())
+    }
+
+    fn to_lfr<K: Clock>(&self, clock: K) -> Result<Lfr<K>, String> {
+        let deltas = self.block("deltas")?;
+        let range = self.block("range")?;
+        if deltas.ncols() != 2 || range.ncols() != 2 {
+            return Err("the matrices range and deltas must have two columns".to_owned());
+        }
+        let whole = |v: f64| {
+            if v >= 0.0 && v.fract() == 0.0 && v < 1e6 {
+                Ok(v as usize)
+            } else {
+                Err(format!("the matrix deltas holds {v}, which is no count"))
+            }
+        };
+        let deltas = deltas
+            .row_iter()
+            .map(|r| {
+                Ok(DeltaBlock {
+                    parameter: whole(r[0] - 1.0)?,
+                    repetitions: whole(r[1])?,
+                })
+            })
+            .collect::<Result<Vec<_>, String>>()?;
+        let bounds = range.row_iter().map(|r| [r[0], r[1]]).collect();
+        let blocks = LfrBlocks {
+            a: self.block("A")?,
+            b1: self.block("B1")?,
+            b2: self.block("B2")?,
+            c1: self.block("C1")?,
+            d11: self.block("D11")?,
+            d12: self.block("D12")?,
+            c2: self.block("C2")?,
+            d21: self.block("D21")?,
+            d22: self.block("D22")?,
+        };
+        let range = SchedulingRange::new(bounds).map_err(|e| e.to_string())?;
+        Lfr::new(blocks, deltas, range, clock).map_err(|e| e.to_string())
+    }
+}
+
+fn column(values: &[f64]) -> DMatrix<f64> {
+    DMatrix::from_column_slice(values.len(), 1, values)
+}

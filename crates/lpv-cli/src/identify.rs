@@ -1,0 +1,296 @@
+//! Bundle in, model out: which chain serves, and its account.
+
+use crate::pipeline::{Identified, identify};
+use crate::progress::Progress;
+use crate::responses::{estimate_bundle, estimate_local, load_records};
+use crate::signal::fit_percent;
+use crate::summary::{AxisSummary, HeldOut, OrderRow, Summary, TimeSummary};
+use crate::{FitFocus, IdentifyConfig, PipelineError, Structure};
+use experiment_data::Bundle;
+use lpv_core::nalgebra::DMatrix;
+use lpv_core::{Discrete, FrfEstimate, Model, Purpose, Record, RecordKind, StateSpace};
+use lti_ident::{Focus, InnovationFit, InnovationSettings, OrderEntry, Segment};
+use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, fit};
+use rayon::prelude::*;
+
+/// A model with its account.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// The model.
+    pub model: Model,
+    /// The account.
+    pub summary: Summary,
+    /// The stages behind it.
+    pub stages: Stages,
+}
+
+/// The stages of one chain, for whoever wants to look inside.
+#[derive(Debug, Clone)]
+pub enum Stages {
+    /// From frequency responses: pole fit, and with several positions basis, regression, interpolation, LFR.
+    Frequency(Box<Identified>),
+    /// From records without periods: prediction error.
+    Time(Box<InnovationFit>),
+    /// Servo axes.
+    Axes(Box<lti_ident::rigid_body::RigidBodyFit>),
+}
+
+/// Identifies a model from the estimation records of a bundle.
+///
+/// With a scheduling channel and several positions the model is LPV; else it is time-invariant: from periodic records by
+/// the pole fit, from others by a prediction-error fit that starts at the local rational response. What the
+/// configuration gives is taken; all else is chosen from the data, with the reason in the summary.
+///
+/// # Errors
+/// Those of the stages, with file, record or position.
+pub fn identify_bundle(
+    bundle: &Bundle,
+    config: &IdentifyConfig,
+    progress: Progress<'_>,
+) -> Result<Outcome, PipelineError> {
+    let entries = &bundle.description().records;
+    let periodic = entries
+        .iter()
+        .any(|e| e.purpose == Purpose::Estimation && matches!(e.record_kind(), RecordKind::Periodic { .. }));
+    let scheduled = !bundle.description().channels.scheduling.is_empty();
+    match config.structure {
+        Some(Structure::RigidBody) => axes(bundle, config, progress),
+        Some(Structure::Lti) if !periodic => in_time(bundle, config, progress),
+        None if !periodic && !scheduled => in_time(bundle, config, progress),
+        structure => in_frequency(bundle, structure, config, progress),
+    }
+}
+
+fn in_frequency(
+    bundle: &Bundle,
+    structure: Option<Structure>,
+    config: &IdentifyConfig,
+    progress: Progress<'_>,
+) -> Result<Outcome, PipelineError> {
+    let responses = estimate_bundle(bundle, config.skip_periods, progress)?;
+    let positions = responses.estimates.len();
+    if structure == Some(Structure::Lpv) && positions == 1 {
+        return Err(PipelineError::Structure {
+            problem: "structure = \"lpv\" needs periodic records at several positions, and the bundle has one; measure more, or use structure = \"lti\"",
+        });
+    }
+    if structure == Some(Structure::Lti) && positions > 1 {
+        return Err(PipelineError::Structure {
+            problem: "structure = \"lti\" is for one position and the bundle has several; leave the structure to the data, or make a bundle of one position",
+        });
+    }
+    progress("poles, basis, regression", 0, 1);
+    let identified = identify(&responses.estimates, responses.clock, config)?;
+    progress("poles, basis, regression", 1, 1);
+    let mut summary = Summary::of_responses(&identified, &responses.estimates)?;
+    summary.reasons.splice(0..0, responses.reasons);
+    Ok(Outcome {
+        model: identified.model()?,
+        summary,
+        stages: Stages::Frequency(Box::new(identified)),
+    })
+}
+
+/// The estimation records, and the last sample of each that may be fitted.
+fn estimation_records(
+    bundle: &Bundle,
+    config: &IdentifyConfig,
+    progress: Progress<'_>,
+) -> Result<(Vec<Record>, Vec<usize>), PipelineError> {
+    let entries = &bundle.description().records;
+    let records = load_records(bundle, |i| entries[i].purpose == Purpose::Estimation, progress)?;
+    if records.is_empty() {
+        return Err(PipelineError::NoResponses {
+            bundle: bundle.description().name.clone(),
+        });
+    }
+    let fitted = records
+        .iter()
+        .map(|r| ((1.0 - config.hold_out) * r.len() as f64).round() as usize)
+        .collect();
+    Ok((records, fitted))
+}
+
+/// Numbers of states that are tried where none is given.
+const ORDERS: std::ops::RangeInclusive<usize> = 1..=12;
+
+fn in_time(
+    bundle: &Bundle,
+    config: &IdentifyConfig,
+    progress: Progress<'_>,
+) -> Result<Outcome, PipelineError> {
+    let clock = bundle.clock()?;
+    let (records, fitted) = estimation_records(bundle, config, progress)?;
+    let orders: Vec<usize> = match config.order {
+        Some(order) => vec![order],
+        None => ORDERS.filter(|n| n % 2 == 0).collect(),
+    };
+    let mut cut: Vec<Record> = records
+        .iter()
+        .zip(&fitted)
+        .map(|(r, &n)| crate::validation::cut(r, n))
+        .collect();
+    let (estimates, reason) = estimate_local(&mut cut, clock, progress)?;
+    let mut reasons = vec![reason];
+    let (slope, integrators) = match config.integrators {
+        Some(n) => (f64::NAN, n),
+        None => crate::poles::integrators_from_slope(&estimates[0]),
+    };
+    let focus = config.focus.unwrap_or(if integrators > 0 {
+        FitFocus::Prediction
+    } else {
+        FitFocus::Simulation
+    });
+    reasons.push(match (config.focus, focus) {
+        (Some(_), _) => "what is minimised: as asked".to_owned(),
+        (None, FitFocus::Simulation) => format!(
+            "the error of the simulated output is minimised: |F| falls with the power {slope:.2} of frequency at the lowest lines, no integrator"
+        ),
+        (None, FitFocus::Prediction) => format!(
+            "the error of the one-step prediction is minimised: {integrators} integrator(s) would let a simulation drift"
+        ),
+    });
+    progress("prediction error", 0, 1);
+    let starts = local_starts(&estimates[0], clock, &orders);
+    let settings = InnovationSettings::new(orders).focus(match focus {
+        FitFocus::Simulation => Focus::Simulation,
+        FitFocus::Prediction => Focus::Prediction,
+    });
+    let segments: Vec<Segment<'_>> = records
+        .iter()
+        .zip(&fitted)
+        .map(|(r, &n)| Segment::new(r, 0..n))
+        .collect();
+    let found = lti_ident::identify(&segments, clock, &settings.check()?, &starts)?;
+    progress("prediction error", 1, 1);
+    let chosen = found.chosen();
+    let rows: Vec<OrderRow> = found.entries.iter().map(OrderRow::new).collect();
+    reasons.push(order_reason(&rows, chosen.order, config));
+    let held_out = held_out(chosen, &records, &fitted)?;
+    let model = Model::InnovationStateSpace(chosen.model.clone());
+    let summary = Summary::of_time(&model, TimeSummary::new(chosen, rows, held_out)?, reasons);
+    Ok(Outcome {
+        model,
+        summary,
+        stages: Stages::Time(Box::new(found)),
+    })
+}
+
+fn order_reason(rows: &[OrderRow], chosen: usize, config: &IdentifyConfig) -> String {
+    if config.order.is_some() {
+        return format!("{chosen} states as asked");
+    }
+    let tried: Vec<String> = rows
+        .iter()
+        .filter_map(|r| Some(format!("{}: {:.4}", r.order, r.expected_cost?)))
+        .collect();
+    format!(
+        "{chosen} states by the cost to expect on other data ({})",
+        tried.join(", ")
+    )
+}
+
+/// Pole fits of the local response, one an order; those that fail are no starts.
+fn local_starts(estimate: &FrfEstimate, clock: Discrete, orders: &[usize]) -> Vec<StateSpace<Discrete>> {
+    orders
+        .par_iter()
+        .filter_map(|&order| {
+            let settings = PoleFitSettings::new(order)
+                .integrators(Integrators::Free)
+                .numerator(NumeratorDegree::Proper)
+                .smoothing_lines(4)
+                .check()
+                .ok()?;
+            let found = fit(estimate, clock, &settings).ok()?;
+            found.state_space().ok()
+        })
+        .collect()
+}
+
+/// The fit on what follows the fitted part of each record; the state is carried over, no output is used to simulate.
+fn held_out(
+    entry: &OrderEntry,
+    records: &[Record],
+    fitted: &[usize],
+) -> Result<Option<HeldOut>, PipelineError> {
+    let mut measured: Vec<Vec<f64>> = Vec::new();
+    let (mut simulated, mut predicted): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
+    for ((record, &n), x0) in records.iter().zip(fitted).zip(&entry.initial_states) {
+        if n >= record.len() {
+            continue;
+        }
+        let whole = Segment::whole(record);
+        let (u, y) = (whole.inputs(), whole.outputs());
+        let runs = [
+            entry.model.simulate(x0, &u)?.outputs,
+            entry.model.predict_one_step(x0, &u, &y)?.outputs,
+        ];
+        measured.resize(y.nrows(), Vec::new());
+        for (errors, run) in [&mut simulated, &mut predicted].into_iter().zip(&runs) {
+            errors.resize(y.nrows(), Vec::new());
+            append_errors(errors, &y, run, n);
+        }
+        for (i, m) in measured.iter_mut().enumerate() {
+            m.extend(y.row(i).iter().skip(n));
+        }
+    }
+    if measured.is_empty() {
+        return Ok(None);
+    }
+    let percent = |errors: &[Vec<f64>]| -> Vec<f64> {
+        measured
+            .iter()
+            .zip(errors)
+            .map(|(m, e)| fit_percent(m, e))
+            .collect()
+    };
+    Ok(Some(HeldOut {
+        samples: measured[0].len(),
+        simulated_fit_percent: percent(&simulated),
+        one_step_fit_percent: percent(&predicted),
+    }))
+}
+
+fn append_errors(errors: &mut [Vec<f64>], measured: &DMatrix<f64>, run: &DMatrix<f64>, from: usize) {
+    for (i, e) in errors.iter_mut().enumerate() {
+        e.extend((from..measured.ncols()).map(|k| measured[(i, k)] - run[(i, k)]));
+    }
+}
+
+fn axes(bundle: &Bundle, config: &IdentifyConfig, progress: Progress<'_>) -> Result<Outcome, PipelineError> {
+    let clock = bundle.clock()?;
+    let (records, fitted) = estimation_records(bundle, config, progress)?;
+    let segments: Vec<Segment<'_>> = records
+        .iter()
+        .zip(&fitted)
+        .map(|(r, &n)| Segment::new(r, 0..n))
+        .collect();
+    progress("inverse dynamics", 0, 1);
+    let settings = lti_ident::rigid_body::RigidBodySettings::new().check()?;
+    let found = lti_ident::rigid_body::identify(&segments, clock, &settings)?;
+    progress("inverse dynamics", 1, 1);
+    let units = &bundle.description().channels.output.units;
+    let axes: Vec<AxisSummary> = found
+        .model
+        .axes()
+        .iter()
+        .zip(&found.axes)
+        .enumerate()
+        .map(|(i, (axis, account))| {
+            AxisSummary::new(
+                &records[0].inputs.names[i],
+                &records[0].outputs.names[i],
+                units.get(i).map_or("", String::as_str),
+                axis,
+                account,
+            )
+        })
+        .collect();
+    let reasons = axes.iter().map(AxisSummary::reason).collect();
+    let model = Model::RigidBody(found.model.clone());
+    Ok(Outcome {
+        summary: Summary::of_axes(&model, axes, reasons),
+        model,
+        stages: Stages::Axes(Box::new(found)),
+    })
+}

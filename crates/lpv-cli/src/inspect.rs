@@ -1,0 +1,147 @@
+//! What is in a bundle, checked: records, channels, frequency responses, noise, distortion, coverage; warnings in words.
+
+mod experiment;
+mod record;
+mod text;
+mod warnings;
+
+pub(crate) use experiment::noise as period_noise;
+pub use experiment::{DetectionLine, ExperimentInfo, LineInfo, Spread};
+pub use record::{ChannelStats, RecordInfo};
+
+use crate::PipelineError;
+use crate::progress::Progress;
+use crate::responses::{estimate_periodic, group, load_records};
+use experiment_data::Bundle;
+use lpv_core::{Purpose, Record, RecordKind, Signals};
+use serde::Serialize;
+
+/// Everything that `lpv inspect` tells about a bundle.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Inspection {
+    /// Name of the bundle.
+    pub name: String,
+    /// Samples per unit of time.
+    pub sample_rate_hz: f64,
+    /// Whether a controller is described, so that closed-loop simulation is possible.
+    pub controller: bool,
+    /// Names and units of the channels by role.
+    pub channels: Vec<ChannelGroupInfo>,
+    /// Every record.
+    pub records: Vec<RecordInfo>,
+    /// Every periodic experiment: the records of one use at one position.
+    pub experiments: Vec<ExperimentInfo>,
+    /// The positions of the periodic estimation records; none without a scheduling channel.
+    pub coverage: Option<Coverage>,
+    /// Standard deviation of the noise of one sample, by output, median over the periodic experiments; empty without any.
+    pub noise: Vec<f64>,
+    /// What deserves attention.
+    pub warnings: Vec<String>,
+}
+
+/// Channels of one role.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ChannelGroupInfo {
+    /// Role: output, input, reference, scheduling, auxiliary.
+    pub role: &'static str,
+    /// Column names.
+    pub columns: Vec<String>,
+    /// Units; empty where unknown.
+    pub units: Vec<String>,
+}
+
+/// Where the machine was measured.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Coverage {
+    /// Positions of periodic estimation records, increasing.
+    pub positions: Vec<f64>,
+    /// Smallest and largest scheduling value of all records.
+    pub range: [f64; 2],
+    /// Largest distance between neighbouring positions.
+    pub largest_gap: f64,
+}
+
+/// Reads and judges a whole bundle.
+///
+/// # Errors
+/// The first clause of the format that a record breaks; an experiment without a frequency response.
+pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, PipelineError> {
+    let description = bundle.description();
+    let clock = bundle.clock()?;
+    let records = load_records(bundle, |_| true, progress)?;
+    let infos = record::describe(&records, bundle);
+    let mut coverage = coverage(&records);
+    let transients = records.iter().any(|r| r.kind == RecordKind::Transient);
+    let held_out = records.iter().any(|r| r.purpose == Purpose::Validation);
+    let mut experiments = Vec::new();
+    let (fitted, judged): (Vec<Record>, Vec<Record>) = records
+        .into_iter()
+        .filter(|r| matches!(r.kind, RecordKind::Periodic { .. }))
+        .partition(|r| r.purpose == Purpose::Estimation);
+    for (mut records, purpose) in [(fitted, "estimation"), (judged, "validation")] {
+        if records.is_empty() {
+            continue;
+        }
+        let estimates = estimate_periodic(&mut records, clock, None, progress)?;
+        for (group, estimate) in group(&records).into_iter().zip(&estimates) {
+            experiments.push(experiment::describe(purpose, group, estimate));
+        }
+    }
+    if let Some(coverage) = &mut coverage {
+        coverage.positions = experiments
+            .iter()
+            .filter(|e| e.purpose == "estimation")
+            .filter_map(|e| e.position)
+            .collect();
+        coverage.largest_gap = coverage
+            .positions
+            .windows(2)
+            .map(|w| w[1] - w[0])
+            .fold(0.0, f64::max);
+    }
+    let c = &description.channels;
+    let channels = [
+        ("output", &c.output),
+        ("input", &c.input),
+        ("reference", &c.reference),
+        ("scheduling", &c.scheduling),
+        ("auxiliary", &c.auxiliary),
+    ]
+    .into_iter()
+    .filter(|(_, g)| !g.is_empty())
+    .map(|(role, g)| ChannelGroupInfo {
+        role,
+        columns: g.columns.clone(),
+        units: g.units.clone(),
+    })
+    .collect();
+    let noise = (0..if experiments.is_empty() { 0 } else { c.output.len() })
+        .map(|i| crate::signal::median(&experiments.iter().map(|e| e.noise[i]).collect::<Vec<_>>()))
+        .collect();
+    let mut inspection = Inspection {
+        name: description.name.clone(),
+        sample_rate_hz: description.sample_rate_hz,
+        controller: description.controller.is_some(),
+        channels,
+        records: infos,
+        experiments,
+        coverage,
+        noise,
+        warnings: Vec::new(),
+    };
+    inspection.warnings = warnings::warnings(&inspection, transients, held_out);
+    Ok(inspection)
+}
+
+fn coverage(records: &[Record]) -> Option<Coverage> {
+    let first = |s: &Signals| s.columns.first().map(|c| crate::signal::range(c));
+    let ranges: Vec<(f64, f64)> = records.iter().filter_map(|r| first(&r.scheduling)).collect();
+    (!ranges.is_empty()).then(|| Coverage {
+        positions: Vec::new(),
+        range: [
+            ranges.iter().map(|r| r.0).fold(f64::INFINITY, f64::min),
+            ranges.iter().map(|r| r.1).fold(f64::NEG_INFINITY, f64::max),
+        ],
+        largest_gap: 0.0,
+    })
+}

@@ -1,0 +1,206 @@
+//! Figures of the periodic records at one position, and of their frequency response.
+
+use crate::signal::{median, quantile};
+use crate::validation::decibel;
+use frf_estimation::{Instrument, PeriodicEstimate};
+use lpv_core::{Record, RecordKind, Signals};
+use serde::Serialize;
+
+/// One periodic experiment.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ExperimentInfo {
+    /// `estimation` or `validation`.
+    pub purpose: &'static str,
+    /// Position; none without scheduling.
+    pub position: Option<f64>,
+    /// Its records.
+    pub records: Vec<String>,
+    /// Lowest and highest excited frequency, cycles per unit of time.
+    pub band_hz: [f64; 2],
+    /// Periods used of the record that has the fewest.
+    pub periods_used: usize,
+    /// Periods dropped as transient.
+    pub periods_skipped: usize,
+    /// What was correlated with: references (unbiased in closed loop) or inputs.
+    pub instrument: &'static str,
+    /// Largest condition number over the lines, and its frequency.
+    pub condition: [f64; 2],
+    /// Relative standard deviation of the FRF over its lines.
+    pub frf_deviation: Spread,
+    /// Signal-to-noise ratio of the averaged output, dB, over the lines, by output.
+    pub output_snr_db: Vec<Spread>,
+    /// The same, by input.
+    pub input_snr_db: Vec<Spread>,
+    /// Coherence of the outputs with the excitation in a single period, over the lines, by output.
+    pub coherence: Vec<Spread>,
+    /// Standard deviation of the noise of one sample, by output: what does not repeat from period to period.
+    pub noise: Vec<f64>,
+    /// Nonlinear distortion at odd detection lines relative to the output, by output; none without such lines.
+    pub odd_distortion: Option<Vec<f64>>,
+    /// The same at even lines.
+    pub even_distortion: Option<Vec<f64>>,
+    /// Distortion from the spread over realisations, relative to the output, by output.
+    pub realisation_distortion: Option<Vec<f64>>,
+    /// Every excited line.
+    pub lines: Vec<LineInfo>,
+    /// Every detection line between the excited ones.
+    pub detection: Vec<DetectionLine>,
+}
+
+/// Smallest, middle and largest of many values.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Spread {
+    /// Smallest.
+    pub min: f64,
+    /// Median.
+    pub median: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+impl Spread {
+    pub(crate) fn of(values: &[f64]) -> Self {
+        Self {
+            min: quantile(values, 0.0),
+            median: median(values),
+            max: quantile(values, 1.0),
+        }
+    }
+}
+
+/// One excited line.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LineInfo {
+    /// Cycles per unit of time.
+    pub frequency_hz: f64,
+    /// Signal-to-noise ratio of the averaged outputs, dB.
+    pub output_snr_db: Vec<f64>,
+    /// The same of the inputs.
+    pub input_snr_db: Vec<f64>,
+    /// Coherence of the outputs with the excitation in a single period.
+    pub coherence: Vec<f64>,
+    /// Relative standard deviation of the FRF, whole matrix.
+    pub frf_deviation: f64,
+}
+
+/// One line that was not excited: what appears there is noise or nonlinear distortion.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DetectionLine {
+    /// Cycles a period.
+    pub line: usize,
+    /// Cycles per unit of time.
+    pub frequency_hz: f64,
+    /// `odd` or `even`.
+    pub parity: &'static str,
+    /// Amplitude that a linear response to the input does not explain, noise included, in units of the output.
+    pub level: Vec<f64>,
+    /// Standard deviation of the noise in it.
+    pub noise: Vec<f64>,
+}
+
+pub(super) fn describe(purpose: &'static str, records: &[Record], e: &PeriodicEstimate) -> ExperimentInfo {
+    let frf = e.estimate.frf();
+    let frequencies = frf.frequencies_hz();
+    let (ny, nu) = (frf.outputs(), frf.inputs());
+    let power_db = |snr: f64| 0.5 * decibel(snr);
+    // The averaged output has the noise of one period over M; a single period shows the M-th part of that ratio.
+    let coherence = |snr: f64| {
+        let one = snr / e.periods_used as f64;
+        if one.is_infinite() { 1.0 } else { one / (1.0 + one) }
+    };
+    let lines: Vec<LineInfo> = frequencies
+        .iter()
+        .enumerate()
+        .map(|(k, &frequency_hz)| LineInfo {
+            frequency_hz,
+            output_snr_db: (0..ny).map(|i| power_db(e.output_snr[k * ny + i])).collect(),
+            input_snr_db: (0..nu).map(|i| power_db(e.input_snr[k * nu + i])).collect(),
+            coherence: (0..ny).map(|i| coherence(e.output_snr[k * ny + i])).collect(),
+            frf_deviation: e.estimate.relative_deviation(k),
+        })
+        .collect();
+    let by = |count: usize, value: fn(&LineInfo) -> &Vec<f64>| -> Vec<Spread> {
+        (0..count)
+            .map(|i| Spread::of(&lines.iter().map(|l| value(l)[i]).collect::<Vec<_>>()))
+            .collect()
+    };
+    let resolution = frequencies[0] / e.excited_lines[0] as f64;
+    let found = e.distortion.as_ref().and_then(|d| d.detection.as_ref());
+    let detection = found.map_or_else(Vec::new, |d| {
+        d.lines
+            .iter()
+            .enumerate()
+            .map(|(k, &line)| DetectionLine {
+                line,
+                frequency_hz: resolution * line as f64,
+                parity: if line % 2 == 0 { "even" } else { "odd" },
+                level: d.output_level[k * ny..(k + 1) * ny].to_vec(),
+                noise: d.output_noise[k * ny..(k + 1) * ny].to_vec(),
+            })
+            .collect()
+    });
+    ExperimentInfo {
+        purpose,
+        position: e.estimate.position(),
+        records: records.iter().map(|r| r.name.clone()).collect(),
+        band_hz: [frequencies[0], frequencies[frequencies.len() - 1]],
+        periods_used: e.periods_used,
+        periods_skipped: e.periods_skipped,
+        instrument: match e.instrument {
+            Instrument::References => "references",
+            Instrument::Inputs | Instrument::Auto => "inputs",
+        },
+        condition: [e.condition.worst, e.condition.worst_frequency_hz],
+        frf_deviation: Spread::of(&lines.iter().map(|l| l.frf_deviation).collect::<Vec<_>>()),
+        output_snr_db: by(ny, |l| &l.output_snr_db),
+        input_snr_db: by(nu, |l| &l.input_snr_db),
+        coherence: by(ny, |l| &l.coherence),
+        noise: noise(records, e.periods_skipped),
+        odd_distortion: found.and_then(|d| d.odd_relative.clone()),
+        even_distortion: found.and_then(|d| d.even_relative.clone()),
+        realisation_distortion: e
+            .distortion
+            .as_ref()
+            .and_then(|d| d.realisations.as_ref())
+            .map(|r| r.nonlinear_relative.clone()),
+        lines,
+        detection,
+    }
+}
+
+/// Standard deviation by output of the samples about their mean over the periods.
+pub(crate) fn noise(records: &[Record], skipped: usize) -> Vec<f64> {
+    let outputs = records.first().map_or(0, |r| r.outputs.channels());
+    (0..outputs)
+        .map(|i| {
+            let (mut sum, mut freedom) = (0.0, 0usize);
+            for record in records {
+                let (s, f) = about_the_mean_period(record, &record.outputs, i, skipped);
+                sum += s;
+                freedom += f;
+            }
+            (sum / freedom.max(1) as f64).sqrt()
+        })
+        .collect()
+}
+
+/// Sum of squares about the mean period, and its degrees of freedom.
+fn about_the_mean_period(record: &Record, signals: &Signals, channel: usize, skipped: usize) -> (f64, usize) {
+    let RecordKind::Periodic { period } = record.kind else {
+        return (0.0, 0);
+    };
+    let x = signals.columns[channel]
+        .get(skipped * period..)
+        .unwrap_or_default();
+    let periods = x.len() / period;
+    if periods < 2 {
+        return (0.0, 0);
+    }
+    let mut sum = 0.0;
+    for t in 0..period {
+        let values = || (0..periods).map(|m| x[m * period + t]);
+        let mean = values().sum::<f64>() / periods as f64;
+        sum += values().map(|v| (v - mean).powi(2)).sum::<f64>();
+    }
+    (sum, period * (periods - 1))
+}

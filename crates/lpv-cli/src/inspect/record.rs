@@ -1,0 +1,204 @@
+//! Figures of each record and channel.
+
+use super::Spread;
+use crate::signal::{deviation, mean, range};
+use experiment_data::Bundle;
+use frf_estimation::{Coherence, multiple_coherence};
+use lpv_core::num_complex::Complex;
+use lpv_core::{Purpose, Record, RecordKind, Signals};
+use rayon::prelude::*;
+use realfft::RealFftPlanner;
+use serde::Serialize;
+
+/// One record.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RecordInfo {
+    /// Name.
+    pub name: String,
+    /// File, relative to the bundle.
+    pub file: String,
+    /// `periodic` or `transient`.
+    pub kind: &'static str,
+    /// `estimation` or `validation`.
+    pub purpose: &'static str,
+    /// Samples.
+    pub samples: usize,
+    /// Length in units of time.
+    pub duration: f64,
+    /// Samples a period.
+    pub period: Option<usize>,
+    /// The constant scheduling value.
+    pub position: Option<f64>,
+    /// Smallest and largest value of each scheduling signal.
+    pub scheduling: Vec<[f64; 2]>,
+    /// Figures of every channel.
+    pub channels: Vec<ChannelStats>,
+    /// Multiple coherence of each output with all inputs over the lines of a Welch spectrum; transient records that are long
+    /// enough.
+    pub coherence: Vec<Spread>,
+    /// The part of the power of each output that the inputs explain linearly, from the same spectrum.
+    pub explained: Vec<f64>,
+}
+
+/// Figures of one channel.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ChannelStats {
+    /// Role.
+    pub role: &'static str,
+    /// Column.
+    pub name: String,
+    /// Smallest value.
+    pub min: f64,
+    /// Largest value.
+    pub max: f64,
+    /// Root mean square about the mean.
+    pub rms: f64,
+    /// Largest deviation from the mean over the rms.
+    pub crest_factor: f64,
+    /// Step between neighbouring values, where the signal has few different ones.
+    pub resolution: Option<f64>,
+    /// Part of the power about the mean above 0.8 times the Nyquist frequency.
+    pub near_nyquist: f64,
+}
+
+pub(super) fn describe(records: &[Record], bundle: &Bundle) -> Vec<RecordInfo> {
+    let description = bundle.description();
+    records
+        .par_iter()
+        .zip(&description.records)
+        .map(|(r, entry)| {
+            let groups = [
+                ("output", &r.outputs),
+                ("input", &r.inputs),
+                ("reference", &r.references),
+                ("auxiliary", &r.auxiliary),
+                ("injection", &r.injection),
+            ];
+            let welch = coherence(r);
+            RecordInfo {
+                name: r.name.clone(),
+                file: entry.file.clone(),
+                kind: match r.kind {
+                    RecordKind::Periodic { .. } => "periodic",
+                    RecordKind::Transient => "transient",
+                },
+                purpose: match r.purpose {
+                    Purpose::Estimation => "estimation",
+                    Purpose::Validation => "validation",
+                },
+                samples: r.len(),
+                duration: r.len() as f64 / description.sample_rate_hz,
+                period: match r.kind {
+                    RecordKind::Periodic { period } => Some(period),
+                    RecordKind::Transient => None,
+                },
+                position: r.position,
+                scheduling: r
+                    .scheduling
+                    .columns
+                    .iter()
+                    .map(|c| {
+                        let (low, high) = range(c);
+                        [low, high]
+                    })
+                    .collect(),
+                channels: groups
+                    .into_iter()
+                    .flat_map(|(role, signals)| stats(role, signals))
+                    .collect(),
+                coherence: welch.by_output.iter().map(|c| Spread::of(c)).collect(),
+                explained: welch.explained,
+            }
+        })
+        .collect()
+}
+
+/// Welch's method with segments of a sixteenth of the record; empty for records too short for it.
+fn coherence(r: &Record) -> Coherence {
+    match r.kind {
+        RecordKind::Periodic { .. } => Coherence::default(),
+        RecordKind::Transient => multiple_coherence(r, SEGMENTS).unwrap_or_default(),
+    }
+}
+
+/// Non-overlapping segments of a record.
+const SEGMENTS: usize = 16;
+
+fn stats(role: &'static str, signals: &Signals) -> Vec<ChannelStats> {
+    signals
+        .names
+        .iter()
+        .zip(&signals.columns)
+        .map(|(name, x)| {
+            let (min, max) = range(x);
+            let (m, rms) = (mean(x), deviation(x));
+            ChannelStats {
+                role,
+                name: name.clone(),
+                min,
+                max,
+                rms,
+                crest_factor: if rms > 0.0 {
+                    (max - m).max(m - min) / rms
+                } else {
+                    0.0
+                },
+                resolution: resolution(x),
+                near_nyquist: if rms > 0.0 { near_nyquist(x) } else { 0.0 },
+            }
+        })
+        .collect()
+}
+
+/// A signal with more than one sample a value on average shows its converter.
+fn resolution(x: &[f64]) -> Option<f64> {
+    const SAMPLES_A_VALUE: usize = 4;
+    let mut values = x.to_vec();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    if values.len() < 3 || values.len() * SAMPLES_A_VALUE > x.len() {
+        return None;
+    }
+    let steps: Vec<f64> = values.windows(2).map(|w| w[1] - w[0]).collect();
+    Some(crate::signal::median(&steps))
+}
+
+fn near_nyquist(x: &[f64]) -> f64 {
+    if x.len() < 16 {
+        return 0.0;
+    }
+    let m = mean(x);
+    // A Hann window keeps what leaks from low frequencies out of the upper band.
+    let n = x.len() as f64;
+    let mut input: Vec<f64> = x
+        .iter()
+        .enumerate()
+        .map(|(k, v)| (v - m) * (std::f64::consts::PI * k as f64 / n).sin().powi(2))
+        .collect();
+    let plan = RealFftPlanner::<f64>::new().plan_fft_forward(input.len());
+    let mut spectrum = plan.make_output_vec();
+    if plan.process(&mut input, &mut spectrum).is_err() {
+        return 0.0;
+    }
+    let power = |part: &[Complex<f64>]| part.iter().map(Complex::norm_sqr).sum::<f64>();
+    let from = (0.8 * spectrum.len() as f64) as usize;
+    power(&spectrum[from..]) / power(&spectrum)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_by_hand() {
+        let x: Vec<f64> = (0..64).map(|k| if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        assert!((near_nyquist(&x) - 1.0).abs() < 1e-9);
+        let steps: Vec<f64> = (0..400).map(|k| 0.5 * f64::from(k % 10)).collect();
+        assert_eq!(resolution(&steps), Some(0.5));
+        let smooth: Vec<f64> = (0..400).map(f64::from).collect();
+        assert_eq!(resolution(&smooth), None);
+        let s = &stats("output", &Signals::new(&["y"], vec![vec![0.0, 4.0, 0.0, 0.0]]))[0];
+        // Mean 1, rms sqrt(3), peak 3 above the mean.
+        assert!((s.crest_factor - 3.0 / 3f64.sqrt()).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,196 @@
+//! The inspection in words and as a table of lines.
+
+use super::{ExperimentInfo, Inspection, RecordInfo, Spread};
+use crate::table::TextTable;
+use std::fmt::Write as _;
+
+impl Inspection {
+    /// For a person.
+    pub fn text(&self) -> String {
+        let mut out = format!(
+            "{}: {} records at {} Hz\n",
+            self.name,
+            self.records.len(),
+            self.sample_rate_hz
+        );
+        for c in &self.channels {
+            let columns: Vec<String> = c
+                .columns
+                .iter()
+                .enumerate()
+                .map(|(k, name)| match c.units.get(k) {
+                    Some(unit) => format!("{name} [{unit}]"),
+                    None => name.clone(),
+                })
+                .collect();
+            let _ = writeln!(out, "  {}: {}", c.role, columns.join(", "));
+        }
+        out += &self.record_table();
+        for purpose in ["estimation", "validation"] {
+            let some: Vec<&ExperimentInfo> =
+                self.experiments.iter().filter(|e| e.purpose == purpose).collect();
+            if !some.is_empty() {
+                out += &format!("\nfrequency responses, {purpose} (median over lines, worst in brackets)\n");
+                out += &experiment_table(&some);
+            }
+        }
+        if let Some(c) = &self.coverage {
+            let _ = writeln!(
+                out,
+                "\nscheduling covers [{:.5}, {:.5}], periodic estimation at {} positions, largest gap {:.5}",
+                c.range[0],
+                c.range[1],
+                c.positions.len(),
+                c.largest_gap
+            );
+        }
+        if !self.noise.is_empty() {
+            let noise: Vec<String> = self.noise.iter().map(|n| format!("{n:.2e}")).collect();
+            let _ = writeln!(out, "noise of one sample, by output: {}", noise.join(", "));
+        }
+        if self.warnings.is_empty() {
+            out += "no warnings\n";
+        }
+        for w in &self.warnings {
+            let _ = writeln!(out, "warning: {w}");
+        }
+        out.truncate(out.trim_end().len());
+        out
+    }
+
+    /// One row for each excited and each detection line, comma separated, for a spreadsheet.
+    pub fn lines_csv(&self) -> String {
+        let mut out =
+            String::from("use,position,kind,frequency,output,snr_db,coherence,frf_deviation,level,noise\n");
+        let outputs = self.channels.iter().find(|c| c.role == "output");
+        let name = |i: usize| outputs.and_then(|c| c.columns.get(i)).map_or("", String::as_str);
+        for e in &self.experiments {
+            let at = e.position.map_or(String::new(), |p| p.to_string());
+            for l in &e.lines {
+                for i in 0..l.coherence.len() {
+                    let _ = writeln!(
+                        out,
+                        "{},{at},excited,{},{},{:.3},{:.8},{:.3e},,",
+                        e.purpose,
+                        l.frequency_hz,
+                        name(i),
+                        l.output_snr_db[i],
+                        l.coherence[i],
+                        l.frf_deviation
+                    );
+                }
+            }
+            for d in &e.detection {
+                for i in 0..d.level.len() {
+                    let _ = writeln!(
+                        out,
+                        "{},{at},{},{},{},,,,{:.6e},{:.6e}",
+                        e.purpose,
+                        d.parity,
+                        d.frequency_hz,
+                        name(i),
+                        d.level[i],
+                        d.noise[i]
+                    );
+                }
+            }
+        }
+        out
+    }
+
+    fn record_table(&self) -> String {
+        let mut table = TextTable::new(&[
+            "record",
+            "use",
+            "kind",
+            "samples",
+            "time",
+            "periods",
+            "scheduling",
+            "crest factor u",
+            "explained y / %",
+        ]);
+        for r in &self.records {
+            let periods = r
+                .period
+                .map_or(String::new(), |p| format!("{} x {p}", r.samples / p));
+            table.row(vec![
+                r.name.clone(),
+                r.purpose.to_owned(),
+                r.kind.to_owned(),
+                r.samples.to_string(),
+                format!("{:.2}", r.duration),
+                periods,
+                scheduling(r),
+                r.channels
+                    .iter()
+                    .filter(|c| c.role == "input")
+                    .map(|c| format!("{:.2}", c.crest_factor))
+                    .collect::<Vec<_>>()
+                    .join(" "),
+                r.explained
+                    .iter()
+                    .map(|part| format!("{:.1}", 100.0 * part))
+                    .collect::<Vec<_>>()
+                    .join(" "),
+            ]);
+        }
+        table.text()
+    }
+}
+
+fn scheduling(r: &RecordInfo) -> String {
+    match (r.position, r.scheduling.as_slice()) {
+        (Some(p), _) => format!("{p:.5}"),
+        (None, [[low, high]]) => format!("{low:.4} to {high:.4}"),
+        _ => String::new(),
+    }
+}
+
+fn experiment_table(experiments: &[&ExperimentInfo]) -> String {
+    let mut table = TextTable::new(&[
+        "position",
+        "lines",
+        "band",
+        "periods",
+        "skipped",
+        "SNR y / dB",
+        "coherence y",
+        "FRF noise / %",
+        "distortion odd / even / %",
+        "condition",
+    ]);
+    let worst_low = |s: &[Spread], digits: usize| {
+        s.iter()
+            .map(|s| format!("{:.digits$} ({:.digits$})", s.median, s.min))
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
+    for e in experiments {
+        let percent = |d: &Option<Vec<f64>>| {
+            d.as_ref().map_or("-".to_owned(), |d| {
+                d.iter()
+                    .map(|v| format!("{:.2}", 100.0 * v))
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            })
+        };
+        table.row(vec![
+            e.position.map_or("-".to_owned(), |p| format!("{p:.5}")),
+            e.lines.len().to_string(),
+            format!("{:.4} to {:.4}", e.band_hz[0], e.band_hz[1]),
+            e.periods_used.to_string(),
+            e.periods_skipped.to_string(),
+            worst_low(&e.output_snr_db, 0),
+            worst_low(&e.coherence, 4),
+            format!(
+                "{:.2} ({:.2})",
+                100.0 * e.frf_deviation.median,
+                100.0 * e.frf_deviation.max
+            ),
+            format!("{} / {}", percent(&e.odd_distortion), percent(&e.even_distortion)),
+            format!("{:.1}", e.condition[0]),
+        ]);
+    }
+    table.text()
+}

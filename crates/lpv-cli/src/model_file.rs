@@ -1,0 +1,125 @@
+//! The file that `identify` writes: the model, and where it comes from.
+
+use crate::{IdentifyConfig, PipelineError, Summary};
+use lpv_core::Model;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// A model and, where this program made it, the account of its identification.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelFile {
+    /// The model.
+    pub model: Model,
+    /// How it was made; none for a model from elsewhere.
+    pub identification: Option<Identification>,
+}
+
+/// How a model was made.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Identification {
+    /// Name of the bundle.
+    pub bundle: String,
+    /// The bundle's folder, relative to the model file where both are on one tree.
+    pub folder: PathBuf,
+    /// Names of the outputs.
+    pub outputs: Vec<String>,
+    /// Names of the inputs.
+    pub inputs: Vec<String>,
+    /// The settings that were asked for.
+    pub config: IdentifyConfig,
+    /// What came out.
+    pub summary: Summary,
+}
+
+const KEY: &str = "identification";
+
+impl ModelFile {
+    /// Reads a model in the JSON format of lpv-core; the account is read if it is there.
+    ///
+    /// # Errors
+    /// [`PipelineError::Model`] with the file, the line and the column.
+    pub fn read(file: &Path) -> Result<Self, PipelineError> {
+        let refuse = |problem: String| PipelineError::Model {
+            file: file.to_owned(),
+            problem,
+        };
+        let text = std::fs::read_to_string(file).map_err(|e| refuse(e.to_string()))?;
+        let model = Model::from_json(&text).map_err(|e| refuse(e.to_string()))?;
+        let whole: serde_json::Value = serde_json::from_str(&text).map_err(|e| refuse(e.to_string()))?;
+        let identification = match whole.get(KEY) {
+            Some(account) => Some(
+                serde_json::from_value(account.clone())
+                    .map_err(|e| refuse(format!("`{KEY}`: {e}; delete that part to use the model alone")))?,
+            ),
+            None => None,
+        };
+        Ok(Self {
+            model,
+            identification,
+        })
+    }
+
+    /// The text of the file.
+    ///
+    /// # Errors
+    /// [`PipelineError::Core`] if the serialiser fails, which finite numbers do not make it do.
+    pub fn to_json(&self) -> Result<String, PipelineError> {
+        let text = self.model.to_json()?;
+        let Some(identification) = &self.identification else {
+            return Ok(text + "\n");
+        };
+        let mut whole: serde_json::Value = serde_json::from_str(&text)?;
+        whole[KEY] = serde_json::to_value(identification)?;
+        Ok(serde_json::to_string_pretty(&whole)? + "\n")
+    }
+}
+
+/// `folder` as seen from the folder of `file`, so that both can be moved together; absolute where they share nothing.
+pub fn relative_folder(folder: &Path, file: &Path) -> PathBuf {
+    let absolute = |p: &Path| std::path::absolute(p).unwrap_or_else(|_| p.to_owned());
+    let folder = folder.canonicalize().unwrap_or_else(|_| absolute(folder));
+    let base = absolute(file);
+    let base = base.parent().unwrap_or(Path::new("/"));
+    let base = base.canonicalize().unwrap_or_else(|_| base.to_owned());
+    let common = folder
+        .components()
+        .zip(base.components())
+        .take_while(|(a, b)| a == b)
+        .count();
+    if common <= 1 {
+        return folder;
+    }
+    let up = base
+        .components()
+        .skip(common)
+        .map(|_| std::path::Component::ParentDir);
+    let path: PathBuf = up.chain(folder.components().skip(common)).collect();
+    if path.as_os_str().is_empty() {
+        PathBuf::from(".")
+    } else {
+        path
+    }
+}
+
+/// Writes beside the target and renames, so that a failure leaves neither half a file nor a spare one. Folders that are
+/// missing on the way are made.
+///
+/// # Errors
+/// [`PipelineError::Write`].
+pub fn write_whole(file: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
+    let mut part = file.as_os_str().to_owned();
+    part.push(format!(".{}.part", std::process::id()));
+    let folder = file.parent().filter(|f| !f.as_os_str().is_empty());
+    let written = folder
+        .map_or(Ok(()), std::fs::create_dir_all)
+        .and_then(|()| std::fs::write(&part, bytes))
+        .and_then(|()| std::fs::rename(&part, file));
+    written.map_err(|source| {
+        // What cannot be removed was never written.
+        std::fs::remove_file(&part).ok();
+        PipelineError::Write {
+            file: file.to_owned(),
+            source,
+        }
+    })
+}

@@ -1,0 +1,115 @@
+//! The period of a signal that repeats.
+
+use lpv_core::num_complex::Complex;
+use realfft::RealFftPlanner;
+
+/// A signal repeats after T samples if `sum (x(t+T) - x(t))^2` is below this part of the power of both parts.
+const REPEATS: f64 = 0.05;
+
+/// A lag is a period only after one that is none: a slow signal resembles itself a moment later.
+const DIFFERS: f64 = 0.5;
+
+/// Samples a period of a signal of at least two periods; none for anything else.
+pub(super) fn period_of(signal: &[f64]) -> Option<usize> {
+    let n = signal.len();
+    if n < 8 || !signal.iter().all(|v| v.is_finite()) {
+        return None;
+    }
+    let mean = crate::signal::mean(signal);
+    let x: Vec<f64> = signal.iter().map(|v| v - mean).collect();
+    let correlation = correlation(&x)?;
+    // Energy of the first samples, so that those of both parts of a lag are known.
+    let mut energy = vec![0.0; n + 1];
+    for k in 0..n {
+        energy[k + 1] = energy[k] + x[k] * x[k];
+    }
+    let difference = |lag: usize| {
+        let both = energy[n - lag] + energy[n] - energy[lag];
+        if both > 0.0 {
+            (both - 2.0 * correlation[lag]) / both
+        } else {
+            1.0
+        }
+    };
+    let first = (1..=n / 2).find(|&lag| difference(lag) > DIFFERS)?;
+    let best = (first..=n / 2).min_by(|&a, &b| difference(a).total_cmp(&difference(b)))?;
+    let least = difference(best);
+    if least > REPEATS {
+        return None;
+    }
+    // All multiples of the period repeat as well: the smallest that is as good.
+    let limit = (2.0 * least).max(1e-9);
+    (first..=best).find(|&lag| difference(lag) <= limit && is_dip(&difference, lag, first))
+}
+
+/// Whether a lag is better than its neighbours.
+fn is_dip(difference: &impl Fn(usize) -> f64, lag: usize, first: usize) -> bool {
+    let here = difference(lag);
+    (lag == first || difference(lag - 1) >= here) && difference(lag + 1) >= here
+}
+
+/// `sum_t x(t) x(t + lag)` for all lags up to half the length.
+fn correlation(x: &[f64]) -> Option<Vec<f64>> {
+    let length = (2 * x.len()).next_power_of_two();
+    let mut planner = RealFftPlanner::<f64>::new();
+    let (forward, back) = (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
+    let mut input = forward.make_input_vec();
+    input[..x.len()].copy_from_slice(x);
+    let mut spectrum = forward.make_output_vec();
+    forward.process(&mut input, &mut spectrum).ok()?;
+    for s in &mut spectrum {
+        *s = Complex::new(s.norm_sqr() / length as f64, 0.0);
+    }
+    let mut output = back.make_output_vec();
+    back.process(&mut spectrum, &mut output).ok()?;
+    output.truncate(x.len() / 2 + 2);
+    Some(output)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn multisine(period: usize, samples: usize, highest: usize) -> Vec<f64> {
+        (0..samples)
+            .map(|t| {
+                (1..=highest)
+                    .map(|k| {
+                        let phase = (k * k * 7) as f64;
+                        (std::f64::consts::TAU * (k * (t % period)) as f64 / period as f64 + phase).cos()
+                    })
+                    .sum()
+            })
+            .collect()
+    }
+
+    proptest! {
+        #[test]
+        fn multisines_with_noise_have_their_period(period in 40usize..500, periods in 2usize..6, rest in 0usize..30, highest in 3usize..15) {
+            let mut x = multisine(period, period * periods + rest, highest);
+            for (k, v) in x.iter_mut().enumerate() {
+                *v += 0.02 * (((k * 7919) % 1009) as f64 / 1009.0 - 0.5);
+            }
+            prop_assert_eq!(period_of(&x), Some(period));
+        }
+    }
+
+    #[test]
+    fn moves_and_noise_have_none() {
+        let ramp: Vec<f64> = (0..1000).map(f64::from).collect();
+        assert_eq!(period_of(&ramp), None);
+        let mut seed = 1u64;
+        let noise: Vec<f64> = (0..1000)
+            .map(|_| {
+                seed = seed
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1_442_695_040_888_963_407);
+                (seed >> 33) as f64
+            })
+            .collect();
+        assert_eq!(period_of(&noise), None);
+        assert_eq!(period_of(&[0.0; 100]), None);
+        assert_eq!(period_of(&[1.0, 2.0]), None);
+    }
+}

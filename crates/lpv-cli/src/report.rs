@@ -1,0 +1,270 @@
+//! The page of a folder with models: Bode plots of all channels over positions, poles, coefficient functions, errors, time
+//! responses.
+
+mod bode;
+mod coefficients;
+mod errors;
+mod poles;
+mod time;
+
+use crate::convert::describe;
+use crate::progress::Progress;
+use crate::validation::{Evidence, Frozen, Machine, Scope, Validation, validate};
+use crate::{ModelFile, PipelineError};
+use experiment_data::Bundle;
+use lpv_core::{Discrete, Model, StateSpace};
+use lpv_report::{Cell, Format, KeyFigure, Page, Section};
+use std::path::{Path, PathBuf};
+
+/// Positions at which a model is drawn.
+const POSITIONS: usize = 5;
+
+/// Everything that the figures of one model need.
+struct Subject {
+    file: ModelFile,
+    machine: Machine,
+    clock: Discrete,
+    inputs: Vec<String>,
+    outputs: Vec<String>,
+    /// Scheduling values at which the frozen model is drawn; one empty value for a time-invariant model.
+    positions: Vec<Vec<f64>>,
+    validation: Option<Validation>,
+    evidence: Evidence,
+}
+
+impl Subject {
+    /// The frozen models at the positions that are drawn.
+    fn frozen(&self) -> Result<Vec<StateSpace<Discrete>>, PipelineError> {
+        self.positions.iter().map(|p| self.machine.at(p)).collect()
+    }
+}
+
+/// The page of all models in a folder, each against the bundle that it names, or against `bundle`.
+///
+/// # Errors
+/// [`PipelineError::Model`] for a folder without a model or a file that cannot be read; a bundle that is given and does not
+/// fit. A bundle that a model names and that is gone is noted on the page.
+pub fn page(folder: &Path, bundle: Option<&Path>, progress: Progress<'_>) -> Result<Page, PipelineError> {
+    let files = model_files(folder)?;
+    let mut page = Page::new("Identified models").subtitle("written by lpv report");
+    for file in &files {
+        let model = ModelFile::read(file)?;
+        let name = file
+            .file_name()
+            .map_or(String::new(), |n| n.to_string_lossy().into_owned());
+        let (subject, note) = subject(model, file, bundle, progress)?;
+        for section in sections(&name, &subject, note)? {
+            page = page.section(section);
+        }
+        if let Some(account) = &subject.file.identification {
+            page = page.fact(format!("{name}: bundle"), account.bundle.clone());
+            page = page.fact(format!("{name}: seed"), account.config.seed.to_string());
+        }
+    }
+    Ok(page.fact("lpv", env!("CARGO_PKG_VERSION")))
+}
+
+/// The model files of a folder in the order of their names; a file is itself.
+fn model_files(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
+    let refuse = |problem: String| PipelineError::Model {
+        file: folder.to_owned(),
+        problem,
+    };
+    if folder.is_file() {
+        return Ok(vec![folder.to_owned()]);
+    }
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(|e| refuse(e.to_string()))? {
+        let path = entry.map_err(|e| refuse(e.to_string()))?.path();
+        let json = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+        // Other JSON files may lie beside the models.
+        if json && std::fs::read_to_string(&path).is_ok_and(|t| t.contains("\"lpv-model\"")) {
+            files.push(path);
+        }
+    }
+    files.sort();
+    if files.is_empty() {
+        return Err(refuse(
+            "no model here; write one with `lpv identify BUNDLE -o FOLDER/model.json`".to_owned(),
+        ));
+    }
+    Ok(files)
+}
+
+fn subject(
+    file: ModelFile,
+    path: &Path,
+    bundle: Option<&Path>,
+    progress: Progress<'_>,
+) -> Result<(Subject, Option<String>), PipelineError> {
+    let named = file
+        .identification
+        .as_ref()
+        .map(|i| path.parent().unwrap_or(Path::new(".")).join(&i.folder));
+    let (opened, note) = match (bundle, named) {
+        (Some(given), _) => (Some(Bundle::open(given)?), None),
+        (None, Some(named)) => match Bundle::open(&named) {
+            Ok(bundle) => (Some(bundle), None),
+            Err(e) => (None, Some(format!("Without measurements: {e}. Give the folder with --bundle."))),
+        },
+        (None, None) => (
+            None,
+            Some("Without measurements: the model does not say where it comes from. Give a bundle with --bundle.".to_owned()),
+        ),
+    };
+    let clock = match &opened {
+        Some(bundle) => bundle.clock()?,
+        None => own_clock(&file.model)?,
+    };
+    let machine = Machine::new(&file.model, clock)?;
+    let (validation, evidence) = match &opened {
+        Some(bundle) => {
+            let (v, e) = validate(&file, bundle, Scope::HeldOut, progress)?;
+            (Some(v), e)
+        }
+        None => (None, Evidence::default()),
+    };
+    let first = machine.range().map_or_else(Vec::new, |r| r.centre());
+    let frozen = machine.at(&first)?;
+    let account = file.identification.as_ref();
+    let names = |given: Option<&Vec<String>>, letter: &str, count: usize| match given {
+        Some(names) if names.len() == count => names.clone(),
+        _ => (1..=count).map(|i| format!("{letter}{i}")).collect(),
+    };
+    let positions = match machine.range() {
+        Some(range) if range.parameters() == 1 => {
+            let measured: Vec<f64> = evidence.estimates.iter().filter_map(|e| e.position()).collect();
+            drawn_positions(&measured, range.bounds()[0])
+        }
+        Some(range) => vec![range.centre()],
+        None => vec![Vec::new()],
+    };
+    let subject = Subject {
+        inputs: names(account.map(|a| &a.inputs), "u", frozen.inputs()),
+        outputs: names(account.map(|a| &a.outputs), "y", frozen.outputs()),
+        file,
+        machine,
+        clock,
+        positions,
+        validation,
+        evidence,
+    };
+    Ok((subject, note))
+}
+
+/// Measured positions spread over the range, so that data and model are drawn at the same places.
+fn drawn_positions(measured: &[f64], [low, high]: [f64; 2]) -> Vec<Vec<f64>> {
+    let steps = (POSITIONS - 1) as f64;
+    let mut drawn: Vec<f64> = (0..POSITIONS)
+        .map(|i| {
+            let wanted = low + (high - low) * i as f64 / steps;
+            measured
+                .iter()
+                .copied()
+                .min_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs()))
+                .unwrap_or(wanted)
+        })
+        .collect();
+    drawn.dedup();
+    drawn.into_iter().map(|p| vec![p]).collect()
+}
+
+/// The clock of a model, and one of 1000 samples a unit of time to draw a continuous model with.
+fn own_clock(model: &Model) -> Result<Discrete, PipelineError> {
+    Ok(match model {
+        Model::DiscreteStateSpace(m) => m.clock(),
+        Model::InnovationStateSpace(m) => m.model().clock(),
+        Model::DiscreteLfr(m) => m.clock(),
+        Model::DiscreteLpv(m) => m.clock(),
+        Model::SeriesExpansion(m) => m.basis().clock(),
+        _ => Discrete::from_rate(1000.0)?,
+    })
+}
+
+fn sections(name: &str, s: &Subject, note: Option<String>) -> Result<Vec<Section>, PipelineError> {
+    let mut head = Section::new(name.to_owned()).paragraph(format!("{}.", describe(&s.file.model)));
+    if let Some(note) = note {
+        head = head.note(note);
+    }
+    head = head.key_figures(key_figures(s));
+    if let Some(account) = &s.file.identification {
+        head = head.heading("Choices").list(account.summary.reasons.clone());
+    }
+    let mut all = vec![head];
+    all.push(bode::section(s)?);
+    all.push(poles::section(s)?);
+    all.extend(coefficients::section(s)?);
+    all.extend(errors::section(s)?);
+    all.extend(time::section(s));
+    Ok(all)
+}
+
+fn key_figures(s: &Subject) -> Vec<KeyFigure> {
+    let mut figures = Vec::new();
+    if let Some(f) = s.validation.as_ref().and_then(|v| v.frozen.as_ref()) {
+        figures.push(
+            KeyFigure::new(Cell::decibel(f.error.median_db, 1), "frozen error, median")
+                .remark(format!("noise of the response {:.1} dB", f.noise_db)),
+        );
+        figures.push(
+            KeyFigure::new(
+                Cell::number(f.error_over_noise, Format::Fixed(2)),
+                "frozen error over its noise, median",
+            )
+            .remark(format!("{} records", f.source)),
+        );
+    }
+    let records = s.validation.iter().flat_map(|v| &v.records);
+    let worst = records
+        .flat_map(|r| &r.outputs)
+        .filter_map(|o| {
+            let (kind, e) = match &o.closed_loop {
+                Some(e) => ("closed loop", e),
+                None => ("open loop", &o.open_loop),
+            };
+            e.over_noise.map(|n| (kind, n))
+        })
+        .max_by(|a, b| a.1.total_cmp(&b.1));
+    if let Some((kind, over)) = worst {
+        figures.push(
+            KeyFigure::new(
+                Cell::number(over, Format::Fixed(2)),
+                "largest error in time over the noise",
+            )
+            .remark(kind.to_owned()),
+        );
+    }
+    if let Some(time) = s
+        .file
+        .identification
+        .as_ref()
+        .and_then(|i| i.summary.time.as_ref())
+    {
+        let fit = time
+            .held_out
+            .as_ref()
+            .map_or(&time.simulated_fit_percent, |h| &h.simulated_fit_percent);
+        for (name, fit) in s.outputs.iter().zip(fit) {
+            figures.push(
+                KeyFigure::new(
+                    Cell::number(*fit, Format::Fixed(1)).unit("%"),
+                    format!("simulated fit of {name}"),
+                )
+                .remark(if time.held_out.is_some() {
+                    "held out"
+                } else {
+                    "fitted samples"
+                }),
+            );
+        }
+    }
+    figures
+}
+
+/// Continuous time, for the pole of a sampled system.
+fn to_continuous(
+    z: lpv_core::num_complex::Complex<f64>,
+    clock: Discrete,
+) -> lpv_core::num_complex::Complex<f64> {
+    z.ln() / clock.sample_time()
+}

@@ -1,0 +1,186 @@
+//! Figures of fits in the time domain, and of servo axes.
+
+use super::{mode_lines, percents};
+use crate::PipelineError;
+use lpv_core::{Discrete, RigidBodyAxis, StateSpace};
+use lti_ident::OrderEntry;
+use lti_ident::rigid_body::AxisAccount;
+use serde::{Deserialize, Serialize};
+
+/// Figures of a fit in the time domain.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TimeSummary {
+    /// Number of states.
+    pub states: usize,
+    /// Fit percent of the simulated output on the fitted samples, by output.
+    pub simulated_fit_percent: Vec<f64>,
+    /// Fit percent of the one-step prediction.
+    pub one_step_fit_percent: Vec<f64>,
+    /// The same on samples that were not fitted.
+    pub held_out: Option<HeldOut>,
+    /// Modes: frequency in cycles per unit of time, and damping ratio.
+    pub modes: Vec<[f64; 2]>,
+    /// Every order tried.
+    pub orders: Vec<OrderRow>,
+}
+
+/// Fit on samples that were not fitted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HeldOut {
+    /// Their number.
+    pub samples: usize,
+    /// Fit percent of the simulated output, by output.
+    pub simulated_fit_percent: Vec<f64>,
+    /// Fit percent of the one-step prediction, by output.
+    pub one_step_fit_percent: Vec<f64>,
+}
+
+/// One order of a fit in the time domain.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OrderRow {
+    /// Number of states.
+    pub order: usize,
+    /// Minimised cost.
+    pub cost: f64,
+    /// Fit percent of the simulated output, by output.
+    pub simulated_fit_percent: Vec<f64>,
+    /// Fit percent of the one-step prediction, by output.
+    pub one_step_fit_percent: Vec<f64>,
+    /// The cost that other data of this kind are expected to have (Takeuchi's criterion); none where it has no value.
+    pub expected_cost: Option<f64>,
+}
+
+/// One servo axis.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AxisSummary {
+    /// The input.
+    pub input: String,
+    /// The output.
+    pub output: String,
+    /// `mass` for a position in metres, `inertia` for one in radians or of unknown unit.
+    pub kind: String,
+    /// Mass or inertia and its standard deviation.
+    pub inertia: [f64; 2],
+    /// Coefficient of viscous friction and its standard deviation.
+    pub viscous: [f64; 2],
+    /// Constant force and its standard deviation.
+    pub offset: [f64; 2],
+    /// Error of the force relative to the force, on the fitted samples, percent.
+    pub relative_force_error_percent: f64,
+    /// Cut-off of the filter of the position, cycles per unit of time.
+    pub position_cutoff_hz: f64,
+    /// Condition number of the regression.
+    pub condition_number: f64,
+}
+
+impl AxisSummary {
+    pub(crate) fn new(
+        input: &str,
+        output: &str,
+        unit: &str,
+        axis: &RigidBodyAxis,
+        account: &AxisAccount,
+    ) -> Self {
+        let linear = ["m", "mm", "um", "µm", "nm"].contains(&unit);
+        Self {
+            input: input.to_owned(),
+            output: output.to_owned(),
+            kind: if linear { "mass" } else { "inertia" }.to_owned(),
+            inertia: [axis.inertia, axis.inertia_deviation],
+            viscous: [axis.viscous, axis.viscous_deviation],
+            offset: [axis.offset, axis.offset_deviation],
+            relative_force_error_percent: account.relative_force_error_percent,
+            position_cutoff_hz: account.position_cutoff_hz,
+            condition_number: account.condition_number,
+        }
+    }
+
+    pub(crate) fn reason(&self) -> String {
+        format!(
+            "axis {} -> {}: derivatives of the position below {:.1} cycles per unit of time, condition number {:.1}",
+            self.input, self.output, self.position_cutoff_hz, self.condition_number
+        )
+    }
+}
+
+impl OrderRow {
+    pub(crate) fn new(entry: &OrderEntry) -> Self {
+        Self {
+            order: entry.order,
+            cost: entry.cost,
+            simulated_fit_percent: entry.simulated_fit_percent.clone(),
+            one_step_fit_percent: entry.one_step_fit_percent.clone(),
+            expected_cost: Some(entry.expected_cost).filter(|c| c.is_finite()),
+        }
+    }
+}
+
+impl TimeSummary {
+    pub(crate) fn new(
+        entry: &OrderEntry,
+        orders: Vec<OrderRow>,
+        held_out: Option<HeldOut>,
+    ) -> Result<Self, PipelineError> {
+        Ok(Self {
+            states: entry.order,
+            simulated_fit_percent: entry.simulated_fit_percent.clone(),
+            one_step_fit_percent: entry.one_step_fit_percent.clone(),
+            held_out,
+            modes: modes(entry.model.model())?,
+            orders,
+        })
+    }
+}
+
+/// Frequency and damping ratio of the complex poles of a sampled system, slowest first.
+pub(crate) fn modes(system: &StateSpace<Discrete>) -> Result<Vec<[f64; 2]>, PipelineError> {
+    let t = system.clock().sample_time();
+    let mut modes: Vec<[f64; 2]> = system
+        .poles()?
+        .into_iter()
+        .filter(|z| z.im > 0.0)
+        .map(|z| {
+            let s = z.ln() / t;
+            [s.norm() / std::f64::consts::TAU, -s.re / s.norm()]
+        })
+        .collect();
+    modes.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    Ok(modes)
+}
+
+impl TimeSummary {
+    pub(super) fn text(&self) -> String {
+        let held_out = self.held_out.as_ref().map_or(String::new(), |h| {
+            format!(
+                "\nfit on {} samples held out: simulated {}, one step {}",
+                h.samples,
+                percents(&h.simulated_fit_percent),
+                percents(&h.one_step_fit_percent)
+            )
+        });
+        format!(
+            "{} states; fit on the fitted samples: simulated {}, one step {}{held_out}\nmodes:\n{}",
+            self.states,
+            percents(&self.simulated_fit_percent),
+            percents(&self.one_step_fit_percent),
+            mode_lines(&self.modes)
+        )
+    }
+}
+
+impl AxisSummary {
+    pub(super) fn text(&self) -> String {
+        let value = |name: &str, [value, deviation]: [f64; 2]| {
+            format!("  {name} {value:.6} (standard deviation {deviation:.2e})")
+        };
+        format!(
+            "axis {} -> {}:\n{}\n{}\n{}\n  relative force error {:.2} %",
+            self.input,
+            self.output,
+            value(&self.kind, self.inertia),
+            value("viscous friction", self.viscous),
+            value("offset", self.offset),
+            self.relative_force_error_percent
+        )
+    }
+}

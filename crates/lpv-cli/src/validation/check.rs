@@ -1,0 +1,228 @@
+//! A model against a bundle.
+
+use super::FrozenError;
+use super::disturbance::disturbance;
+use super::frozen::{Against, frozen_check};
+use super::machine::Machine;
+use super::record::Context;
+use super::residual::{CrossCorrelation, Whiteness};
+use super::rigid::AxisCheck;
+use super::simulate::Run;
+use crate::progress::{Counter, Progress};
+use crate::responses::load_records;
+use crate::signal::fit_percent;
+use crate::{ModelFile, PipelineError};
+use experiment_data::Bundle;
+use lpv_core::{Frf, FrfEstimate, Model, Purpose, Record, RecordKind};
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// What `lpv validate` finds.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Validation {
+    /// Kind of the model, in words.
+    pub model: String,
+    /// Against the frequency responses; none without periodic records.
+    pub frozen: Option<FrozenCheck>,
+    /// Standard deviation of the noise of one sample, by output; none without periodic records.
+    pub noise: Option<Vec<f64>>,
+    /// Along the transient records.
+    pub records: Vec<RecordCheck>,
+    /// What was not done, and why.
+    pub notes: Vec<String>,
+}
+
+/// The frozen model against frequency responses.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FrozenCheck {
+    /// Use of the records behind the responses: `validation` where there are periodic ones, else `estimation`.
+    pub source: &'static str,
+    /// Positions compared; empty without scheduling.
+    pub positions: Vec<f64>,
+    /// Largest and median relative error.
+    pub error: FrozenError,
+    /// Median relative noise of the responses, dB.
+    pub noise_db: f64,
+    /// Median of error over stated deviation, whole matrix: 1 says that the error is the noise of the response.
+    pub error_over_noise: f64,
+    /// Root mean square of the error relative to that of the response, by output, percent.
+    pub relative_rms_percent: Vec<f64>,
+}
+
+/// The model along one record.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RecordCheck {
+    /// Name.
+    pub name: String,
+    /// `validation` or `estimation`.
+    pub purpose: &'static str,
+    /// First sample that is judged: what lies before was fitted.
+    pub from: usize,
+    /// How the state starts: `at rest` or `fitted to the first samples`.
+    pub start: &'static str,
+    /// Every output.
+    pub outputs: Vec<OutputCheck>,
+    /// Autocorrelation of the one-step residuals.
+    pub whiteness: Vec<Whiteness>,
+    /// Correlation of the one-step residuals with the inputs.
+    pub cross_correlation: Vec<CrossCorrelation>,
+    /// Forces and velocities of rigid-body axes; empty for other models.
+    pub axes: Vec<AxisCheck>,
+}
+
+/// Errors of one output.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct OutputCheck {
+    /// Column.
+    pub name: String,
+    /// Unit; empty where unknown.
+    pub unit: String,
+    /// One step ahead.
+    pub one_step: ErrorFigure,
+    /// Simulated from the recorded inputs.
+    pub open_loop: ErrorFigure,
+    /// Simulated with the controller from the recorded references; none without a controller and references.
+    pub closed_loop: Option<ErrorFigure>,
+}
+
+/// An error in time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ErrorFigure {
+    /// Root mean square, in the unit of the output.
+    pub rms: f64,
+    /// The same over the deviation of the noise of one sample.
+    pub over_noise: Option<f64>,
+    /// `100 (1 - |error| / |y - mean y|)`.
+    pub fit_percent: f64,
+}
+
+/// Which records are judged in time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scope {
+    /// Those held out; where there are none, the part that the model was not fitted to, or all with a note.
+    HeldOut,
+    /// Also those with use = "estimation".
+    All,
+}
+
+/// What a validation was made from, for figures.
+#[derive(Debug, Clone, Default)]
+pub struct Evidence {
+    /// Frequency responses, by position.
+    pub estimates: Vec<FrfEstimate>,
+    /// The model's responses at the same positions and lines.
+    pub responses: Vec<Frf>,
+    /// Every record judged in time, its open-loop simulation and the closed-loop one.
+    pub runs: Vec<(Record, Run, Option<Run>)>,
+}
+
+/// Compares a model with everything that the bundle holds out.
+///
+/// # Errors
+/// A model that does not fit the bundle; whatever is wrong with its records.
+pub fn validate(
+    file: &ModelFile,
+    bundle: &Bundle,
+    scope: Scope,
+    progress: Progress<'_>,
+) -> Result<(Validation, Evidence), PipelineError> {
+    let description = bundle.description();
+    let clock = bundle.clock()?;
+    let machine = Machine::new(&file.model, clock)?;
+    let mut notes = Vec::new();
+    let records = load_records(bundle, |_| true, progress)?;
+    let (periodic, transient): (Vec<Record>, Vec<Record>) = records
+        .into_iter()
+        .partition(|r| matches!(r.kind, RecordKind::Periodic { .. }));
+    let Against {
+        check: frozen,
+        noise,
+        estimates,
+        responses,
+    } = frozen_check(&machine, periodic, clock, &mut notes, progress)?;
+    let hold_out = file.identification.as_ref().map_or(0.0, |i| i.config.hold_out);
+    let held_out = transient.iter().any(|r| r.purpose == Purpose::Validation);
+    let judged: Vec<&Record> = transient
+        .iter()
+        .filter(|r| scope == Scope::All || !held_out || r.purpose == Purpose::Validation)
+        .collect();
+    if !held_out && !judged.is_empty() {
+        notes.push(if hold_out > 0.0 {
+            format!("no transient validation record: judged on the last {:.0} % of those for estimation, which were held out", 100.0 * hold_out)
+        } else {
+            "no transient validation record: those for estimation are judged, which tells less".to_owned()
+        });
+    }
+    let controller = description
+        .controller
+        .as_ref()
+        .filter(|_| !description.channels.reference.is_empty());
+    if controller.is_none() && !judged.is_empty() {
+        notes.push(
+            "closed loop not simulated: the bundle has no [controller] or no reference channel".to_owned(),
+        );
+    }
+    let context = Context {
+        machine: &machine,
+        body: match &file.model {
+            Model::RigidBody(body) => Some(body),
+            _ => None,
+        },
+        clock,
+        controller,
+        noise: noise.as_deref(),
+        units: &description.channels.output.units,
+        disturbance: disturbance(&machine, &transient, noise.as_deref()),
+    };
+    let counter = Counter::new(progress, "simulating", judged.len());
+    let checked = judged
+        .par_iter()
+        .map(|record| {
+            let from = match record.purpose {
+                Purpose::Estimation => {
+                    ((1.0 - hold_out) * record.len() as f64).round() as usize % record.len()
+                }
+                Purpose::Validation => 0,
+            };
+            let check = context.record(record, from);
+            counter.one();
+            check
+        })
+        .collect::<Vec<_>>();
+    let mut records = Vec::new();
+    let mut runs = Vec::new();
+    for (along, record) in checked.into_iter().zip(judged) {
+        let along = along?;
+        for note in along.notes {
+            if !notes.contains(&note) {
+                notes.push(note);
+            }
+        }
+        records.push(along.check);
+        runs.push((record.clone(), along.open, along.closed));
+    }
+    let validation = Validation {
+        model: crate::convert::describe(&file.model),
+        frozen,
+        noise,
+        records,
+        notes,
+    };
+    let evidence = Evidence {
+        estimates,
+        responses,
+        runs,
+    };
+    Ok((validation, evidence))
+}
+
+impl ErrorFigure {
+    pub(super) fn new(measured: &[f64], error: &[f64], noise: Option<f64>) -> Self {
+        let rms = (error.iter().map(|e| e * e).sum::<f64>() / error.len().max(1) as f64).sqrt();
+        Self {
+            rms,
+            over_noise: noise.filter(|n| *n > 0.0).map(|n| rms / n),
+            fit_percent: fit_percent(measured, error),
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! The model along one record.
+
+use super::check::{ErrorFigure, OutputCheck, RecordCheck};
+use super::disturbance::predictor;
+use super::machine::Machine;
+use super::simulate::{Run, closed_loop, open_loop};
+use super::start::{at_rest, first_state};
+use super::{residual, rigid};
+use crate::PipelineError;
+use experiment_data::Controller;
+use lpv_core::nalgebra::DMatrix;
+use lpv_core::{Purpose, Record};
+
+/// The check of a record, and the simulations behind it.
+pub(super) struct Along {
+    pub(super) check: RecordCheck,
+    pub(super) open: Run,
+    pub(super) closed: Option<Run>,
+    pub(super) notes: Vec<String>,
+}
+
+/// What all records share.
+pub(super) struct Context<'a> {
+    pub(super) machine: &'a Machine,
+    pub(super) body: Option<&'a lpv_core::RigidBody>,
+    pub(super) clock: lpv_core::Discrete,
+    pub(super) controller: Option<&'a Controller>,
+    pub(super) noise: Option<&'a [f64]>,
+    pub(super) units: &'a [String],
+    pub(super) disturbance: f64,
+}
+
+impl Context<'_> {
+    pub(super) fn record(&self, record: &Record, from: usize) -> Result<Along, PipelineError> {
+        let mut notes = Vec::new();
+        let at_rest = at_rest(self.machine, record, self.noise);
+        let x0 = if at_rest {
+            None
+        } else {
+            Some(first_state(self.machine, record)?)
+        };
+        let x0 = x0.as_ref();
+        let open = open_loop(self.machine, record, x0)?;
+        let closed = match self.controller {
+            Some(controller) => match closed_loop(self.machine, controller, record, x0) {
+                Ok(run) => Some(run),
+                Err(PipelineError::Structure { problem }) => {
+                    notes.push(problem.to_owned());
+                    None
+                }
+                Err(other) => return Err(other),
+            },
+            None => None,
+        };
+        let errors = predictor(self.machine, record, self.disturbance, self.noise)
+            .and_then(|p| p.errors(record, x0, record.len()));
+        let errors = match errors {
+            Ok(errors) => errors,
+            Err(PipelineError::Structure { problem }) => {
+                notes.push(problem.to_owned());
+                DMatrix::from_element(record.outputs.channels(), record.len(), f64::NAN)
+            }
+            Err(other) => return Err(other),
+        };
+        let residuals: Vec<Vec<f64>> = residual::rows(&errors)
+            .into_iter()
+            .map(|r| r[from..].to_vec())
+            .collect();
+        let difference = |simulated: &DMatrix<f64>, i: usize| -> Vec<f64> {
+            let y = &record.outputs.columns[i];
+            (from..record.len()).map(|k| y[k] - simulated[(i, k)]).collect()
+        };
+        let outputs = (0..record.outputs.channels())
+            .map(|i| {
+                let y = &record.outputs.columns[i][from..];
+                let figure = |error: &[f64]| ErrorFigure::new(y, error, self.noise.map(|n| n[i]));
+                OutputCheck {
+                    name: record.outputs.names[i].clone(),
+                    unit: self.units.get(i).cloned().unwrap_or_default(),
+                    one_step: figure(&residuals[i]),
+                    open_loop: figure(&difference(&open.outputs, i)),
+                    closed_loop: closed.as_ref().map(|run| figure(&difference(&run.outputs, i))),
+                }
+            })
+            .collect();
+        let mut cross_correlation = Vec::new();
+        for (residual, output) in residuals.iter().zip(&record.outputs.names) {
+            for (u, input) in record.inputs.columns.iter().zip(&record.inputs.names) {
+                cross_correlation.push(residual::cross_correlation(output, residual, input, &u[from..]));
+            }
+        }
+        let check = RecordCheck {
+            name: record.name.clone(),
+            purpose: match record.purpose {
+                Purpose::Estimation => "estimation",
+                Purpose::Validation => "validation",
+            },
+            from,
+            start: if at_rest {
+                "at rest"
+            } else {
+                "fitted to the first samples"
+            },
+            outputs,
+            whiteness: residuals
+                .iter()
+                .zip(&record.outputs.names)
+                .map(|(r, name)| residual::whiteness(name, r))
+                .collect(),
+            cross_correlation,
+            axes: match self.body {
+                Some(body) => rigid::check(body, self.clock, record, &open, closed.as_ref())?,
+                None => Vec::new(),
+            },
+        };
+        Ok(Along {
+            check,
+            open,
+            closed,
+            notes,
+        })
+    }
+}

@@ -1,0 +1,80 @@
+//! Forces and velocities of rigid-body axes, as the literature on servo axes states them.
+
+use super::simulate::Run;
+use crate::PipelineError;
+use lpv_core::nalgebra::DMatrix;
+use lpv_core::{Discrete, Record, RigidBody};
+use lti_ident::Segment;
+use lti_ident::rigid_body::{Motion, RigidBodySettings, centred, decimated, identify};
+use serde::Serialize;
+
+/// Errors of one axis: `100 |measured - model| / |measured|`, norms over the record.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AxisCheck {
+    /// The input.
+    pub input: String,
+    /// Force from the inverse dynamics along the measured motion, filtered as in the identification.
+    pub force_percent: f64,
+    /// Velocity simulated from the recorded force, against the filtered derivative of the measured position.
+    pub open_loop_velocity_percent: f64,
+    /// Simulated in closed loop; none without a controller.
+    pub closed_loop: Option<ClosedLoopAxis>,
+}
+
+/// One axis in closed loop with the bundle's controller.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ClosedLoopAxis {
+    /// Position.
+    pub position_percent: f64,
+    /// Velocity.
+    pub velocity_percent: f64,
+    /// Force of the simulated controller against the recorded one.
+    pub force_percent: f64,
+}
+
+pub(super) fn check(
+    body: &RigidBody,
+    clock: Discrete,
+    record: &Record,
+    open: &Run,
+    closed: Option<&Run>,
+) -> Result<Vec<AxisCheck>, PipelineError> {
+    // Only the cut-offs that this record asks for are taken from its own fit.
+    let settings = RigidBodySettings::new().check()?;
+    let filters = identify(&[Segment::whole(record)], clock, &settings)?.axes;
+    body.axes()
+        .iter()
+        .zip(&filters)
+        .enumerate()
+        .map(|(i, (axis, filter))| {
+            let (q, u) = (&record.outputs.columns[i], &record.inputs.columns[i]);
+            let row = |m: &DMatrix<f64>| -> Vec<f64> { m.row(i).iter().copied().collect() };
+            // Simulated positions go through the same filter, so that derivatives compare like with like.
+            let motion = |q: &[f64]| Motion::new(q, clock, filter.position_cutoff_hz);
+            let kept = |x: &[f64]| decimated(x, clock, filter.regression_cutoff_hz, filter.decimation);
+            let measured = motion(q)?;
+            Ok(AxisCheck {
+                input: record.inputs.names[i].clone(),
+                force_percent: relative(&kept(&centred(u))?, &kept(&measured.force(axis))?),
+                open_loop_velocity_percent: relative(
+                    &measured.velocity,
+                    &motion(&row(&open.outputs))?.velocity,
+                ),
+                closed_loop: match closed {
+                    Some(run) => Some(ClosedLoopAxis {
+                        position_percent: relative(q, &row(&run.outputs)),
+                        velocity_percent: relative(&measured.velocity, &motion(&row(&run.outputs))?.velocity),
+                        force_percent: relative(u, &row(&run.inputs)),
+                    }),
+                    None => None,
+                },
+            })
+        })
+        .collect()
+}
+
+fn relative(measured: &[f64], model: &[f64]) -> f64 {
+    let error: f64 = measured.iter().zip(model).map(|(a, b)| (a - b).powi(2)).sum();
+    let size: f64 = measured.iter().map(|a| a * a).sum();
+    100.0 * (error / size).sqrt()
+}

@@ -1,0 +1,154 @@
+//! Models that run along a record.
+
+use crate::PipelineError;
+use experiment_data::Controller;
+use lpv_core::nalgebra::{DMatrix, DVector};
+use lpv_core::{Discrete, Record, StateSpace};
+
+/// A model that can be frozen at any p: what the simulations need.
+pub trait Frozen {
+    /// The model at p.
+    ///
+    /// # Errors
+    /// p outside the range.
+    fn at(&self, p: &[f64]) -> Result<StateSpace<Discrete>, PipelineError>;
+
+    /// Input and output that count as zero; none where zero does.
+    fn offsets(&self) -> Option<(&DVector<f64>, &DVector<f64>)> {
+        None
+    }
+}
+
+impl Frozen for lpv_core::LpvStateSpace<Discrete> {
+    fn at(&self, p: &[f64]) -> Result<StateSpace<Discrete>, PipelineError> {
+        Ok(self.frozen(p)?)
+    }
+}
+
+impl Frozen for lpv_core::Lfr<Discrete> {
+    fn at(&self, p: &[f64]) -> Result<StateSpace<Discrete>, PipelineError> {
+        Ok(self.frozen(p)?)
+    }
+}
+
+/// A simulated record, one column a sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Run {
+    /// Outputs, `n_y x N`.
+    pub outputs: DMatrix<f64>,
+    /// Inputs: those of the record in open loop, those of the controller in closed loop, `n_u x N`.
+    pub inputs: DMatrix<f64>,
+}
+
+/// Response of a model to the recorded inputs along the recorded scheduling, from `initial_state` or from rest.
+///
+/// # Errors
+/// p outside the range of the model, channels that do not fit.
+pub fn open_loop(
+    model: &impl Frozen,
+    record: &Record,
+    initial_state: Option<&DVector<f64>>,
+) -> Result<Run, PipelineError> {
+    run(model, record, initial_state, |k, _, u| {
+        for (u, column) in u.iter_mut().zip(&record.inputs.columns) {
+            *u = column[k];
+        }
+    })
+}
+
+/// Response of the model in closed loop with the bundle's controller, which starts at rest, along the recorded references,
+/// injections and scheduling. The model must be strictly proper.
+///
+/// # Errors
+/// As [`open_loop`]; a controller that does not fit; a direct term.
+pub fn closed_loop(
+    model: &impl Frozen,
+    controller: &Controller,
+    record: &Record,
+    initial_state: Option<&DVector<f64>>,
+) -> Result<Run, PipelineError> {
+    let mut state = controller.start()?;
+    let mut r = vec![0.0; record.references.channels()];
+    let at_start = frozen_at(model, record, 0)?;
+    if at_start.d().amax() > ROUNDING * at_start.c().amax() * at_start.b().amax() {
+        return Err(PipelineError::Structure {
+            problem: "closed loop: the model has a direct term, so the controller would act on the output that it causes; a sampled machine has none",
+        });
+    }
+    run(model, record, initial_state, move |k, y, u| {
+        for (r, column) in r.iter_mut().zip(&record.references.columns) {
+            *r = column[k];
+        }
+        state.step(&r, y, u);
+        for (u, column) in u.iter_mut().zip(&record.injection.columns) {
+            *u += column[k];
+        }
+    })
+}
+
+/// A direct term below this part of `|C| |B|` is what a realisation leaves of zero.
+const ROUNDING: f64 = 1e-12;
+
+/// The model at sample k of the record.
+pub(super) fn frozen_at(
+    model: &impl Frozen,
+    record: &Record,
+    k: usize,
+) -> Result<StateSpace<Discrete>, PipelineError> {
+    let p: Vec<f64> = record.scheduling.columns.iter().map(|c| c[k]).collect();
+    model.at(&p)
+}
+
+fn run(
+    model: &impl Frozen,
+    record: &Record,
+    initial_state: Option<&DVector<f64>>,
+    mut input: impl FnMut(usize, &[f64], &mut [f64]),
+) -> Result<Run, PipelineError> {
+    let first = frozen_at(model, record, 0)?;
+    let (nu, ny) = (record.inputs.channels(), first.outputs());
+    if first.inputs() != nu || ny != record.outputs.channels() {
+        return Err(PipelineError::Structure {
+            problem: "simulation: the record has another number of inputs or outputs than the model",
+        });
+    }
+    let (input_offset, output_offset) = match model.offsets() {
+        Some((u, y)) => (u.clone(), y.clone()),
+        None => (DVector::zeros(nu), DVector::zeros(ny)),
+    };
+    let mut x = initial_state.map_or_else(|| DVector::zeros(first.states()), DVector::clone);
+    let mut u = DVector::zeros(nu);
+    let mut run = Run {
+        outputs: DMatrix::zeros(ny, record.len()),
+        inputs: DMatrix::zeros(nu, record.len()),
+    };
+    for k in 0..record.len() {
+        let frozen = frozen_at(model, record, k)?;
+        let before = frozen.c() * &x + &output_offset;
+        input(k, before.as_slice(), u.as_mut_slice());
+        let effective = &u - &input_offset;
+        run.outputs.set_column(k, &(before + frozen.d() * &effective));
+        run.inputs.set_column(k, &u);
+        x = frozen.a() * &x + frozen.b() * &effective;
+    }
+    Ok(run)
+}
+
+/// Root mean square of `simulated - recorded` over the samples that both have, one value an output.
+pub fn rms_error(simulated: &DMatrix<f64>, record: &Record) -> Vec<f64> {
+    record
+        .outputs
+        .columns
+        .iter()
+        .enumerate()
+        .take(simulated.nrows())
+        .map(|(i, y)| {
+            let sum: f64 = y
+                .iter()
+                .zip(simulated.row(i).iter())
+                .map(|(y, s)| (s - y).powi(2))
+                .sum();
+            (sum / y.len().min(simulated.ncols()).max(1) as f64).sqrt()
+        })
+        .collect()
+}

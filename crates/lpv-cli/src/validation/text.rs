@@ -1,0 +1,135 @@
+//! The validation in words.
+
+use super::{ErrorFigure, RecordCheck, Validation};
+use crate::table::TextTable;
+use std::fmt::Write as _;
+
+impl Validation {
+    /// For a person.
+    pub fn text(&self) -> String {
+        let mut out = format!("{}\n", self.model);
+        if let Some(f) = &self.frozen {
+            let rms: Vec<String> = f
+                .relative_rms_percent
+                .iter()
+                .map(|e| format!("{e:.2} %"))
+                .collect();
+            let _ = writeln!(
+                out,
+                "frozen response against the {} records, {} position(s): median error {:.1} dB (noise of the response {:.1} dB), \
+                 largest {:.1} dB at {:.4}; error over its noise {:.2} in the median; rms by output {}",
+                f.source,
+                f.positions.len().max(1),
+                f.error.median_db,
+                f.noise_db,
+                f.error.strict_max_db,
+                f.error.worst_frequency_hz,
+                f.error_over_noise,
+                rms.join(", ")
+            );
+        }
+        if !self.records.is_empty() {
+            let mut table = TextTable::new(&[
+                "record",
+                "use",
+                "output",
+                "one step",
+                "open loop",
+                "closed loop",
+                "start",
+            ]);
+            for r in &self.records {
+                for o in &r.outputs {
+                    table.row(vec![
+                        r.name.clone(),
+                        r.purpose.to_owned(),
+                        if o.unit.is_empty() {
+                            o.name.clone()
+                        } else {
+                            format!("{} [{}]", o.name, o.unit)
+                        },
+                        figure(&o.one_step),
+                        figure(&o.open_loop),
+                        o.closed_loop.as_ref().map_or(String::new(), figure),
+                        r.start.to_owned(),
+                    ]);
+                }
+            }
+            let _ = writeln!(
+                out,
+                "errors in time: rms (times the noise of one sample; fit percent)\n{}",
+                table.text().trim_end()
+            );
+        }
+        for r in &self.records {
+            out += &axes(r);
+            out += &residuals(r);
+        }
+        for n in &self.notes {
+            let _ = writeln!(out, "note: {n}");
+        }
+        out.truncate(out.trim_end().len());
+        out
+    }
+}
+
+fn figure(e: &ErrorFigure) -> String {
+    let noise = e.over_noise.map_or(String::new(), |n| format!("{n:.2} x; "));
+    format!("{:.2e} ({noise}{:.2} %)", e.rms, e.fit_percent)
+}
+
+fn axes(r: &RecordCheck) -> String {
+    let mut out = String::new();
+    for a in &r.axes {
+        let _ = write!(
+            out,
+            "{}, axis {}: force of the inverse dynamics {:.2} %, velocity in open loop {:.2} %",
+            r.name, a.input, a.force_percent, a.open_loop_velocity_percent
+        );
+        if let Some(c) = &a.closed_loop {
+            let _ = write!(
+                out,
+                "; in closed loop position {:.5} %, velocity {:.4} %, force {:.3} %",
+                c.position_percent, c.velocity_percent, c.force_percent
+            );
+        }
+        out.push('\n');
+    }
+    out
+}
+
+fn residuals(r: &RecordCheck) -> String {
+    let mut out = String::new();
+    for w in &r.whiteness {
+        let verdict = if w.p_value > 0.01 { "white" } else { "not white" };
+        let inputs: Vec<String> = r
+            .cross_correlation
+            .iter()
+            .filter(|c| c.output == w.output)
+            .map(|c| {
+                let largest = c.correlation.iter().map(|v| v.abs()).fold(0.0, f64::max);
+                format!("{} {:.1}", c.input, largest / c.bound_99)
+            })
+            .collect();
+        let _ = writeln!(
+            out,
+            "{}, one-step residual of {}: {verdict} (p {}, {:.0} % of the lags beyond the 99 % bound); \
+             largest correlation with inputs over its 99 % bound: {}",
+            r.name,
+            w.output,
+            probability(w.p_value),
+            100.0 * w.outside,
+            inputs.join(", ")
+        );
+    }
+    out
+}
+
+fn probability(p: f64) -> String {
+    const SMALL: f64 = 1e-12;
+    if p < SMALL {
+        format!("< {SMALL:e}")
+    } else {
+        format!("= {p:.2}")
+    }
+}

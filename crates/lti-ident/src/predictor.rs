@@ -1,0 +1,147 @@
+//! The one structure that both fits search: a linear filter from known signals to predictions.
+
+use crate::LtiIdentError;
+use lpv_core::linalg::{discrete_gramian, eigenvalues, from_blocks};
+use nalgebra::{DMatrix, DMatrixView, DVector};
+
+/// `x+ = A x + B w`, `y_hat = C x + D w`, kept as `[A B; C D]`.
+///
+/// For a simulation `w = u`. For one-step predictions `w = [u; y]`, A stands for `A - K C`, B for `[B - K D, K]` and D
+/// for `[D, 0]`: the predictor of an innovation model is then an output-error model of its own data.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Predictor {
+    pub(crate) states: usize,
+    /// `(n + n_y) x (n + n_w)`.
+    pub(crate) matrix: DMatrix<f64>,
+}
+
+impl Predictor {
+    pub(crate) fn new(
+        a: &DMatrix<f64>,
+        b: &DMatrix<f64>,
+        c: &DMatrix<f64>,
+        d: &DMatrix<f64>,
+    ) -> Result<Self, LtiIdentError> {
+        Ok(Self {
+            states: a.nrows(),
+            matrix: from_blocks(&[&[a, b], &[c, d]])?,
+        })
+    }
+    pub(crate) fn outputs(&self) -> usize {
+        self.matrix.nrows() - self.states
+    }
+    pub(crate) fn inputs(&self) -> usize {
+        self.matrix.ncols() - self.states
+    }
+    pub(crate) fn a(&self) -> DMatrixView<'_, f64> {
+        self.matrix.view((0, 0), (self.states, self.states))
+    }
+    pub(crate) fn b(&self) -> DMatrixView<'_, f64> {
+        self.matrix.view((0, self.states), (self.states, self.inputs()))
+    }
+    pub(crate) fn c(&self) -> DMatrixView<'_, f64> {
+        self.matrix.view((self.states, 0), (self.outputs(), self.states))
+    }
+    pub(crate) fn d(&self) -> DMatrixView<'_, f64> {
+        self.matrix
+            .view((self.states, self.states), (self.outputs(), self.inputs()))
+    }
+
+    /// Whether every entry is finite and no eigenvalue of A larger than a radius.
+    pub(crate) fn is_within(&self, radius: f64) -> bool {
+        eigenvalues(&self.a().into_owned()).is_ok_and(|e| e.iter().all(|z| z.norm() <= radius))
+            && self.matrix.iter().all(|v| v.is_finite())
+    }
+
+    /// Predictions `n_y x N` for `w` (`n_w x N`), and the states `n x N`.
+    pub(crate) fn simulate(&self, initial: &DVector<f64>, w: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+        let n = self.states;
+        let mut known = DMatrix::zeros(n + w.nrows(), w.ncols());
+        known.rows_mut(n, w.nrows()).copy_from(w);
+        let mut next = DVector::zeros(n);
+        let upper = self.matrix.rows(0, n);
+        for k in 0..w.ncols() {
+            let x = if k == 0 { initial } else { &next };
+            known.view_mut((0, k), (n, 1)).copy_from(x);
+            let mut after = DVector::zeros(n);
+            after.gemv(1.0, &upper, &known.column(k), 0.0);
+            next = after;
+        }
+        let predictions = self.matrix.rows(n, self.outputs()) * &known;
+        (predictions, known.rows(0, n).into_owned())
+    }
+
+    /// The same filter in balanced coordinates with its initial states, where the Gramians can be computed: the search
+    /// measures steps in the entries of the matrices, and here all states weigh alike.
+    pub(crate) fn balanced(&self, initial: &[DVector<f64>]) -> Option<(Self, Vec<DVector<f64>>)> {
+        let (a, b, c) = (
+            self.a().into_owned(),
+            self.b().into_owned(),
+            self.c().into_owned(),
+        );
+        let reach = discrete_gramian(&a, &b).ok()?.cholesky()?.unpack();
+        let see = discrete_gramian(&a.transpose(), &c.transpose())
+            .ok()?
+            .cholesky()?
+            .unpack();
+        let svd = (see.transpose() * &reach).try_svd(true, true, f64::EPSILON, 1000)?;
+        let (u, v_t) = (svd.u?, svd.v_t?);
+        let scale = DMatrix::from_diagonal(&svd.singular_values.map(|s| 1.0 / s.sqrt()));
+        if scale.iter().any(|s| !s.is_finite())
+            || svd.singular_values.min() < 1e-9 * svd.singular_values.max()
+        {
+            return None;
+        }
+        // x = T z with T = L_c V S^-1/2 and its inverse S^-1/2 U' L_o'.
+        let t = reach * v_t.transpose() * &scale;
+        let inverse = scale * u.transpose() * see.transpose();
+        let moved = Self::new(
+            &(&inverse * a * &t),
+            &(&inverse * b),
+            &(c * &t),
+            &self.d().into_owned(),
+        )
+        .ok()?;
+        let initial = initial.iter().map(|x| &inverse * x).collect();
+        Some((moved, initial))
+    }
+
+    /// With the states of another filter beside: predictions are added.
+    pub(crate) fn plus(&self, other: &Self) -> Result<Self, LtiIdentError> {
+        let (n, m) = (self.states, other.states);
+        let (right, below) = (DMatrix::zeros(n, m), DMatrix::zeros(m, n));
+        let own = |v: DMatrixView<'_, f64>| v.into_owned();
+        let a = from_blocks(&[&[&own(self.a()), &right], &[&below, &own(other.a())]])?;
+        let b = from_blocks(&[&[&own(self.b())], &[&own(other.b())]])?;
+        let c = from_blocks(&[&[&own(self.c()), &own(other.c())]])?;
+        Self::new(&a, &b, &c, &(self.d() + other.d()))
+    }
+}
+
+/// A matrix with the eigenvalues outside the unit circle mirrored at it, `z -> 1 / conj(z)`, and then those above
+/// `largest` moved onto it: the diagonal blocks of the real Schur form are scaled.
+pub(crate) fn reflected(a: &DMatrix<f64>, largest: f64) -> Option<DMatrix<f64>> {
+    if a.iter().any(|v| !v.is_finite()) {
+        return None;
+    }
+    let (q, mut t) = nalgebra::Schur::try_new(a.clone(), f64::EPSILON, 100 * a.nrows().max(10))?.unpack();
+    let mut i = 0;
+    while i < t.nrows() {
+        let size = if i + 1 < t.nrows() && t[(i + 1, i)] != 0.0 {
+            2
+        } else {
+            1
+        };
+        let block = t.view((i, i), (size, size)).into_owned();
+        let radius = eigenvalues(&block)
+            .ok()?
+            .iter()
+            .fold(0.0, |r: f64, z| r.max(z.norm()));
+        if radius > largest {
+            let inside = (1.0 / radius).min(largest);
+            t.view_mut((i, i), (size, size)).scale_mut(inside / radius);
+        }
+        i += size;
+    }
+    Some(&q * t * q.transpose())
+}

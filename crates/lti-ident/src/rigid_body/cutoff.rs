@@ -1,0 +1,81 @@
+//! Cut-offs from the spectrum of the position.
+
+use lpv_core::{Clock, Discrete};
+use realfft::RealFftPlanner;
+
+/// Ratio of signal to noise down to which the position is kept.
+const VISIBLE: f64 = 10.0;
+
+/// Part of the power of the acceleration that the regression keeps.
+const KEPT: f64 = 0.99;
+
+/// Longest piece of the averaged periodogram.
+const PIECE: usize = 8192;
+
+/// Where the spectrum of the position meets its noise, and up to where the acceleration has its power.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Cutoffs {
+    pub(super) position_hz: f64,
+    pub(super) regression_hz: f64,
+}
+
+/// The noise of a position sensor is white, so its level is what the upper half of the band shows. The spectrum is that
+/// of second differences, whose range the sidelobes of a window can hold; dividing by `(2 - 2 cos wT)^2` gives that of
+/// the position.
+pub(super) fn cutoffs(runs: &[&[f64]], clock: Discrete) -> Cutoffs {
+    let nyquist = clock.nyquist_hz();
+    let power = spectrum(runs);
+    let bins = power.len();
+    let frequency = |k: usize| nyquist * k as f64 / (bins.max(2) - 1) as f64;
+    let difference = |k: usize| {
+        let angle = std::f64::consts::PI * k as f64 / (bins.max(2) - 1) as f64;
+        (2.0 - 2.0 * angle.cos()).powi(2)
+    };
+    let position: Vec<f64> = (0..bins)
+        .map(|k| power[k] / difference(k).max(f64::MIN_POSITIVE))
+        .collect();
+    let mut upper = position[bins / 2..].to_vec();
+    upper.sort_by(f64::total_cmp);
+    let noise = upper.get(upper.len() / 2).copied().unwrap_or(0.0);
+    let visible = (1..bins)
+        .rev()
+        .find(|&k| position[k] > VISIBLE * noise)
+        .unwrap_or(0);
+    let acceleration = |k: usize| (position[k] - noise).max(0.0) * difference(k);
+    let total: f64 = (1..=visible).map(acceleration).sum();
+    let mut sum = 0.0;
+    let most = (1..=visible).find(|&k| {
+        sum += acceleration(k);
+        sum >= KEPT * total
+    });
+    let least = 4.0 * nyquist / bins.max(2) as f64;
+    let regression_hz = frequency(most.unwrap_or(0)).clamp(least.min(0.2 * nyquist), 0.2 * nyquist);
+    Cutoffs {
+        position_hz: frequency(visible).clamp(2.0 * regression_hz, 0.8 * nyquist),
+        regression_hz,
+    }
+}
+
+/// Averaged periodogram of second differences, Hann window, halves overlap; any scale.
+fn spectrum(runs: &[&[f64]]) -> Vec<f64> {
+    let longest = runs.iter().map(|r| r.len().saturating_sub(2)).max().unwrap_or(0);
+    let piece = (longest / 4).clamp(8, PIECE) & !1;
+    let fft = RealFftPlanner::<f64>::new().plan_fft_forward(piece);
+    let mut power = vec![0.0; piece / 2 + 1];
+    let mut lines = fft.make_output_vec();
+    for run in runs {
+        let second: Vec<f64> = run.windows(3).map(|q| q[2] - 2.0 * q[1] + q[0]).collect();
+        for from in (0..(second.len() + 1).saturating_sub(piece)).step_by(piece / 2) {
+            let window = |k: usize| {
+                (std::f64::consts::PI * (k as f64 + 0.5) / piece as f64)
+                    .sin()
+                    .powi(2)
+            };
+            let mut part: Vec<f64> = (0..piece).map(|k| second[from + k] * window(k)).collect();
+            if fft.process(&mut part, &mut lines).is_ok() {
+                power.iter_mut().zip(&lines).for_each(|(p, l)| *p += l.norm_sqr());
+            }
+        }
+    }
+    power
+}

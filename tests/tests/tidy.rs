@@ -208,6 +208,21 @@ fn the_map_of_the_crates_is_the_one_that_cargo_sees() {
     none(&wrong);
 }
 
+/// Of the program's library only what simulates bundles may know the simulated machine.
+#[test]
+fn the_pipeline_does_not_know_the_machine() {
+    let allowed = ["simulate.rs", "simulate/", "error.rs"];
+    let source = Path::new("crates/lpv-cli/src");
+    let wrong: Vec<String> = files()
+        .into_iter()
+        .filter_map(|f| f.strip_prefix(source).ok().map(Path::to_path_buf))
+        .filter(|f| !allowed.iter().any(|a| f.starts_with(a)))
+        .filter(|f| read(source.join(f)).contains("xytable_plant"))
+        .map(|f| format!("{} names xytable_plant", f.display()))
+        .collect();
+    none(&wrong);
+}
+
 #[test]
 fn manifests_share_lints_and_keep_the_default_bench_harness_out() {
     let mut wrong = Vec::new();

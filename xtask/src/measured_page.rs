@@ -9,27 +9,23 @@ use std::fmt::Write as _;
 /// A row: what, figure, bar with its verdict.
 struct Row(String, String, String);
 
-fn at_most(value: f64, limit: f64) -> String {
-    format!(
-        "at most {limit}: {}",
-        if value <= limit { "met" } else { "MISSED" }
-    )
+fn verdict(met: bool) -> &'static str {
+    if met { "met" } else { "MISSED" }
 }
 
-fn at_least(value: f64, limit: f64) -> String {
-    format!(
-        "at least {limit}: {}",
-        if value >= limit { "met" } else { "MISSED" }
-    )
+fn at_most(value: f64, limit: f64, unit: &str) -> String {
+    format!("at most {limit} {unit}: {}", verdict(value <= limit))
 }
 
-fn within(value: f64, [low, high]: [f64; 2]) -> String {
-    let verdict = if (low..=high).contains(&value) {
-        "met"
-    } else {
-        "MISSED"
-    };
-    format!("{low} to {high}: {verdict}")
+fn at_least(value: f64, limit: f64, unit: &str) -> String {
+    format!("at least {limit} {unit}: {}", verdict(value >= limit))
+}
+
+fn within(value: f64, [low, high]: [f64; 2], unit: &str) -> String {
+    format!(
+        "{low} to {high} {unit}: {}",
+        verdict((low..=high).contains(&value))
+    )
 }
 
 fn table(rows: &[Row]) -> String {
@@ -167,7 +163,7 @@ fn two_mass(case: &Case, orders: &[(usize, Vec<f64>)]) -> String {
             rows.push(Row(
                 "resonance".into(),
                 format!("{hz:.2} Hz"),
-                format!("{} Hz", within(hz, [73.0, 76.0])),
+                within(hz, [73.0, 76.0], "Hz"),
             ));
         }
         for (name, i, limit) in [("motor", 0, 9.97), ("load", 1, 8.98)] {
@@ -178,7 +174,7 @@ fn two_mass(case: &Case, orders: &[(usize, Vec<f64>)]) -> String {
                     f.order
                 ),
                 format!("{value:.2} %"),
-                at_most(value, limit) + " %",
+                at_most(value, limit, "%"),
             ));
         }
     }
@@ -212,7 +208,8 @@ fn distortion(e: &ExperimentInfo) -> String {
     let mut out = format!(
         "\nNonlinear distortion in record {} (type B, odd random multisine with detection lines), relative to the output, motor / \
          load: odd {} %, even {} %, where the noise of the FRF is {:.2} %.\n\n![Levels at the detection \
-         lines](images/two-mass-distortion.svg)\n\nLevels by line, in rad, noise of the level in brackets:\n\n\
+         lines](images/two-mass-distortion.svg)\n\n<details><summary>Levels by line, in rad, noise of the level in \
+         brackets</summary>\n\n\
          | frequency, Hz | parity | motor | load |\n|---|---|---|---|\n",
         e.records.join(", "),
         percent(&e.odd_distortion),
@@ -230,7 +227,7 @@ fn distortion(e: &ExperimentInfo) -> String {
             level(1)
         );
     }
-    out
+    out + "\n</details>\n"
 }
 
 /// Levels at the detection lines of two-mass-bench.
@@ -289,7 +286,7 @@ fn cd_player(case: &Case) -> String {
                     i + 1
                 ),
                 format!("{value:.1} %"),
-                at_least(value, limit) + " %",
+                at_least(value, limit, "%"),
             ));
         }
         rows.push(Row(
@@ -391,18 +388,18 @@ fn speed(m: &Measured) -> String {
     let mut rows = vec![Row(
         "CSV reader on one core, seven columns of doubles with all digits".into(),
         format!("{:.0} MB/s", m.csv_mb_per_second),
-        at_least(m.csv_mb_per_second, 150.0) + " MB/s",
+        at_least(m.csv_mb_per_second, 150.0, "MB/s"),
     )];
     if let Some(case) = &m.machine_plain {
         rows.push(Row(
             "`inspect` on machine-plain".into(),
             format!("{:.2} s", case.inspect_seconds),
-            at_most(case.inspect_seconds, 1.0) + " s",
+            at_most(case.inspect_seconds, 1.0, "s"),
         ));
         rows.push(Row(
             "`identify` on machine-plain".into(),
             format!("{:.2} s", case.identify_seconds),
-            at_most(case.identify_seconds, 5.0) + " s",
+            at_most(case.identify_seconds, 5.0, "s"),
         ));
     }
     format!("\n## Speed\n\nTwo cores, a shared machine.\n\n{}", table(&rows))

@@ -154,7 +154,7 @@ pub(crate) struct Identify {
     #[arg(long, value_name = "N")]
     pub(crate) functions: Option<usize>,
     /// Last part of each transient record that is held out, instead of the configured one.
-    #[arg(long, value_name = "PART")]
+    #[arg(long, value_name = "PART", value_parser = part)]
     pub(crate) hold_out: Option<f64>,
     /// Seed of every random choice, instead of the configured one.
     #[arg(long, value_name = "N")]
@@ -162,6 +162,11 @@ pub(crate) struct Identify {
     /// Print the summary as JSON.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+fn part(text: &str) -> Result<f64, &'static str> {
+    let part = text.parse().ok().filter(|p| (0.0..1.0).contains(p));
+    part.ok_or("give a part from 0 to below 1")
 }
 
 /// Kinds of models.

@@ -10,10 +10,11 @@ pub use experiment::{DetectionLine, ExperimentInfo, LineInfo, Spread};
 pub use record::{ChannelStats, RecordInfo};
 
 use crate::PipelineError;
-use crate::progress::Progress;
-use crate::responses::{estimate_periodic, group, load_records};
-use experiment_data::Bundle;
-use lpv_core::{Purpose, Record, RecordKind, Signals};
+use crate::progress::{Counter, Progress};
+use crate::responses::{estimate_periodic, group};
+use experiment_data::{Bundle, DataError};
+use lpv_core::{Purpose, Record, RecordKind};
+use rayon::prelude::*;
 use serde::Serialize;
 
 /// Everything that `lpv inspect` tells about a bundle.
@@ -68,15 +69,28 @@ pub struct Coverage {
 pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, PipelineError> {
     let description = bundle.description();
     let clock = bundle.clock()?;
-    let records = load_records(bundle, |_| true, progress)?;
-    let infos = record::describe(&records, bundle);
-    let mut coverage = coverage(&records);
-    let transients = records.iter().any(|r| r.kind == RecordKind::Transient);
-    let held_out = records.iter().any(|r| r.purpose == Purpose::Validation);
+    let counter = Counter::new(progress, "reading records", bundle.len());
+    // Transient records are dropped once their figures are known, so that long ones are never in memory together.
+    let read: Vec<Result<(RecordInfo, Option<Record>), DataError>> = (0..bundle.len())
+        .into_par_iter()
+        .map(|i| {
+            let record = bundle.load(i)?;
+            counter.one();
+            let info = record::describe(&record, &description.records[i].file, description.sample_rate_hz);
+            let periodic = matches!(record.kind, RecordKind::Periodic { .. });
+            Ok((info, periodic.then_some(record)))
+        })
+        .collect();
+    let (infos, records): (Vec<RecordInfo>, Vec<Option<Record>>) = read
+        .into_iter()
+        .collect::<Result<Vec<_>, _>>()?
+        .into_iter()
+        .unzip();
+    let mut coverage = coverage(&infos);
     let mut experiments = Vec::new();
     let (fitted, judged): (Vec<Record>, Vec<Record>) = records
         .into_iter()
-        .filter(|r| matches!(r.kind, RecordKind::Periodic { .. }))
+        .flatten()
         .partition(|r| r.purpose == Purpose::Estimation);
     for (mut records, purpose) in [(fitted, "estimation"), (judged, "validation")] {
         if records.is_empty() {
@@ -129,18 +143,20 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
         noise,
         warnings: Vec::new(),
     };
-    inspection.warnings = warnings::warnings(&inspection, transients, held_out);
+    inspection.warnings = warnings::warnings(&inspection);
     Ok(inspection)
 }
 
-fn coverage(records: &[Record]) -> Option<Coverage> {
-    let first = |s: &Signals| s.columns.first().map(|c| crate::signal::range(c));
-    let ranges: Vec<(f64, f64)> = records.iter().filter_map(|r| first(&r.scheduling)).collect();
+fn coverage(records: &[RecordInfo]) -> Option<Coverage> {
+    let ranges: Vec<[f64; 2]> = records
+        .iter()
+        .filter_map(|r| r.scheduling.first().copied())
+        .collect();
     (!ranges.is_empty()).then(|| Coverage {
         positions: Vec::new(),
         range: [
-            ranges.iter().map(|r| r.0).fold(f64::INFINITY, f64::min),
-            ranges.iter().map(|r| r.1).fold(f64::NEG_INFINITY, f64::max),
+            ranges.iter().map(|r| r[0]).fold(f64::INFINITY, f64::min),
+            ranges.iter().map(|r| r[1]).fold(f64::NEG_INFINITY, f64::max),
         ],
         largest_gap: 0.0,
     })

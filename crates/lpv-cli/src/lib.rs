@@ -1,17 +1,22 @@
-//! The identification pipeline: bundle in, model out, every choice explained. The program `lpv` and the reproduction use it.
+//! The commands of the program `lpv` as a library: bundle in, model out, every choice explained. The reproduction uses it too.
 //!
 //! # The problem
-//! Records of a machine at several constant positions are to become one model. [`estimate_bundle`] turns the periodic
-//! records into frequency responses with covariance, [`identify`] fits the poles, chooses the basis, solves the regression,
-//! chooses the interpolation and realises the LFR; [`validation`] measures what the model gets wrong.
+//! Records of a machine are to become one model that a control engineer can use. [`identify_bundle`] takes a bundle and chooses
+//! the chain: periodic records at several positions become frequency responses with covariance ([`estimate_bundle`]), poles, a
+//! basis, a regression, an interpolation and an LFR ([`identify()`]); one position becomes a pole fit; records without periods a
+//! prediction-error fit that starts at the local rational response; servo axes a mass, a viscous friction and an offset each.
+//! [`validation`] measures what the model gets wrong, frozen and in time; [`convert`] hands it to other programs; [`report`]
+//! shows it. [`new`] drafts the description of a bundle, [`inspect`] judges the data before any model.
 //!
 //! # Words
 //! - *bundle*: a folder with one `experiment.toml` and its record files.
 //! - *reasons*: the choices that were made from the data, in words.
+//! - *over noise*: an error in time as a multiple of the deviation of one sample's noise, which is what does not repeat from
+//!   period to period.
 //!
 //! # What it does not do
 //! It solves no problem that a crate below owns; its own are the rules that choose. No step is told whether the data is
-//! simulated or measured. It simulates no machine; that is xytable-plant's, which the reproduction calls by itself.
+//! simulated or measured: only [`simulate`](mod@simulate) knows the simulated machine, and hands over files.
 //!
 //! # Example
 //! ```

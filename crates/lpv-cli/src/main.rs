@@ -9,7 +9,12 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let arguments = arguments::Arguments::parse();
-    match run::run(arguments.command) {
+    // A panic is a fault of the program and not of its input; its message is on standard error already.
+    let Ok(done) = std::panic::catch_unwind(|| run::run(arguments.command)) else {
+        eprintln!("error: this is a fault of the program; please report it with the command and the data");
+        return ExitCode::from(1);
+    };
+    match done {
         Ok(text) => {
             let text = text.trim_end();
             if text.is_empty() {

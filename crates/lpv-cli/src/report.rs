@@ -10,10 +10,10 @@ mod time;
 use crate::convert::describe;
 use crate::progress::Progress;
 use crate::validation::{Evidence, Frozen, Machine, Scope, Validation, validate};
-use crate::{ModelFile, PipelineError};
+use crate::{AxisSummary, ModelFile, PipelineError};
 use experiment_data::Bundle;
 use lpv_core::{Discrete, Model, StateSpace};
-use lpv_report::{Cell, Format, KeyFigure, Page, Section};
+use lpv_report::{Cell, Format, KeyFigure, Page, Section, Table};
 use std::path::{Path, PathBuf};
 
 /// Positions at which a model is drawn.
@@ -188,6 +188,9 @@ fn sections(name: &str, s: &Subject, note: Option<String>) -> Result<Vec<Section
     }
     head = head.key_figures(key_figures(s));
     if let Some(account) = &s.file.identification {
+        if !account.summary.axes.is_empty() {
+            head = head.table(axes(&account.summary.axes));
+        }
         head = head.heading("Choices").list(account.summary.reasons.clone());
     }
     let mut all = vec![head];
@@ -197,6 +200,26 @@ fn sections(name: &str, s: &Subject, note: Option<String>) -> Result<Vec<Section
     all.extend(errors::section(s)?);
     all.extend(time::section(s));
     Ok(all)
+}
+
+fn axes(found: &[AxisSummary]) -> Table {
+    let head = ["axis", "parameter", "value", "standard deviation"];
+    let mut table = Table::new("Servo axes, in the units of the input and the output.", head);
+    for a in found {
+        for (name, [value, deviation]) in [
+            (a.kind.as_str(), a.inertia),
+            ("viscous friction", a.viscous),
+            ("offset", a.offset),
+        ] {
+            table = table.row([
+                Cell::text(format!("{} to {}", a.input, a.output)),
+                Cell::text(name),
+                Cell::number(value, Format::Significant(5)),
+                Cell::number(deviation, Format::Significant(2)),
+            ]);
+        }
+    }
+    table
 }
 
 fn key_figures(s: &Subject) -> Vec<KeyFigure> {

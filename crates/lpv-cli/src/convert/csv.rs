@@ -46,6 +46,7 @@ pub(super) fn write(e: &Exchange) -> Result<Vec<u8>, PipelineError> {
             matrix(&format!("frozen {name}"), &p.join(" "), m).map_err(failed)?;
         }
     }
+    out.write_record(["end", "", "", "", ""]).map_err(failed)?;
     out.into_inner().map_err(|e| PipelineError::Format(e.to_string()))
 }
 
@@ -64,6 +65,7 @@ pub(super) fn read(file: &Path) -> Result<Exchange, String> {
         inputs: Vec::new(),
         outputs: Vec::new(),
     };
+    let mut whole = false;
     for row in reader.records() {
         let row = row.map_err(|e| e.to_string())?;
         let line = row.position().map_or(0, csv::Position::line);
@@ -80,6 +82,7 @@ pub(super) fn read(file: &Path) -> Result<Exchange, String> {
                 .map_err(|_| at(format!("`{v}` is no count")))
         };
         match name {
+            "end" => whole = true,
             "kind" => value.clone_into(&mut e.kind),
             "sample_time" => e.sample_time = number(value)?,
             _ if !p.is_empty() => {}
@@ -90,7 +93,8 @@ pub(super) fn read(file: &Path) -> Result<Exchange, String> {
                     if rows.saturating_mul(columns) > LARGEST || rows.max(columns) > LARGEST {
                         return Err(at(format!("a matrix of {rows} x {columns} is no model")));
                     }
-                    e.blocks.push((name.to_owned(), DMatrix::zeros(rows, columns)));
+                    e.blocks
+                        .push((name.to_owned(), DMatrix::from_element(rows, columns, f64::NAN)));
                 }
                 None => {
                     let (i, j) = (index(&row[2])?, index(&row[3])?);
@@ -110,5 +114,9 @@ pub(super) fn read(file: &Path) -> Result<Exchange, String> {
             },
         }
     }
-    Ok(e)
+    if whole {
+        Ok(e)
+    } else {
+        Err("the file is cut off: its last line is not `end`".to_owned())
+    }
 }

@@ -26,7 +26,8 @@ pub(super) struct Exchange {
 
 /// The model in a few words.
 pub fn describe(model: &Model) -> String {
-    let io = |ny: usize, nu: usize| format!("{nu} input(s), {ny} output(s)");
+    let plural = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+    let io = |ny: usize, nu: usize| format!("{}, {}", plural(nu, "input"), plural(ny, "output"));
     let lfr =
         |states, deltas, ny, nu| format!("LFR with {states} states and {deltas} deltas, {}", io(ny, nu));
     match model {
@@ -45,7 +46,10 @@ pub fn describe(model: &Model) -> String {
             m.model().states(),
             io(m.model().outputs(), m.model().inputs())
         ),
-        Model::RigidBody(m) => format!("rigid body, {} axis or axes", m.axes().len()),
+        Model::RigidBody(m) => match m.axes().len() {
+            1 => "rigid body, one axis".to_owned(),
+            n => format!("rigid body, {n} axes"),
+        },
         Model::DiscreteLfr(m) => lfr(m.states(), m.delta_count(), m.outputs(), m.inputs()),
         Model::ContinuousLfr(m) => {
             "continuous ".to_owned() + &lfr(m.states(), m.delta_count(), m.outputs(), m.inputs())

@@ -2,11 +2,9 @@
 
 use super::Spread;
 use crate::signal::{deviation, mean, range};
-use experiment_data::Bundle;
 use frf_estimation::{Coherence, multiple_coherence};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Purpose, Record, RecordKind, Signals};
-use rayon::prelude::*;
 use realfft::RealFftPlanner;
 use serde::Serialize;
 
@@ -61,56 +59,50 @@ pub struct ChannelStats {
     pub near_nyquist: f64,
 }
 
-pub(super) fn describe(records: &[Record], bundle: &Bundle) -> Vec<RecordInfo> {
-    let description = bundle.description();
-    records
-        .par_iter()
-        .zip(&description.records)
-        .map(|(r, entry)| {
-            let groups = [
-                ("output", &r.outputs),
-                ("input", &r.inputs),
-                ("reference", &r.references),
-                ("auxiliary", &r.auxiliary),
-                ("injection", &r.injection),
-            ];
-            let welch = coherence(r);
-            RecordInfo {
-                name: r.name.clone(),
-                file: entry.file.clone(),
-                kind: match r.kind {
-                    RecordKind::Periodic { .. } => "periodic",
-                    RecordKind::Transient => "transient",
-                },
-                purpose: match r.purpose {
-                    Purpose::Estimation => "estimation",
-                    Purpose::Validation => "validation",
-                },
-                samples: r.len(),
-                duration: r.len() as f64 / description.sample_rate_hz,
-                period: match r.kind {
-                    RecordKind::Periodic { period } => Some(period),
-                    RecordKind::Transient => None,
-                },
-                position: r.position,
-                scheduling: r
-                    .scheduling
-                    .columns
-                    .iter()
-                    .map(|c| {
-                        let (low, high) = range(c);
-                        [low, high]
-                    })
-                    .collect(),
-                channels: groups
-                    .into_iter()
-                    .flat_map(|(role, signals)| stats(role, signals))
-                    .collect(),
-                coherence: welch.by_output.iter().map(|c| Spread::of(c)).collect(),
-                explained: welch.explained,
-            }
-        })
-        .collect()
+/// The figures of a record; its file as the bundle names it.
+pub(super) fn describe(r: &Record, file: &str, sample_rate_hz: f64) -> RecordInfo {
+    let groups = [
+        ("output", &r.outputs),
+        ("input", &r.inputs),
+        ("reference", &r.references),
+        ("auxiliary", &r.auxiliary),
+        ("injection", &r.injection),
+    ];
+    let welch = coherence(r);
+    RecordInfo {
+        name: r.name.clone(),
+        file: file.to_owned(),
+        kind: match r.kind {
+            RecordKind::Periodic { .. } => "periodic",
+            RecordKind::Transient => "transient",
+        },
+        purpose: match r.purpose {
+            Purpose::Estimation => "estimation",
+            Purpose::Validation => "validation",
+        },
+        samples: r.len(),
+        duration: r.len() as f64 / sample_rate_hz,
+        period: match r.kind {
+            RecordKind::Periodic { period } => Some(period),
+            RecordKind::Transient => None,
+        },
+        position: r.position,
+        scheduling: r
+            .scheduling
+            .columns
+            .iter()
+            .map(|c| {
+                let (low, high) = range(c);
+                [low, high]
+            })
+            .collect(),
+        channels: groups
+            .into_iter()
+            .flat_map(|(role, signals)| stats(role, signals))
+            .collect(),
+        coherence: welch.by_output.iter().map(|c| Spread::of(c)).collect(),
+        explained: welch.explained,
+    }
 }
 
 /// Welch's method with segments of a sixteenth of the record; empty for records too short for it.

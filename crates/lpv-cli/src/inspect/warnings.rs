@@ -38,7 +38,9 @@ impl Found {
     }
 }
 
-pub(super) fn warnings(i: &Inspection, transients: bool, held_out: bool) -> Vec<String> {
+pub(super) fn warnings(i: &Inspection) -> Vec<String> {
+    let transients = i.records.iter().any(|r| r.kind == "transient");
+    let held_out = i.records.iter().any(|r| r.purpose == "validation");
     let mut found = Found::default();
     experiments(i, &mut found);
     channels(i, &mut found);

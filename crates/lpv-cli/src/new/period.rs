@@ -84,12 +84,24 @@ mod tests {
             .collect()
     }
 
+    fn noise(samples: usize) -> Vec<f64> {
+        let mut seed = 1u64;
+        (0..samples)
+            .map(|_| {
+                seed = seed
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1_442_695_040_888_963_407);
+                (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+            })
+            .collect()
+    }
+
     proptest! {
         #[test]
         fn multisines_with_noise_have_their_period(period in 40usize..500, periods in 2usize..6, rest in 0usize..30, highest in 3usize..15) {
             let mut x = multisine(period, period * periods + rest, highest);
-            for (k, v) in x.iter_mut().enumerate() {
-                *v += 0.02 * (((k * 7919) % 1009) as f64 / 1009.0 - 0.5);
+            for (v, e) in x.iter_mut().zip(noise(period * periods + rest)) {
+                *v += 0.02 * e;
             }
             prop_assert_eq!(period_of(&x), Some(period));
         }
@@ -99,16 +111,7 @@ mod tests {
     fn moves_and_noise_have_none() {
         let ramp: Vec<f64> = (0..1000).map(f64::from).collect();
         assert_eq!(period_of(&ramp), None);
-        let mut seed = 1u64;
-        let noise: Vec<f64> = (0..1000)
-            .map(|_| {
-                seed = seed
-                    .wrapping_mul(6_364_136_223_846_793_005)
-                    .wrapping_add(1_442_695_040_888_963_407);
-                (seed >> 33) as f64
-            })
-            .collect();
-        assert_eq!(period_of(&noise), None);
+        assert_eq!(period_of(&noise(1000)), None);
         assert_eq!(period_of(&[0.0; 100]), None);
         assert_eq!(period_of(&[1.0, 2.0]), None);
     }

@@ -17,23 +17,26 @@ pub(super) fn section(s: &Subject) -> Result<Section, PipelineError> {
         .iter()
         .map(|m| Ok(m.frequency_response(&frequencies)?))
         .collect::<Result<Vec<Frf>, PipelineError>>()?;
-    let magnitude = figure(s, &responses, "Magnitude", Axis::log("Magnitude"), |v| v.norm())
-        .caption("Lines: the frozen model. Dots: the estimated frequency response at the same positions.");
+    let magnitude = figure(s, &responses, "Magnitude", Axis::log("Magnitude"), |v| v.norm()).caption(
+        if s.evidence.estimates.is_empty() {
+            "The model alone: there is no frequency response to compare with."
+        } else {
+            "Lines: the frozen model. Dots: the estimated frequency response at the same positions."
+        },
+    );
     let phase = figure(
         s,
         &responses,
         "Phase",
         Axis::linear("Phase (degrees)").range(-180.0, 180.0).step(90.0),
         |v| v.arg().to_degrees(),
-    );
+    )
+    .caption("The same, in degrees.");
     let mut section = Section::new("Frequency responses")
         .figure(magnitude)
         .figure(phase);
     if !s.evidence.estimates.is_empty() {
-        section = section.figure(residual(s)).paragraph(
-            "The residual is the difference between response and frozen model relative to the response, whole matrix at a line; \
-             the grey dots are the stated deviation of the response.",
-        );
+        section = section.figure(residual(s));
     }
     Ok(section)
 }
@@ -145,5 +148,8 @@ fn residual(s: &Subject) -> Figure {
             None => series.label("residual"),
         });
     }
-    Figure::new("Residual").panel(panel)
+    Figure::new("Residual").panel(panel).caption(
+        "Difference between response and frozen model relative to the response, whole matrix at a line; grey: the stated \
+         deviation of the response.",
+    )
 }

@@ -58,7 +58,10 @@ pub(super) fn section(s: &Subject) -> Option<Section> {
                     ),
                 );
         }
-        section = section.figure(figure);
+        section = section.figure(figure.caption(match closed {
+            Some(_) => "Model and controller along the recorded references.",
+            None => "The model along the recorded inputs.",
+        }));
     }
     if s.evidence.runs.len() > RECORDS {
         section = section.paragraph(format!(

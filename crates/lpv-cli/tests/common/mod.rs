@@ -149,18 +149,20 @@ pub fn shared(name: &str) -> Option<PathBuf> {
     None
 }
 
-/// Normal numbers of deviation 1, good enough for tests of levels: sums of twelve of a congruential generator.
+/// Normal numbers of deviation 1 from a seed: SplitMix64, and the transform of Box and Muller.
 pub struct Noise(pub u64);
 
 impl Noise {
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
     pub fn sample(&mut self) -> f64 {
-        let uniform = |seed: &mut u64| {
-            *seed = seed
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            (*seed >> 11) as f64 / (1u64 << 53) as f64
-        };
-        (0..12).map(|_| uniform(&mut self.0)).sum::<f64>() - 6.0
+        let (radius, angle) = (1.0 - self.uniform(), self.uniform());
+        (-2.0 * radius.ln()).sqrt() * (std::f64::consts::TAU * angle).cos()
     }
 
     pub fn samples(&mut self, count: usize, deviation: f64) -> Vec<f64> {

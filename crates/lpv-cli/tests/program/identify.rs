@@ -127,7 +127,8 @@ fn records_without_periods_at_rest_become_an_lpv_model_too() {
         toml += &entry(&format!("{k}.csv"), None, "estimation");
     }
     desk.write("bundle/experiment.toml", toml);
-    let summary = desk.json("identify bundle -o model.json --json");
+    desk.write("order.toml", "order = 2\n");
+    let summary = desk.json("identify bundle -o model.json --config order.toml --json");
     assert_eq!(summary["positions"], 5);
     assert!(
         summary["reasons"].to_string().contains("local rational"),

@@ -100,8 +100,8 @@ fn odd_and_even_distortion_by_line() {
     // Odd lines, each fourth of them left out to see odd distortion.
     let lines = || (1..120).step_by(2).filter(|k| k % 8 != 5);
     let u = multisine(lines(), PERIOD, 6 * PERIOD);
-    let distortion: Vec<f64> = u.iter().map(|u| 1e-3 * u * u + 2e-5 * u.powi(3)).collect();
-    let noise = Noise(3).samples(u.len(), 1e-4);
+    let distortion: Vec<f64> = u.iter().map(|u| 1e-3 * u * u + 1e-4 * u.powi(3)).collect();
+    let noise = Noise(3).samples(u.len(), 1e-5);
     let y: Vec<f64> = (0..u.len()).map(|n| u[n] + distortion[n] + noise[n]).collect();
     bundle(&desk, &u, &y, Some(PERIOD));
     let found = desk.json("inspect bundle --json");
@@ -122,21 +122,10 @@ fn odd_and_even_distortion_by_line() {
             "{numbers:?}"
         );
         let powers: Vec<f64> = numbers.iter().map(|&k| power(d, k)).collect();
-        // Each line, up to one factor of the spectrum, which the relative level does not have.
-        let ratio: Vec<f64> = quiet
-            .iter()
-            .zip(&powers)
-            .map(|(l, p)| number(l, "/level/0") / p.sqrt())
-            .collect();
-        let first = ratio[numbers.len() / 2];
-        let loud: Vec<f64> = (0..ratio.len())
-            .filter(|&i| powers[i] > 0.1 * excited * 1e-4)
-            .map(|i| ratio[i])
-            .collect();
-        assert!(
-            loud.len() > 5 && loud.iter().all(|r| (r / first - 1.0).abs() < 0.03),
-            "{parity}: {ratio:?}"
-        );
+        // Each line, in the unit of the amplitude spectrum, up to a noise of 1e-5 that is spread over all lines.
+        for (line, power) in quiet.iter().zip(&powers) {
+            close(number(line, "/level/0"), power.sqrt() / PERIOD as f64, 1e-6);
+        }
         let expected = (powers.iter().sum::<f64>() / powers.len() as f64 / excited).sqrt();
         close(
             number(experiment, &format!("/{field}/0")),

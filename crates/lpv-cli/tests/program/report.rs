@@ -75,11 +75,7 @@ fn every_model_of_a_folder_is_on_the_page() {
     let desk = Desk::new();
     mode_bundle(&desk, "bundle");
     desk.done("identify bundle -o result/a.json");
-    desk.done(
-        "identify bundle -o result/b.json --config order.toml"
-            .replace(" --config order.toml", "")
-            .as_str(),
-    );
+    desk.done("identify bundle -o result/b.json");
     desk.done("report result");
     let page = desk.text("result/report.html");
     assert!(page.contains("a.json") && page.contains("b.json"));

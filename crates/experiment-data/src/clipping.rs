@@ -43,7 +43,7 @@ pub(crate) fn periodic(x: &[f64]) -> Option<Clipped> {
 pub(crate) fn transient(x: &[f64], limit: Option<f64>) -> Option<Clipped> {
     const SHARE: f64 = 2e-3;
     const SLOPE: f64 = 0.3;
-    if switches(x) || piecewise_linear(x) {
+    if switches(x) || piecewise_linear(x) || held(x) {
         return None;
     }
     let steps = || x.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > 0.0);
@@ -81,6 +81,16 @@ pub(crate) fn transient(x: &[f64], limit: Option<f64>) -> Option<Clipped> {
     })
 }
 
+/// Whether the signal jumps from level to level: most of its samples repeat the one before, and it moves at least now and
+/// then. A plateau at the top is then one level of many.
+fn held(x: &[f64]) -> bool {
+    let repeats = x.windows(2).filter(|w| w[0] == w[1]).count();
+    // Rest at the ends of a move is one long plateau and no level of many.
+    let jumps = x.windows(2).filter(|w| w[0] != w[1]).count();
+    let single = x.windows(3).filter(|w| w[0] != w[1] && w[1] != w[2]).count();
+    2 * repeats > x.len() && 4 * single < jumps
+}
+
 fn switches(x: &[f64]) -> bool {
     let mut seen: Vec<f64> = Vec::with_capacity(LEVELS);
     for v in x {
@@ -113,6 +123,23 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use std::f64::consts::TAU;
+
+    #[test]
+    fn held_levels_are_not_clipped_and_a_clipped_move_still_is() {
+        // White levels, each held for seven samples.
+        let levels: Vec<f64> = (0..210u64)
+            .flat_map(|k| [((k * 7919) % 1009) as f64; 7])
+            .collect();
+        assert_eq!(transient(&levels, None), None);
+        // Rest, then a swing that is cut, then rest.
+        let swing: Vec<f64> = (0..1000)
+            .map(|k| match k {
+                0..300 | 700.. => 0.0,
+                _ => (TAU * f64::from(k - 300) / 40.0).sin().min(0.8),
+            })
+            .collect();
+        assert!(transient(&swing, None).is_some());
+    }
 
     fn multisine(n: usize, period: usize) -> Vec<f64> {
         let f = |k: usize, line: f64, phase: f64| (TAU * line * k as f64 / period as f64 + phase).sin();

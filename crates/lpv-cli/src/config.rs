@@ -165,13 +165,51 @@ impl IdentifyConfig {
     /// [`PipelineError::Config`].
     pub fn read(file: &Path) -> Result<Self, PipelineError> {
         let config: Self = read_settings(file)?;
-        if !(0.0..1.0).contains(&config.hold_out) {
-            return Err(PipelineError::Config {
-                file: file.to_owned(),
-                message: format!("`hold-out` is {}; give a part from 0 to below 1", config.hold_out),
-            });
-        }
+        config.check().map_err(|e| PipelineError::Config {
+            file: file.to_owned(),
+            message: e.to_string(),
+        })?;
         Ok(config)
+    }
+
+    /// Refuses what no data can make sense of.
+    ///
+    /// # Errors
+    /// [`PipelineError::Setting`] names the setting, its value and what is allowed.
+    pub fn check(&self) -> Result<(), PipelineError> {
+        let count = |n: Option<usize>| n.map_or(1.0, |n| n as f64);
+        for (name, value, low, high, allowed) in [
+            ("hold-out", self.hold_out, 0.0, 1.0 - 1e-9, "0 to below 1"),
+            (
+                "fuzziness",
+                self.fuzziness,
+                1.0 + 1e-9,
+                1e6,
+                "above 1, at most 1e6",
+            ),
+            (
+                "model-error",
+                self.model_error.unwrap_or(0.0),
+                0.0,
+                1e3,
+                "0 to 1000",
+            ),
+            ("functions", count(self.functions), 1.0, 1000.0, "1 to 1000"),
+            ("order", count(self.order), 1.0, 200.0, "1 to 200"),
+            (
+                "integrators",
+                self.integrators.unwrap_or(0) as f64,
+                0.0,
+                8.0,
+                "0 to 8",
+            ),
+        ] {
+            // NaN is in no range.
+            if !(low..=high).contains(&value) {
+                return Err(PipelineError::Setting { name, value, allowed });
+            }
+        }
+        Ok(())
     }
 
     /// A file with every setting, what it means, and its default; where the data decides, the line is a comment with an

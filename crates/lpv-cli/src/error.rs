@@ -91,6 +91,16 @@ pub enum PipelineError {
     /// A result that its file format cannot hold.
     #[error("cannot be written in this format: {0}")]
     Format(String),
+    /// A setting outside its range.
+    #[error("`{name}` is {value}; it must be {allowed}")]
+    Setting {
+        /// The setting.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What is allowed.
+        allowed: &'static str,
+    },
     /// A configuration file that cannot be read.
     #[error("{file}: {message}")]
     Config {
@@ -100,9 +110,7 @@ pub enum PipelineError {
         message: String,
     },
     /// A file that cannot be written.
-    #[error(
-        "{file}: cannot be written: {source}; choose a file in a folder that exists and may be written to"
-    )]
+    #[error("{file}: cannot be written: {source}; choose a file name in a folder that may be written to")]
     Write {
         /// The file.
         file: PathBuf,
@@ -115,6 +123,8 @@ impl PipelineError {
     /// 2 where the input or its use is at fault, 1 for anything else.
     pub fn exit_code(&self) -> u8 {
         match self {
+            // A folder in the place of a file is a slip of whoever called.
+            Self::Write { file, .. } if file.is_dir() => 2,
             Self::Write { .. } | Self::Report(_) | Self::Format(_) => 1,
             _ => 2,
         }

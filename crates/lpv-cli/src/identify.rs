@@ -48,6 +48,7 @@ pub fn identify_bundle(
     config: &IdentifyConfig,
     progress: Progress<'_>,
 ) -> Result<Outcome, PipelineError> {
+    config.check()?;
     let entries = &bundle.description().records;
     let periodic = entries
         .iter()

@@ -147,7 +147,7 @@ impl Search<'_> {
         let failed = |e: &FrfEstimate| {
             let place = e
                 .position()
-                .map_or_else(|| "pole fit".to_owned(), |p| format!("pole fit at p = {p}"));
+                .map_or_else(|| "pole fit".to_owned(), |p| format!("pole fit at p = {p:.6}"));
             move |source| PipelineError::Poles { place, source }
         };
         let first = &self.estimates[0];
@@ -182,12 +182,30 @@ impl Search<'_> {
                 chosen
             }
         };
-        let checked = checked.with_order(order).map_err(failed(first))?;
-        let fits = self
-            .estimates
-            .par_iter()
-            .map(|e| fit(e, self.clock, &checked).map_err(failed(e)))
-            .collect::<Result<Vec<_>, _>>()?;
+        let at = |order: usize| -> Result<Vec<PoleFit>, PipelineError> {
+            let checked = checked.with_order(order).map_err(failed(first))?;
+            self.estimates
+                .par_iter()
+                .map(|e| fit(e, self.clock, &checked).map_err(failed(e)))
+                .collect()
+        };
+        let stable = |fits: &[PoleFit]| fits.iter().all(|f| f.account.unstable_poles.is_empty());
+        let fits = at(order)?;
+        if self.order.is_some() || stable(&fits) {
+            return Ok((fits, scanned));
+        }
+        // One position alone may show a pole outside that nothing but noise has put there: a smaller order then serves all.
+        for lower in FLEXIBLE_ORDERS.iter().rev().map(|n| n + self.integrators) {
+            if lower < order {
+                let smaller = at(lower)?;
+                if stable(&smaller) {
+                    reasons.push(format!(
+                        "order {lower} instead: with {order} a position has poles outside the unit circle"
+                    ));
+                    return Ok((smaller, scanned));
+                }
+            }
+        }
         Ok((fits, scanned))
     }
 }

@@ -172,7 +172,7 @@ fn by_position<T: Send>(
                 let names: Vec<&str> = group.iter().map(|r| r.name.as_str()).collect();
                 let at = group[0]
                     .position
-                    .map_or(String::new(), |p| format!("position {p}, "));
+                    .map_or(String::new(), |p| format!("position {p:.6}, "));
                 let place = format!("{at}records {}", names.join(", "));
                 PipelineError::Frf { place, source }
             });

@@ -53,6 +53,9 @@ pub struct FrequencySummary {
     pub relative_rms_percent: Vec<f64>,
     /// Weighted cost over its expectation: 1 says that the model explains the FRF down to its noise.
     pub cost_over_expected: f64,
+    /// Median over lines and positions of the error of the model over the stated deviation of the FRF, whole matrix at a line:
+    /// 1 says that nothing but noise is left, also after the interpolation over positions.
+    pub error_over_noise: f64,
     /// Median noise of the FRF in decibels, to set beside `frozen.median_db`.
     pub frf_noise_db: f64,
     /// What the LPV stages found; none for one position.
@@ -150,7 +153,15 @@ impl Summary {
                 resonance = Some((height, mode.frequency_hz));
             }
         }
+        let mut ratios = Vec::with_capacity(deviations.len());
+        for (g, e) in model.iter().zip(estimates) {
+            for (k, error) in g.relative_error(e.frf())?.into_iter().enumerate() {
+                ratios.push(error / e.relative_deviation(k));
+            }
+        }
+        let error_over_noise = crate::signal::median(&ratios);
         let frequency = FrequencySummary {
+            error_over_noise,
             resonance_hz: resonance.map(|r| r.1),
             positions: estimates.len(),
             lines: first.frf().len(),
@@ -194,6 +205,7 @@ impl Summary {
                 .iter()
                 .cloned()
                 .chain(noise_warning(noise))
+                .chain(error_warning(identified, error_over_noise))
                 .collect(),
         })
     }
@@ -252,7 +264,7 @@ impl FrequencySummary {
             "{} position(s), {} lines, FRF noise {:.2} % in the median ({:.1} dB)\n\
              modes at the middle position:\n{}\n\
              frozen error against the FRF: largest {:.1} dB (at {:.4}), median {:.1} dB; rms by output {}\n\
-             weighted cost over its expectation: {:.3}",
+             error over the noise of the FRF, median: {:.2}; weighted cost over its expectation: {:.3}",
             self.positions,
             self.lines,
             self.frf_noise_percent,
@@ -262,6 +274,7 @@ impl FrequencySummary {
             self.frozen.worst_frequency_hz,
             self.frozen.median_db,
             percents(&self.relative_rms_percent),
+            self.error_over_noise,
             self.cost_over_expected,
         )
     }
@@ -285,6 +298,16 @@ fn noise_warning(noise: f64) -> Option<String> {
         format!(
             "warning: the FRF noise is {:.0} % in the median; check `period`, or use more periods or a stronger excitation",
             100.0 * noise
+        )
+    })
+}
+
+/// In words, where an LPV model misses responses that are known better.
+fn error_warning(identified: &Identified, over_noise: f64) -> Option<String> {
+    const MISSED: f64 = 2.0;
+    (matches!(identified, Identified::Lpv(_)) && over_noise > MISSED).then(|| {
+        format!(
+            "warning: the model misses the responses by {over_noise:.1} times their noise in the median; measure at positions in between, or allow more basis functions or a higher order of the interpolation"
         )
     })
 }

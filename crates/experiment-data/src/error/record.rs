@@ -214,7 +214,7 @@ pub enum RecordError {
     /// - Transient records rest at their ends and in between, so only plateaus of three samples or more that are entered
     ///   and left at speed count (slope on both sides above 0.3 times the rms slope, and above three converter steps);
     ///   clipped if there are such samples in more than 0.2 % of the record, and at least 5. Piecewise linear profiles
-    ///   (trapezoids) are not judged. An input at or above the controller's `limit` is a legitimate saturation.
+    ///   (trapezoids) and signals that jump between held levels are not judged. An input at or above the controller's `limit` is a legitimate saturation.
     #[error(
         "column `{column}` is clipped: {samples} of {of} samples stay at its extreme value {extreme}; lower the amplitude or change the range, and measure again"
     )]

@@ -146,6 +146,15 @@ pub fn validate(
         .iter()
         .filter(|r| scope == Scope::All || !held_out || r.purpose == Purpose::Validation)
         .collect();
+    let (judged, outside): (Vec<&Record>, Vec<&Record>) =
+        judged.into_iter().partition(|r| inside(&machine, r));
+    for record in outside {
+        notes.push(format!(
+            "record {} leaves the range {:?} of the model and was not simulated; a model is not known beyond the positions that it was made from",
+            record.name,
+            machine.range().map_or(&[][..], |r| r.bounds())
+        ));
+    }
     if !held_out && !judged.is_empty() {
         notes.push(if hold_out > 0.0 {
             format!("no transient validation record: judged on the last {:.0} % of those for estimation, which were held out", 100.0 * hold_out)
@@ -214,6 +223,15 @@ pub fn validate(
         runs,
     };
     Ok((validation, evidence))
+}
+
+/// Whether the scheduling signals stay where the model is known; a record without them is for the simulation to refuse.
+fn inside(machine: &Machine, record: &Record) -> bool {
+    let Some(range) = machine.range() else { return true };
+    (0..record.len()).all(|k| {
+        let p: Vec<f64> = record.scheduling.columns.iter().map(|c| c[k]).collect();
+        p.is_empty() || range.check(&p).is_ok()
+    })
 }
 
 impl ErrorFigure {

@@ -165,8 +165,8 @@ pub(crate) struct Identify {
 }
 
 fn part(text: &str) -> Result<f64, &'static str> {
-    let part = text.parse().ok().filter(|p| (0.0..1.0).contains(p));
-    part.ok_or("give a part from 0 to below 1")
+    let part = text.parse().ok().filter(|p| (0.0..=0.95).contains(p));
+    part.ok_or("give a part from 0 to 0.95")
 }
 
 /// Kinds of models.

@@ -20,7 +20,8 @@ use std::path::Path;
 /// | `weighting` | `covariance` | weights of the regression |
 /// | `model-error` | n-width cost of the basis | relative error of the truncated basis, added to the covariance |
 /// | `interpolation` | leave-one-out, among those with an exact LFR | coefficient functions |
-/// | `focus` | `simulation`, with integrators `prediction` | what a fit in the time domain minimises |
+/// | `focus` | `simulation`; `prediction` with integrators, in closed loop and for unstable plants | what a fit in the time domain minimises |
+/// | `direct` | `zero` in closed loop, else `estimated` | the direct term of a fit in the time domain |
 /// | `hold-out` | 0 | last part of each transient estimation record that is not fitted but judged |
 /// | `seed` | 0 | of every random choice |
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -48,6 +49,8 @@ pub struct IdentifyConfig {
     pub interpolation: Option<InterpolationKind>,
     /// What a fit in the time domain minimises.
     pub focus: Option<FitFocus>,
+    /// The direct term of a fit in the time domain.
+    pub direct: Option<Direct>,
     /// Last part of each transient estimation record that is held out of the fit and judged, 0 to below 1.
     pub hold_out: f64,
     /// Seed of every random choice.
@@ -74,6 +77,16 @@ pub enum FitFocus {
     Simulation,
     /// The error of the one-step prediction.
     Prediction,
+}
+
+/// The direct term of a fit in the time domain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Direct {
+    /// The output does not feel the input of the same sample: a sampled machine.
+    Zero,
+    /// It may, as with logged signals that are not sampled at once.
+    Estimated,
 }
 
 /// What follows FKcM.
@@ -152,6 +165,7 @@ impl Default for IdentifyConfig {
             model_error: None,
             interpolation: None,
             focus: None,
+            direct: None,
             hold_out: 0.0,
             seed: 0,
         }
@@ -179,7 +193,7 @@ impl IdentifyConfig {
     pub fn check(&self) -> Result<(), PipelineError> {
         let count = |n: Option<usize>| n.map_or(1.0, |n| n as f64);
         for (name, value, low, high, allowed) in [
-            ("hold-out", self.hold_out, 0.0, 1.0 - 1e-9, "0 to below 1"),
+            ("hold-out", self.hold_out, 0.0, 0.95, "0 to 0.95"),
             (
                 "fuzziness",
                 self.fuzziness,
@@ -254,6 +268,9 @@ weighting = "covariance"
 
 # What a fit to records without periods minimises: "simulation" or "prediction" (needed for integrators and unstable plants).
 # focus = "simulation"
+
+# The direct term of such a fit: "zero" (needed to simulate in closed loop) or "estimated".
+# direct = "zero"
 
 # Last part of each such record that is not fitted but judged.
 hold-out = 0.0

@@ -72,6 +72,17 @@ pub enum PipelineError {
         /// Of the records.
         records: f64,
     },
+    /// A model with other channels than the bundle.
+    #[error(
+        "the model has {} input(s) and {} output(s), the bundle {} and {}; take the bundle that the model was made from, or one with its channels",
+        model.0, model.1, bundle.0, bundle.1
+    )]
+    Channels {
+        /// Inputs and outputs of the model.
+        model: (usize, usize),
+        /// Inputs and outputs of the bundle.
+        bundle: (usize, usize),
+    },
     /// A model file that cannot be read.
     #[error("{file}: {problem}")]
     Model {

@@ -5,11 +5,11 @@ use crate::progress::Progress;
 use crate::responses::{estimate_bundle, estimate_local, load_records};
 use crate::signal::fit_percent;
 use crate::summary::{AxisSummary, HeldOut, OrderRow, Summary, TimeSummary};
-use crate::{FitFocus, IdentifyConfig, PipelineError, Structure};
+use crate::{Direct, FitFocus, IdentifyConfig, PipelineError, Structure};
 use experiment_data::Bundle;
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{Discrete, FrfEstimate, Model, Purpose, Record, RecordKind, StateSpace};
-use lti_ident::{Focus, InnovationFit, InnovationSettings, OrderEntry, Segment};
+use lti_ident::{DirectTerm, Focus, InnovationFit, InnovationSettings, OrderEntry, Segment};
 use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, fit};
 use rayon::prelude::*;
 
@@ -70,9 +70,15 @@ fn in_frequency(
 ) -> Result<Outcome, PipelineError> {
     let responses = estimate_bundle(bundle, config.skip_periods, progress)?;
     let positions = responses.estimates.len();
+    let scheduled = !bundle.description().channels.scheduling.is_empty();
+    if structure == Some(Structure::Lpv) && !scheduled {
+        return Err(PipelineError::Structure {
+            problem: "structure = \"lpv\" needs [channels.scheduling], and the bundle has none; name the position's column there",
+        });
+    }
     if structure == Some(Structure::Lpv) && positions == 1 {
         return Err(PipelineError::Structure {
-            problem: "structure = \"lpv\" needs periodic records at several positions, and the bundle has one; measure more, or use structure = \"lti\"",
+            problem: "structure = \"lpv\" needs records at several positions, and the bundle has one; measure more, or use structure = \"lti\"",
         });
     }
     if structure == Some(Structure::Lti) && positions > 1 {
@@ -137,26 +143,49 @@ fn in_time(
         Some(n) => (f64::NAN, n),
         None => crate::poles::integrators_from_slope(&estimates[0]),
     };
-    let focus = config.focus.unwrap_or(if integrators > 0 {
-        FitFocus::Prediction
-    } else {
-        FitFocus::Simulation
-    });
-    reasons.push(match (config.focus, focus) {
-        (Some(_), _) => "what is minimised: as asked".to_owned(),
-        (None, FitFocus::Simulation) => format!(
-            "the error of the simulated output is minimised: |F| falls with the power {slope:.2} of frequency at the lowest lines, no integrator"
-        ),
-        (None, FitFocus::Prediction) => format!(
-            "the error of the one-step prediction is minimised: {integrators} integrator(s) would let a simulation drift"
-        ),
-    });
     progress("prediction error", 0, 1);
     let starts = local_starts(&estimates[0], clock, &orders);
-    let settings = InnovationSettings::new(orders).focus(match focus {
-        FitFocus::Simulation => Focus::Simulation,
-        FitFocus::Prediction => Focus::Prediction,
-    });
+    let closed = bundle.description().controller.is_some() || records.iter().all(|r| moves(&r.references));
+    let (focus, why) = match config.focus {
+        Some(focus) => (focus, "as asked".to_owned()),
+        None if integrators > 0 => (
+            FitFocus::Prediction,
+            format!("{integrators} integrator(s) would let a simulation drift"),
+        ),
+        None if closed => (
+            FitFocus::Prediction,
+            "the bundle has a controller or moving references, and in closed loop the simulation error is biased by the noise that is fed back"
+                .to_owned(),
+        ),
+        None if starts.first().is_some_and(unstable) => (
+            FitFocus::Prediction,
+            "the local response has poles outside the unit circle".to_owned(),
+        ),
+        None => (
+            FitFocus::Simulation,
+            format!("|F| falls with the power {slope:.2} of frequency at the lowest lines, no integrator"),
+        ),
+    };
+    let error = match focus {
+        FitFocus::Simulation => "the simulated output",
+        FitFocus::Prediction => "the one-step prediction",
+    };
+    reasons.push(format!("the error of {error} is minimised: {why}"));
+    let direct = config
+        .direct
+        .unwrap_or(if closed { Direct::Zero } else { Direct::Estimated });
+    if closed && config.direct.is_none() {
+        reasons.push("no direct term: the controller acts on the output of the same sample".to_owned());
+    }
+    let settings = InnovationSettings::new(orders)
+        .focus(match focus {
+            FitFocus::Simulation => Focus::Simulation,
+            FitFocus::Prediction => Focus::Prediction,
+        })
+        .direct(match direct {
+            Direct::Zero => DirectTerm::Zero,
+            Direct::Estimated => DirectTerm::Estimated,
+        });
     let segments: Vec<Segment<'_>> = records
         .iter()
         .zip(&fitted)
@@ -175,6 +204,16 @@ fn in_time(
         summary,
         stages: Stages::Time(Box::new(found)),
     })
+}
+
+/// Whether every signal of a group changes; an empty group does not.
+fn moves(signals: &lpv_core::Signals) -> bool {
+    let changes = |c: &Vec<f64>| c.iter().any(|v| *v != c[0]);
+    !signals.columns.is_empty() && signals.columns.iter().all(changes)
+}
+
+fn unstable(system: &StateSpace<Discrete>) -> bool {
+    system.is_stable().is_ok_and(|stable| !stable)
 }
 
 fn order_reason(rows: &[OrderRow], chosen: usize, config: &IdentifyConfig) -> String {
@@ -287,7 +326,11 @@ fn axes(bundle: &Bundle, config: &IdentifyConfig, progress: Progress<'_>) -> Res
             )
         })
         .collect();
-    let reasons = axes.iter().map(AxisSummary::reason).collect();
+    let reasons = axes
+        .iter()
+        .map(AxisSummary::reason)
+        .chain(axes.iter().filter_map(AxisSummary::warning))
+        .collect();
     let model = Model::RigidBody(found.model.clone());
     Ok(Outcome {
         summary: Summary::of_axes(&model, axes, reasons),

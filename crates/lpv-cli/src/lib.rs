@@ -54,7 +54,7 @@ mod table;
 pub mod validation;
 
 pub use basis::{BasisStage, choose_basis};
-pub use config::{FitFocus, IdentifyConfig, InterpolationKind, Polish, Structure, Weighting};
+pub use config::{Direct, FitFocus, IdentifyConfig, InterpolationKind, Polish, Structure, Weighting};
 pub use error::PipelineError;
 pub use identify::{Outcome, Stages, identify_bundle};
 pub use model_file::{Identification, ModelFile, relative_folder, write_whole};

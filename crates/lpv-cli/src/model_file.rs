@@ -102,24 +102,37 @@ pub fn relative_folder(folder: &Path, file: &Path) -> PathBuf {
 }
 
 /// Writes beside the target and renames, so that a failure leaves neither half a file nor a spare one. Folders that are
-/// missing on the way are made.
+/// missing on the way are made. A link is followed; what is no regular file (a pipe, a device) is written to and not replaced.
 ///
 /// # Errors
 /// [`PipelineError::Write`].
 pub fn write_whole(file: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
-    let mut part = file.as_os_str().to_owned();
+    let refuse = |source| PipelineError::Write {
+        file: file.to_owned(),
+        source,
+    };
+    let target = match file.canonicalize() {
+        Ok(target) => target,
+        // A link to nothing cannot be followed; its place is taken.
+        Err(_) => file.to_owned(),
+    };
+    if target.exists() && !target.is_file() {
+        return std::fs::OpenOptions::new()
+            .write(true)
+            .open(&target)
+            .and_then(|mut open| std::io::Write::write_all(&mut open, bytes))
+            .map_err(refuse);
+    }
+    let mut part = target.as_os_str().to_owned();
     part.push(format!(".{}.part", std::process::id()));
-    let folder = file.parent().filter(|f| !f.as_os_str().is_empty());
+    let folder = target.parent().filter(|f| !f.as_os_str().is_empty());
     let written = folder
         .map_or(Ok(()), std::fs::create_dir_all)
         .and_then(|()| std::fs::write(&part, bytes))
-        .and_then(|()| std::fs::rename(&part, file));
+        .and_then(|()| std::fs::rename(&part, &target));
     written.map_err(|source| {
         // What cannot be removed was never written.
         std::fs::remove_file(&part).ok();
-        PipelineError::Write {
-            file: file.to_owned(),
-            source,
-        }
+        refuse(source)
     })
 }

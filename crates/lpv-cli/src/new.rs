@@ -6,8 +6,8 @@ mod roles;
 mod write;
 
 use crate::PipelineError;
-use experiment_data::{list_columns, read_columns};
-use rate::{rate_of, sample_rate};
+use experiment_data::{ColumnInfo, list_columns, read_columns};
+use rate::{clock_of, sample_rate};
 use roles::{Role, role_of};
 use std::path::{Path, PathBuf};
 
@@ -133,13 +133,34 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
     }
     let folder =
         common_folder(&paths).ok_or_else(|| refuse(first, "the files have no common folder".to_owned()))?;
+    let mut guesses = Vec::new();
+    let mut questions = Vec::new();
     let mut common: Option<Vec<String>> = None;
     let mut listed = Vec::new();
     for (file, path) in files.iter().zip(&paths) {
         let columns = list_columns(path).map_err(|e| refuse(file, e.to_string()))?;
+        // The columns of a record have one length: that of most; a scalar beside them is a setting and no signal.
+        let rows = usual_rows(&columns);
+        let (columns, others): (Vec<ColumnInfo>, Vec<ColumnInfo>) =
+            columns.into_iter().partition(|c| c.rows == rows);
+        if !others.is_empty() {
+            let names: Vec<String> = others.into_iter().map(|c| c.name).collect();
+            guesses.push(format!(
+                "{}: left out, of other length than the {rows} rows of the signals: {}",
+                file.display(),
+                names.join(", ")
+            ));
+        }
         let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
         if names.is_empty() {
             return Err(refuse(file, "no column of numbers".to_owned()));
+        }
+        if names.iter().all(|n| n.trim().parse::<f64>().is_ok()) {
+            return Err(refuse(
+                file,
+                "the first line holds numbers and no names; put a header line with the names of the columns on top"
+                    .to_owned(),
+            ));
         }
         common = Some(match common {
             None => names,
@@ -167,25 +188,19 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
             ));
         }
     }
-    let mut guesses = Vec::new();
-    let mut questions = Vec::new();
     let mut groups = by_name(&common, known);
     let mut records = Vec::new();
-    let mut rate = None;
+    let mut clocks = Vec::new();
     for ((file, path), columns) in files.iter().zip(&paths).zip(&listed) {
-        let rows = columns.iter().find(|c| c.name == common[0]).map_or(0, |c| c.rows);
-        let same_length: Vec<&str> = common
-            .iter()
-            .filter(|n| columns.iter().any(|c| &c.name == *n && c.rows == rows))
-            .map(String::as_str)
-            .collect();
-        let data = read_columns(path, &same_length).map_err(|e| refuse(file, e.to_string()))?;
+        let rows = usual_rows(columns);
+        let names: Vec<&str> = common.iter().map(String::as_str).collect();
+        let data = read_columns(path, &names).map_err(|e| refuse(file, e.to_string()))?;
         let column = |name: &String| {
-            let at = same_length.iter().position(|n| n == name)?;
+            let at = names.iter().position(|n| n == name)?;
             Some(data[at].as_slice())
         };
-        if rate.is_none() {
-            rate = groups.time.as_ref().and_then(column).and_then(rate_of);
+        if let Some(time) = groups.time.as_ref().and_then(column) {
+            clocks.push((file.display().to_string(), clock_of(time)));
         }
         // References repeat exactly; inputs of a closed loop only after its transient.
         let exciting = groups.reference.iter().chain(&groups.input);
@@ -195,7 +210,7 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
                 .filter(|x| !is_constant(x))
                 .find_map(period::period_of)
         });
-        let constant = same_length
+        let constant = names
             .iter()
             .zip(&data)
             .filter(|(_, x)| is_constant(x))
@@ -215,7 +230,7 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
         });
     }
     by_data(&mut groups, &records, known, &mut guesses);
-    let rate = sample_rate(known, rate, &groups, &mut guesses, &mut questions);
+    let rate = sample_rate(known, &clocks, &groups, &mut guesses, &mut questions);
     let name = known.name.clone().unwrap_or_else(|| {
         folder
             .file_name()
@@ -236,6 +251,16 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
         guesses,
         questions,
     })
+}
+
+/// The length that most columns have; the longer one where two are as frequent.
+fn usual_rows(columns: &[ColumnInfo]) -> u64 {
+    let count = |rows: u64| columns.iter().filter(|c| c.rows == rows).count();
+    columns
+        .iter()
+        .map(|c| (count(c.rows), c.rows))
+        .max()
+        .map_or(0, |(_, rows)| rows)
 }
 
 /// The deepest folder that holds all files.

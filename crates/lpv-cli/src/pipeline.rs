@@ -175,6 +175,7 @@ fn choose_size(
         .collect();
     let noise_db = decibel(median(&deviations));
     let mut tried = Vec::new();
+    let mut reached = false;
     let mut chosen: Option<BasisStage> = None;
     for functions in SIZES {
         let found = match choose_basis(&poles.fits, positions, clock, functions, config) {
@@ -187,12 +188,14 @@ fn choose_size(
         let enough = found.cost_db <= noise_db - BELOW_NOISE_DB;
         chosen = Some(found);
         if enough {
+            reached = true;
             break;
         }
     }
     reasons.push(format!(
-        "size of the basis: what it leaves out ({}) should be a tenth of the noise of the responses ({noise_db:.1} dB)",
-        tried.join(", ")
+        "size of the basis: what it leaves out ({}) should be a tenth of the noise of the responses ({noise_db:.1} dB){}",
+        tried.join(", "),
+        if reached { "" } else { "; not reached, the largest is taken: `functions` allows more" }
     ));
     chosen.ok_or(PipelineError::Structure {
         problem: "no size of the basis could be tried; set `functions`",

@@ -21,8 +21,11 @@ pub struct PoleStage {
     pub reasons: Vec<String>,
 }
 
-/// Orders that are tried where none is given, beyond the integrators.
+/// Orders that are tried at several positions where none is given, beyond the integrators: modes come in pairs.
 const FLEXIBLE_ORDERS: [usize; 6] = [2, 4, 6, 8, 10, 12];
+
+/// The same at one position, where a single lag, or nothing beside the integrators, may be all there is.
+const FLEXIBLE_ORDERS_LTI: [usize; 9] = [0, 1, 2, 3, 4, 6, 8, 10, 12];
 
 /// Common-denominator fits at all positions.
 ///
@@ -143,6 +146,16 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
+    /// Orders to try, integrators included.
+    fn orders(&self) -> Vec<usize> {
+        let flexible = match self.estimates.len() {
+            1 => FLEXIBLE_ORDERS_LTI.as_slice(),
+            _ => &FLEXIBLE_ORDERS,
+        };
+        let orders = flexible.iter().map(|n| n + self.integrators);
+        orders.filter(|n| *n > 0).collect()
+    }
+
     fn run(&self, reasons: &mut Vec<String>) -> Result<(Vec<PoleFit>, Option<Scan>), PipelineError> {
         let failed = |e: &FrfEstimate| {
             let place = e
@@ -160,7 +173,7 @@ impl Search<'_> {
                 let n = self.estimates.len();
                 let mut indices = vec![0, n / 2, n - 1];
                 indices.dedup();
-                let orders: Vec<usize> = FLEXIBLE_ORDERS.iter().map(|n| n + self.integrators).collect();
+                let orders = self.orders();
                 let scans = indices
                     .par_iter()
                     .map(|&i| {
@@ -195,7 +208,7 @@ impl Search<'_> {
             return Ok((fits, scanned));
         }
         // One position alone may show a pole outside that nothing but noise has put there: a smaller order then serves all.
-        for lower in FLEXIBLE_ORDERS.iter().rev().map(|n| n + self.integrators) {
+        for lower in self.orders().into_iter().rev() {
             if lower < order {
                 let smaller = at(lower)?;
                 if stable(&smaller) {

@@ -48,11 +48,19 @@ pub fn page(folder: &Path, bundle: Option<&Path>, progress: Progress<'_>) -> Res
     let files = model_files(folder)?;
     let mut page = Page::new("Identified models").subtitle("written by lpv report");
     for file in &files {
-        let model = ModelFile::read(file)?;
         let name = file
             .file_name()
             .map_or(String::new(), |n| n.to_string_lossy().into_owned());
-        let (subject, note) = subject(model, file, bundle, progress)?;
+        let found = ModelFile::read(file).and_then(|model| subject(model, file, bundle, progress));
+        let (subject, note) = match found {
+            Ok(found) => found,
+            // Of several models one that cannot be shown is noted beside the others.
+            Err(e) if files.len() > 1 => {
+                page = page.section(Section::new(name).note(format!("Not shown: {e}")));
+                continue;
+            }
+            Err(e) => return Err(e),
+        };
         for section in sections(&name, &subject, note)? {
             page = page.section(section);
         }

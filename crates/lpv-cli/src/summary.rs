@@ -51,10 +51,11 @@ pub struct FrequencySummary {
     pub frozen: FrozenError,
     /// Root mean square over lines of the error relative to that of the FRF, by output, in percent.
     pub relative_rms_percent: Vec<f64>,
-    /// Weighted cost over its expectation: 1 says that the model explains the FRF down to its noise.
+    /// Weighted cost of the fits at the positions over its expectation. The weights hold the noise and, for an LPV model, what the
+    /// basis leaves out; 1 says that the fits explain the FRF down to both.
     pub cost_over_expected: f64,
     /// Median over lines and positions of the error of the model over the stated deviation of the FRF, whole matrix at a line:
-    /// 1 says that nothing but noise is left, also after the interpolation over positions.
+    /// also after the interpolation over positions. Nothing but noise gives 0.83 for one channel, towards 1 for many.
     pub error_over_noise: f64,
     /// Median noise of the FRF in decibels, to set beside `frozen.median_db`.
     pub frf_noise_db: f64,
@@ -246,6 +247,9 @@ fn pole_modes(fit: &pole_fit::PoleFit) -> Vec<[f64; 2]> {
 }
 
 fn mode_lines(modes: &[[f64; 2]]) -> String {
+    if modes.is_empty() {
+        return "  none: all poles are real".to_owned();
+    }
     let lines: Vec<String> = modes
         .iter()
         .map(|[f, d]| format!("  {f:.5} cycles per unit of time, damping {d:.4}"))
@@ -264,7 +268,7 @@ impl FrequencySummary {
             "{} position(s), {} lines, FRF noise {:.2} % in the median ({:.1} dB)\n\
              modes at the middle position:\n{}\n\
              frozen error against the FRF: largest {:.1} dB (at {:.4}), median {:.1} dB; rms by output {}\n\
-             error over the noise of the FRF, median: {:.2}; weighted cost over its expectation: {:.3}",
+             error over the noise of the FRF, median: {:.2}; cost of the fits over its expectation: {:.3}",
             self.positions,
             self.lines,
             self.frf_noise_percent,

@@ -1,9 +1,10 @@
 //! From records to scaled signals, and from a scaled predictor back to a model.
 
-use crate::predictor::Predictor;
-use crate::problem::{Point, Problem, Run, covariance, largest_radius};
+use crate::predictor::{Predictor, Region};
+use crate::problem::{Point, Problem, Run, covariance, longest};
+use crate::rest::Rest;
 use crate::search::{Coordinates, Limits, search};
-use crate::{CheckedInnovationSettings, DirectTerm, Focus, LtiIdentError, Mean, Segment};
+use crate::{CheckedInnovationSettings, DirectTerm, Focus, LtiIdentError, Offset, Segment};
 use lpv_core::{Discrete, InnovationModel, StateSpace};
 use nalgebra::{DMatrix, DVector};
 
@@ -28,7 +29,7 @@ struct Channels {
 }
 
 impl Channels {
-    fn new(what: &'static str, mean: Mean, signals: &[&DMatrix<f64>]) -> Result<Self, LtiIdentError> {
+    fn new(what: &'static str, offset: Offset, signals: &[&DMatrix<f64>]) -> Result<Self, LtiIdentError> {
         let channels = signals.first().map_or(0, |s| s.nrows());
         let samples: usize = signals.iter().map(|s| s.ncols()).sum();
         let average = |f: &dyn Fn(usize, f64) -> f64| {
@@ -48,9 +49,9 @@ impl Channels {
                 return Err(LtiIdentError::Constant { what, channel });
             }
         }
-        let offset = match mean {
-            Mean::Remove => means,
-            Mean::Keep => DVector::zeros(channels),
+        let offset = match offset {
+            Offset::Estimated => means,
+            Offset::Zero => DVector::zeros(channels),
         };
         Ok(Self { offset, deviation })
     }
@@ -60,6 +61,17 @@ impl Channels {
             (signals[(i, k)] - self.offset[i]) / self.deviation[i]
         })
     }
+
+    /// In units of the records.
+    fn raised(&self, scaled: &DVector<f64>) -> DVector<f64> {
+        &self.offset + scaled.component_mul(&self.deviation)
+    }
+}
+
+/// A model with its state at the first sample of each segment.
+pub(crate) struct Assembled {
+    pub(crate) model: InnovationModel,
+    pub(crate) initial: Vec<DVector<f64>>,
 }
 
 /// What a model does with the data it was fitted to.
@@ -80,8 +92,8 @@ impl Scaled {
         let measured: Vec<_> = segments.iter().map(|s| (s.inputs(), s.outputs())).collect();
         let u: Vec<_> = measured.iter().map(|(u, _)| u).collect();
         let y: Vec<_> = measured.iter().map(|(_, y)| y).collect();
-        let inputs = Channels::new("input", settings.mean, &u)?;
-        let outputs = Channels::new("output", settings.mean, &y)?;
+        let inputs = Channels::new("input", settings.offset, &u)?;
+        let outputs = Channels::new("output", settings.offset, &y)?;
         let run = |(u, y): &(DMatrix<f64>, DMatrix<f64>)| {
             let (u, y) = (inputs.scaled(u), outputs.scaled(y));
             let known = match settings.focus {
@@ -95,8 +107,13 @@ impl Scaled {
             DirectTerm::Zero => 0,
         };
         let runs: Vec<Run> = measured.iter().map(run).collect();
-        let radius = largest_radius(&runs);
-        let problem = Problem { runs, direct, radius };
+        let region = Region::for_samples(longest(&runs), settings.offset);
+        let problem = Problem {
+            runs,
+            direct,
+            offset: settings.offset,
+            region,
+        };
         Ok(Self {
             problem,
             focus: settings.focus,
@@ -113,7 +130,13 @@ impl Scaled {
 
     /// Free parameters of an order, initial states not counted.
     pub(crate) fn parameters(&self, order: usize) -> usize {
-        order * (self.problem.known() + self.problem.outputs()) + self.problem.outputs() * self.problem.direct
+        let feedthrough: usize = self
+            .problem
+            .feedthrough(order)
+            .iter()
+            .map(|(_, (r, c))| r * c)
+            .sum();
+        order * (self.problem.known() + self.problem.outputs()) + feedthrough
     }
 
     pub(crate) fn enough_samples(&self, order: usize) -> Result<(), LtiIdentError> {
@@ -136,11 +159,11 @@ impl Scaled {
     }
 
     /// The model in the units of the records.
-    pub(crate) fn model(&self, point: &Point, limits: Limits) -> Result<InnovationModel, LtiIdentError> {
+    pub(crate) fn model(&self, point: &Point, limits: Limits) -> Result<Assembled, LtiIdentError> {
         let (nu, ny) = self.channels();
-        let predictor = match self.focus {
-            Focus::Prediction => point.predictor.clone(),
-            Focus::Simulation => self.with_gain(point, limits)?,
+        let (predictor, rest) = match self.focus {
+            Focus::Prediction => (point.predictor.clone(), Rest::of_predictor(&point.predictor, nu)?),
+            Focus::Simulation => (self.with_gain(point, limits)?, Rest::of_plant(&point.predictor)),
         };
         let (b, d) = (predictor.b().into_owned(), predictor.d().into_owned());
         let gain = b.columns(nu, ny).into_owned();
@@ -157,18 +180,20 @@ impl Scaled {
             self.clock,
         )?;
         let gain = down(gain, &self.outputs.deviation);
+        let (u_0, y_0) = (self.inputs.raised(&rest.input), self.outputs.raised(&rest.output));
         let build = |covariance: DMatrix<f64>| {
-            let offsets = (self.inputs.offset.clone(), self.outputs.offset.clone());
-            InnovationModel::new(plant.clone(), gain.clone(), covariance, offsets.0, offsets.1)
+            InnovationModel::new(plant.clone(), gain.clone(), covariance, u_0.clone(), y_0.clone())
         };
+        let initial: Vec<_> = point.initial.iter().map(|x| x - &rest.state).collect();
         let bare = build(DMatrix::zeros(ny, ny))?;
         let errors: Result<Vec<_>, LtiIdentError> = self
             .measured
             .iter()
-            .zip(&point.initial)
+            .zip(&initial)
             .map(|((u, y), x)| Ok(y - bare.predict_one_step(x, u, y)?.outputs))
             .collect();
-        Ok(build(covariance(&errors?))?)
+        let model = build(covariance(&errors?))?;
+        Ok(Assembled { model, initial })
     }
 
     /// The predictor of the plant with the K that predicts best; the response from u is not changed.
@@ -181,14 +206,19 @@ impl Scaled {
         let b = above(&plant.b().transpose(), &none.transpose()).transpose();
         let feed = above(&d.transpose(), &zero).transpose();
         let start = Predictor::new(&plant.a().into_owned(), &b, &c, &feed)?;
-        let run = |r: &Run| Run {
-            known: above(&r.known, &r.outputs),
-            outputs: r.outputs.clone(),
+        let run = |r: &Run| {
+            let mut outputs = r.outputs.clone();
+            outputs.column_iter_mut().for_each(|mut y| y -= plant.offset());
+            Run {
+                known: above(&r.known, &outputs),
+                outputs,
+            }
         };
         let problem = Problem {
             runs: self.problem.runs.iter().map(run).collect(),
             direct: nu,
-            radius: STABLE,
+            offset: Offset::Zero,
+            region: Region::circle(STABLE),
         };
         // dK changes A by -dK C, B by [-dK D, dK].
         let shape = start.matrix.shape();
@@ -212,9 +242,9 @@ impl Scaled {
             .predictor)
     }
 
-    pub(crate) fn judge(&self, model: &InnovationModel, point: &Point) -> Result<Judged, LtiIdentError> {
+    pub(crate) fn judge(&self, Assembled { model, initial }: &Assembled) -> Result<Judged, LtiIdentError> {
         let (mut simulated, mut one_step) = (Vec::new(), Vec::new());
-        for ((u, y), x) in self.measured.iter().zip(&point.initial) {
+        for ((u, y), x) in self.measured.iter().zip(initial) {
             simulated.push(y - model.simulate(x, u)?.outputs);
             one_step.push(y - model.predict_one_step(x, u, y)?.outputs);
         }

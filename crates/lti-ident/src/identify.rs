@@ -7,11 +7,15 @@ use crate::predictor::{Predictor, reflected};
 use crate::problem::{Point, Problem};
 use crate::search::{Coordinates, Limits, search};
 use crate::start::{ImpulseResponse, Realisation, grown, polished};
-use crate::{CheckedInnovationSettings, LtiIdentError, Segment};
+use crate::{CheckedInnovationSettings, Focus, LtiIdentError, Segment};
 use lpv_core::{Discrete, StateSpace};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
+
+/// Samples on which all starts of all orders are searched; of a longer record a part, since the search takes time in
+/// proportion.
+const SCANNED: usize = 10_000;
 
 /// Innovation models of the orders in the settings, and the choice between them. A start is used at the order that
 /// equals its number of states; higher orders profit, since each order also starts from the one below.
@@ -31,11 +35,14 @@ pub fn identify(
         iterations: settings.max_iterations,
         tolerance: settings.tolerance,
     };
-    let response = ImpulseResponse::new(&scaled.problem, settings.response_samples)?;
-    let targets: Vec<_> = scaled.problem.runs.iter().map(|r| r.outputs.clone()).collect();
+    let part = scaled.problem.part(SCANNED);
+    let scanned = part.as_ref().unwrap_or(&scaled.problem);
+    let response = ImpulseResponse::new(scanned, settings.response_samples)?;
+    let targets: Vec<_> = scanned.runs.iter().map(|r| r.outputs.clone()).collect();
     let realisation = response.realisation(&targets);
     let climb = Climb {
         scaled: &scaled,
+        problem: scanned,
         response: &response,
         limits,
     };
@@ -64,8 +71,18 @@ pub fn identify(
         }
     }
     let judged: Vec<(usize, Result<OrderEntry, LtiIdentError>)> = fitted
-        .par_iter()
-        .map(|(order, searches)| (*order, entry(&scaled, *order, searches, limits)))
+        .into_par_iter()
+        .map(|(order, mut searches)| {
+            let winner = match &part {
+                Some(_) => resumed(&scaled.problem, &mut searches, limits),
+                None => best(&searches),
+            };
+            let none = LtiIdentError::NoStart { order };
+            let made = winner
+                .ok_or(none)
+                .and_then(|winner| entry(&scaled, settings.focus, &searches, winner, limits));
+            (order, made)
+        })
         .collect();
     let mut entries = Vec::new();
     for (order, judged) in judged {
@@ -74,12 +91,13 @@ pub fn identify(
             Err(error) => failures.push((order, error)),
         }
     }
-    let chosen = choice::chosen(&entries);
+    let chosen = choice::chosen(&entries, settings.focus);
     match (chosen, failures.first()) {
         (Some(chosen), _) => Ok(InnovationFit {
             entries,
             failures,
             chosen,
+            scanned_samples: scanned.samples(),
         }),
         (None, Some((_, error))) => Err(error.clone()),
         (None, None) => Err(LtiIdentError::Empty { what: "orders" }),
@@ -92,15 +110,38 @@ struct Search {
     point: Point,
 }
 
-/// The search that ended lowest; the first of equals.
-fn best(searches: &[Search]) -> Option<&Search> {
-    searches
-        .iter()
-        .min_by(|a, b| a.story.cost.total_cmp(&b.story.cost))
+/// Index of the search that ended lowest; the first of equals.
+fn best(searches: &[Search]) -> Option<usize> {
+    (0..searches.len()).min_by(|&i, &j| searches[i].story.cost.total_cmp(&searches[j].story.cost))
+}
+
+fn searched(problem: &Problem, kind: StartKind, start: Point, limits: Limits) -> Search {
+    let first_cost = start.cost;
+    let outcome = search(problem, start, &Coordinates::Local, limits);
+    let story = StartEntry {
+        kind,
+        first_cost,
+        cost: outcome.point.cost,
+        iterations: outcome.iterations,
+        stop: outcome.stop,
+    };
+    Search {
+        story,
+        point: outcome.point,
+    }
+}
+
+/// Appends the search over all samples from the best over a part of them, and returns its index.
+fn resumed(problem: &Problem, searches: &mut Vec<Search>, limits: Limits) -> Option<usize> {
+    let start = polished(problem, &searches[best(searches)?].point.predictor)?;
+    searches.push(searched(problem, StartKind::Scan, start, limits));
+    Some(searches.len() - 1)
 }
 
 struct Climb<'a> {
     scaled: &'a Scaled,
+    /// All samples, or the part that is scanned.
+    problem: &'a Problem,
     response: &'a ImpulseResponse<'a>,
     limits: Limits,
 }
@@ -118,11 +159,11 @@ impl Climb<'_> {
         }
         let given = starts.iter().enumerate().filter(|(_, s)| s.states() == order);
         let given = given.filter_map(|(i, s)| Some((StartKind::Given(i), self.given(s)?)));
-        let own = realisation
-            .and_then(|r| Some((StartKind::Realisation, r.cut(order, self.scaled.problem.radius)?)));
+        let own =
+            realisation.and_then(|r| Some((StartKind::Realisation, r.cut(order, self.problem.region)?)));
         given
             .chain(own)
-            .filter_map(|(kind, predictor)| Some(self.run(kind, polished(&self.scaled.problem, &predictor)?)))
+            .filter_map(|(kind, predictor)| Some(self.run(kind, polished(self.problem, &predictor)?)))
             .collect()
     }
 
@@ -134,10 +175,9 @@ impl Climb<'_> {
         }
         let grow = |added: &usize| {
             let lower = order.checked_sub(*added)?;
-            let start = match climbed.get(&lower).and_then(|s| best(s)) {
-                Some(lower) => grown(&self.scaled.problem, &lower.point, self.response, order)?,
-                None => return None,
-            };
+            let searches = climbed.get(&lower)?;
+            let point = &searches[best(searches)?].point;
+            let start = grown(self.problem, point, self.response, order)?;
             Some(self.run(StartKind::Grown { from: lower }, start))
         };
         [1, 2]
@@ -150,24 +190,12 @@ impl Climb<'_> {
     }
 
     fn run(&self, kind: StartKind, start: Point) -> Search {
-        let first_cost = start.cost;
-        let outcome = search(&self.scaled.problem, start, &Coordinates::Local, self.limits);
-        let story = StartEntry {
-            kind,
-            first_cost,
-            cost: outcome.point.cost,
-            iterations: outcome.iterations,
-            stop: outcome.stop,
-        };
-        Search {
-            story,
-            point: outcome.point,
-        }
+        searched(self.problem, kind, start, self.limits)
     }
 
     /// Poles and output matrix of a system that was handed in; the rest is polished.
     fn given(&self, system: &StateSpace<Discrete>) -> Option<Predictor> {
-        let problem: &Problem = &self.scaled.problem;
+        let problem = self.problem;
         if system.outputs() != problem.outputs() {
             return None;
         }
@@ -175,7 +203,7 @@ impl Climb<'_> {
         let c = self.scaled.scaled_rows(system.c());
         let none = DMatrix::zeros(n, nw);
         Predictor::new(
-            &reflected(system.a(), problem.radius)?,
+            &reflected(system.a(), problem.region)?,
             &none,
             &c,
             &DMatrix::zeros(ny, nw),
@@ -186,27 +214,27 @@ impl Climb<'_> {
 
 fn entry(
     scaled: &Scaled,
-    order: usize,
+    focus: Focus,
     searches: &[Search],
+    winner: usize,
     limits: Limits,
 ) -> Result<OrderEntry, LtiIdentError> {
-    let winner = best(searches).ok_or(LtiIdentError::NoStart { order })?;
-    let model = scaled.model(&winner.point, limits)?;
-    let starts: Vec<StartEntry> = searches.iter().map(|s| s.story).collect();
-    let winner_at = starts.iter().position(|s| *s == winner.story).unwrap_or(0);
-    let judged = scaled.judge(&model, &winner.point)?;
+    let point = &searches[winner].point;
+    let order = point.predictor.states;
+    let assembled = scaled.model(point, limits)?;
+    let judged = scaled.judge(&assembled)?;
     let parameters = scaled.parameters(order);
     Ok(OrderEntry {
         order,
-        initial_states: winner.point.initial.clone(),
-        cost: winner.point.cost,
-        winner: winner_at,
-        starts,
+        initial_states: assembled.initial,
+        cost: point.cost,
+        winner,
+        starts: searches.iter().map(|s| s.story).collect(),
         parameters,
-        expected_cost: choice::expected_cost(&scaled.problem, &winner.point),
+        expected_cost: choice::expected_cost(point, focus, parameters),
         simulated_fit_percent: judged.simulated,
         one_step_fit_percent: judged.one_step,
         simulation_covariance: judged.covariance,
-        model,
+        model: assembled.model,
     })
 }

@@ -1,21 +1,23 @@
 //! The one structure that both fits search: a linear filter from known signals to predictions.
 
-use crate::LtiIdentError;
+use crate::{LtiIdentError, Offset};
 use lpv_core::linalg::{discrete_gramian, eigenvalues, from_blocks};
-use nalgebra::{DMatrix, DMatrixView, DVector};
+use nalgebra::{Complex, DMatrix, DMatrixView, DVector};
 
-/// `x+ = A x + B w`, `y_hat = C x + D w`, kept as `[A B; C D]`.
+/// `x+ = A x + B w`, `y_hat = C x + D w + d`, kept as `[A B 0; C D d]`, which `[x; w; 1]` drives.
 ///
-/// For a simulation `w = u`. For one-step predictions `w = [u; y]`, A stands for `A - K C`, B for `[B - K D, K]` and D
-/// for `[D, 0]`: the predictor of an innovation model is then an output-error model of its own data.
+/// For a simulation `w = u` and d is the output offset. For one-step predictions `w = [u; y]`, A stands for `A - K C`, B
+/// for `[B - K D, K]` and D for `[D, 0]`: the predictor of an innovation model is then an output-error model of its own
+/// data. There d is what the offset becomes on its way through the predictor, in which `C x` and d stay linear.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Predictor {
     pub(crate) states: usize,
-    /// `(n + n_y) x (n + n_w)`.
+    /// `(n + n_y) x (n + n_w + 1)`.
     pub(crate) matrix: DMatrix<f64>,
 }
 
 impl Predictor {
+    /// With d = 0.
     pub(crate) fn new(
         a: &DMatrix<f64>,
         b: &DMatrix<f64>,
@@ -24,14 +26,21 @@ impl Predictor {
     ) -> Result<Self, LtiIdentError> {
         Ok(Self {
             states: a.nrows(),
-            matrix: from_blocks(&[&[a, b], &[c, d]])?,
+            matrix: from_blocks(&[&[a, b], &[c, d]])?.resize_horizontally(a.ncols() + b.ncols() + 1, 0.0),
         })
+    }
+    fn with_offset(mut self, offset: &DVector<f64>) -> Self {
+        let (n, last) = (self.states, self.matrix.ncols() - 1);
+        self.matrix
+            .view_mut((n, last), (offset.len(), 1))
+            .copy_from(offset);
+        self
     }
     pub(crate) fn outputs(&self) -> usize {
         self.matrix.nrows() - self.states
     }
     pub(crate) fn inputs(&self) -> usize {
-        self.matrix.ncols() - self.states
+        self.matrix.ncols() - self.states - 1
     }
     pub(crate) fn a(&self) -> DMatrixView<'_, f64> {
         self.matrix.view((0, 0), (self.states, self.states))
@@ -46,17 +55,24 @@ impl Predictor {
         self.matrix
             .view((self.states, self.states), (self.outputs(), self.inputs()))
     }
+    /// d.
+    pub(crate) fn offset(&self) -> DVector<f64> {
+        let last = self.matrix.column(self.matrix.ncols() - 1);
+        last.rows(self.states, self.outputs()).into_owned()
+    }
 
-    /// Whether every entry is finite and no eigenvalue of A larger than a radius.
-    pub(crate) fn is_within(&self, radius: f64) -> bool {
-        eigenvalues(&self.a().into_owned()).is_ok_and(|e| e.iter().all(|z| z.norm() <= radius))
+    /// Whether every entry is finite and every eigenvalue of A in a region.
+    pub(crate) fn is_within(&self, region: Region) -> bool {
+        // Rounding on the way through another basis must not throw out a pole on the limit.
+        let inside = |z: &Complex<f64>| z.norm() <= region.largest_at(*z) + 1e-12;
+        eigenvalues(&self.a().into_owned()).is_ok_and(|e| e.iter().all(inside))
             && self.matrix.iter().all(|v| v.is_finite())
     }
 
     /// Predictions `n_y x N` for `w` (`n_w x N`), and the states `n x N`.
     pub(crate) fn simulate(&self, initial: &DVector<f64>, w: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
         let n = self.states;
-        let mut known = DMatrix::zeros(n + w.nrows(), w.ncols());
+        let mut known = DMatrix::from_element(n + w.nrows() + 1, w.ncols(), 1.0);
         known.rows_mut(n, w.nrows()).copy_from(w);
         let mut next = DVector::zeros(n);
         let upper = self.matrix.rows(0, n);
@@ -101,7 +117,8 @@ impl Predictor {
             &(c * &t),
             &self.d().into_owned(),
         )
-        .ok()?;
+        .ok()?
+        .with_offset(&self.offset());
         let initial = initial.iter().map(|x| &inverse * x).collect();
         Some((moved, initial))
     }
@@ -114,13 +131,51 @@ impl Predictor {
         let a = from_blocks(&[&[&own(self.a()), &right], &[&below, &own(other.a())]])?;
         let b = from_blocks(&[&[&own(self.b())], &[&own(other.b())]])?;
         let c = from_blocks(&[&[&own(self.c()), &own(other.c())]])?;
-        Self::new(&a, &b, &c, &(self.d() + other.d()))
+        let sum = Self::new(&a, &b, &c, &(self.d() + other.d()))?;
+        Ok(sum.with_offset(&(self.offset() + other.offset())))
     }
 }
 
-/// A matrix with the eigenvalues outside the unit circle mirrored at it, `z -> 1 / conj(z)`, and then those above
-/// `largest` moved onto it: the diagonal blocks of the real Schur form are scaled.
-pub(crate) fn reflected(a: &DMatrix<f64>, largest: f64) -> Option<DMatrix<f64>> {
+/// Where eigenvalues of A may be: inside a circle, and slow ones, nearer than `1 - slow` to the point 1, inside one of the
+/// radius `slow`.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Region {
+    radius: f64,
+    slow: f64,
+}
+
+impl Region {
+    pub(crate) fn circle(radius: f64) -> Self {
+        Self { radius, slow: radius }
+    }
+
+    /// A pole decays by a tenth over the longest run: one that is slower cannot be told from one on the unit circle. And
+    /// what creeps has settled to a twentieth if an offset is estimated: else offset and pole draw a straight line
+    /// together, which follows any drift and ends nowhere.
+    pub(crate) fn for_samples(longest: usize, offset: Offset) -> Self {
+        let n = longest.max(4) as f64;
+        let radius = 1.0 - 0.1 / n;
+        match offset {
+            Offset::Estimated => Self {
+                radius,
+                slow: 1.0 - 3.0 / n,
+            },
+            Offset::Zero => Self::circle(radius),
+        }
+    }
+
+    fn largest_at(self, z: Complex<f64>) -> f64 {
+        if (Complex::new(1.0, 0.0) - z).norm() < 1.0 - self.slow {
+            self.slow
+        } else {
+            self.radius
+        }
+    }
+}
+
+/// A matrix with the eigenvalues outside the unit circle mirrored at it, `z -> 1 / conj(z)`, and then those outside
+/// a region moved to its edge: the diagonal blocks of the real Schur form are scaled.
+pub(crate) fn reflected(a: &DMatrix<f64>, region: Region) -> Option<DMatrix<f64>> {
     if a.iter().any(|v| !v.is_finite()) {
         return None;
     }
@@ -133,12 +188,12 @@ pub(crate) fn reflected(a: &DMatrix<f64>, largest: f64) -> Option<DMatrix<f64>> 
             1
         };
         let block = t.view((i, i), (size, size)).into_owned();
-        let radius = eigenvalues(&block)
-            .ok()?
-            .iter()
-            .fold(0.0, |r: f64, z| r.max(z.norm()));
-        if radius > largest {
-            let inside = (1.0 / radius).min(largest);
+        let poles = eigenvalues(&block).ok()?;
+        let z = *poles.iter().max_by(|a, b| a.norm().total_cmp(&b.norm()))?;
+        let radius = z.norm();
+        let mirrored = if radius > 1.0 { 1.0 / radius } else { radius };
+        let inside = mirrored.min(region.largest_at(z * (mirrored / radius)));
+        if inside < radius {
             t.view_mut((i, i), (size, size)).scale_mut(inside / radius);
         }
         i += size;

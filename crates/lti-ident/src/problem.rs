@@ -1,14 +1,12 @@
 //! Residuals, their covariance, and the normal equations of a step.
 
-use crate::predictor::Predictor;
+use crate::Offset;
+use crate::predictor::{Predictor, Region};
 use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, Dyn};
 use rayon::prelude::*;
 
 /// Samples whose sensitivities are held at a time.
 const BLOCK: usize = 64;
-
-/// Parts of the data whose gradients are kept apart.
-const PARTS: usize = 16;
 
 /// Smallest variance of a residual of signals of unit deviation: below it are rounding errors.
 const FLOOR: f64 = 1e-24;
@@ -20,20 +18,33 @@ pub(crate) struct Run {
     pub(crate) outputs: DMatrix<f64>,
 }
 
+impl Run {
+    /// Samples from the middle, so that it does not matter whether the run begins or ends at rest.
+    fn middle(&self, samples: usize) -> Self {
+        let samples = samples.min(self.outputs.ncols());
+        let from = (self.outputs.ncols() - samples) / 2;
+        Self {
+            known: self.known.columns(from, samples).into_owned(),
+            outputs: self.outputs.columns(from, samples).into_owned(),
+        }
+    }
+}
+
 /// What a predictor is fitted to.
 #[derive(Debug, Clone)]
 pub(crate) struct Problem {
     pub(crate) runs: Vec<Run>,
     /// The first columns of D that are free; the others are zero.
     pub(crate) direct: usize,
-    /// Largest modulus of an eigenvalue of A.
-    pub(crate) radius: f64,
+    /// Whether d is free; else it is zero.
+    pub(crate) offset: Offset,
+    /// Where eigenvalues of A may be.
+    pub(crate) region: Region,
 }
 
-/// Slowest pole that runs of these lengths can tell from one on the unit circle: it decays by a tenth.
-pub(crate) fn largest_radius(runs: &[Run]) -> f64 {
-    let longest = runs.iter().map(|r| r.outputs.ncols()).max().unwrap_or(1);
-    1.0 - 0.1 / longest.max(1) as f64
+/// Samples of the longest run.
+pub(crate) fn longest(runs: &[Run]) -> usize {
+    runs.iter().map(|r| r.outputs.ncols()).max().unwrap_or(0)
 }
 
 /// A predictor with its initial states and what they give.
@@ -60,10 +71,37 @@ impl Problem {
         self.runs.iter().map(|r| r.outputs.ncols()).sum()
     }
 
+    /// About as many samples as asked for, the same part of each run; `None` if there are no more than that.
+    pub(crate) fn part(&self, samples: usize) -> Option<Self> {
+        let all = self.samples();
+        let share = |r: &Run| r.middle((r.outputs.ncols() * samples).div_ceil(all));
+        (all > samples).then(|| {
+            let runs: Vec<Run> = self.runs.iter().map(share).collect();
+            let region = Region::for_samples(longest(&runs), self.offset);
+            Self {
+                runs,
+                region,
+                ..*self
+            }
+        })
+    }
+
+    /// The free entries of `[D d]` of a filter with some states.
+    pub(crate) fn feedthrough(&self, states: usize) -> [Block; 2] {
+        let ny = self.outputs();
+        let constant = match self.offset {
+            Offset::Estimated => 1,
+            Offset::Zero => 0,
+        };
+        [
+            ((states, states), (ny, self.direct)),
+            ((states, states + self.known()), (ny, constant)),
+        ]
+    }
+
     /// `None` for an unstable predictor or a cost that is not finite.
     pub(crate) fn point(&self, predictor: Predictor, initial: Vec<DVector<f64>>) -> Option<Point> {
-        // Rounding on the way through another basis must not throw out a pole on the limit.
-        if !predictor.is_within(self.radius + 1e-12) {
+        if !predictor.is_within(self.region) {
             return None;
         }
         let residual = |(run, x): (&Run, &DVector<f64>)| &run.outputs - predictor.simulate(x, &run.known).0;
@@ -97,13 +135,12 @@ pub(crate) enum InitialStates {
     Held,
 }
 
-/// Normal equations of the whitened residuals, for directions in the space of `[A B; C D]` and the initial state of
-/// each run.
+/// Normal equations of the whitened residuals, for directions in the space of `[A B 0; C D d]` and the initial
+/// state of each run.
 pub(crate) struct Equations {
     common: DMatrix<f64>,
     gradient: DVector<f64>,
     runs: Vec<Own>,
-    whitened_samples: usize,
 }
 
 /// The part of one run that concerns its own initial state.
@@ -111,8 +148,6 @@ struct Own {
     cross: DMatrix<f64>,
     own: DMatrix<f64>,
     gradient: DVector<f64>,
-    /// Gradients of parts of the run that follow each other, with respect to everything: one column a part.
-    parts: DMatrix<f64>,
 }
 
 /// A change of the directions' coefficients and of the initial states.
@@ -122,7 +157,7 @@ pub(crate) struct Step {
 }
 
 impl Equations {
-    /// Column k of `directions` is `vec` of a change of `[A B; C D]`.
+    /// Column k of `directions` is `vec` of a change of `[A B 0; C D d]`.
     pub(crate) fn new(
         problem: &Problem,
         point: &Point,
@@ -132,7 +167,6 @@ impl Equations {
         let whiten = point.factor.clone().try_inverse()?;
         let stacked = stacked(&point.predictor, directions);
         let p = directions.ncols();
-        let part = problem.samples().div_ceil(PARTS).next_multiple_of(BLOCK);
         let sum = |(i, run): (usize, &Run)| {
             Sensitivities {
                 predictor: &point.predictor,
@@ -144,7 +178,6 @@ impl Equations {
                     0
                 },
                 whiten: &whiten,
-                part,
             }
             .sum(run, &point.initial[i], &point.residuals[i])
         };
@@ -153,10 +186,8 @@ impl Equations {
             common: DMatrix::zeros(p, p),
             gradient: DVector::zeros(p),
             runs: Vec::new(),
-            whitened_samples: problem.samples(),
         };
-        for (h, parts) in sums {
-            let g = parts.column_sum();
+        for (h, g) in sums {
             let n = g.len() - p;
             equations.common += h.view((0, 0), (p, p));
             equations.gradient += g.rows(0, p);
@@ -164,30 +195,9 @@ impl Equations {
                 cross: h.view((0, p), (p, n)).into_owned(),
                 own: h.view((p, p), (n, n)).into_owned(),
                 gradient: g.rows(p, n).into_owned(),
-                parts,
             });
         }
         Some(equations)
-    }
-
-    /// `2 tr(H^-1 V) / N` with V the covariance of the gradient, estimated from parts of the data, so that the colour of
-    /// the residual counts: what the cost on other data is expected to be above that on these (Takeuchi).
-    pub(crate) fn optimism(&self) -> Option<f64> {
-        let mut schur = damped(&self.common, 1e-9);
-        let mut scores: Vec<DVector<f64>> = Vec::new();
-        let p = self.gradient.len();
-        for run in &self.runs {
-            let own = damped(&run.own, 1e-9).cholesky()?;
-            schur -= &run.cross * own.solve(&run.cross.transpose());
-            scores.extend(run.parts.column_iter().map(|g| {
-                let n = g.len() - p;
-                g.rows(0, p) - &run.cross * own.solve(&g.rows(p, n).into_owned())
-            }));
-        }
-        let factor = schur.cholesky()?;
-        let trace: f64 = scores.iter().map(|g| g.dot(&factor.solve(g))).sum();
-        let parts = scores.len() as f64;
-        Some(2.0 * trace * parts / (parts - 1.0).max(1.0) / self.whitened_samples as f64)
     }
 
     /// The step of Levenberg and Marquardt: diagonals are raised by the part `damping`. Initial states are eliminated
@@ -224,7 +234,7 @@ fn damped(m: &DMatrix<f64>, damping: f64) -> DMatrix<f64> {
     m
 }
 
-/// Directions one below the other, each `(n + n_y) x (n + n_w)`: their product with `[x; w]` drives all sensitivities.
+/// Directions one below the other, each `(n + n_y) x (n + n_w + 1)`: their product with `[x; w; 1]` drives all sensitivities.
 fn stacked(predictor: &Predictor, directions: &DMatrix<f64>) -> DMatrix<f64> {
     let (rows, columns) = predictor.matrix.shape();
     DMatrix::from_fn(rows * directions.ncols(), columns, |i, j| {
@@ -239,19 +249,17 @@ struct Sensitivities<'a> {
     /// Initial states that are free: all or none.
     free: usize,
     whiten: &'a DMatrix<f64>,
-    /// Samples a part, a multiple of [`BLOCK`].
-    part: usize,
 }
 
 impl Sensitivities<'_> {
-    /// `J' J` and `J' r` of one run. Sensitivities `Z = [dx/dtheta, dx/dx_0]` follow `Z+ = A Z + dM [x; w]`, and the
-    /// rows of J are `C Z + dM [x; w]`.
+    /// `J' J` and `J' r` of one run. Sensitivities `Z = [dx/dtheta, dx/dx_0]` follow `Z+ = A Z + dM [x; w; 1]`, and
+    /// the rows of J are `C Z + dM [x; w; 1]`.
     fn sum(
         &self,
         run: &Run,
         initial: &DVector<f64>,
         residual: &DMatrix<f64>,
-    ) -> (DMatrix<f64>, DMatrix<f64>) {
+    ) -> (DMatrix<f64>, DVector<f64>) {
         let (n, ny) = (self.predictor.states, self.predictor.outputs());
         let (p, columns) = (self.directions, self.directions + self.free);
         let states = self.predictor.simulate(initial, &run.known).1;
@@ -261,7 +269,7 @@ impl Sensitivities<'_> {
         z.view_mut((0, p), (self.free, self.free)).fill_with_identity();
         let mut out = DMatrix::zeros(n + ny, columns);
         let mut h = DMatrix::zeros(columns, columns);
-        let mut g = DMatrix::zeros(columns, residual.ncols().div_ceil(self.part));
+        let mut g = DVector::zeros(columns);
         for from in (0..residual.ncols()).step_by(BLOCK) {
             let samples = BLOCK.min(residual.ncols() - from);
             let forces = self.forces(&states, &run.known, from, samples);
@@ -277,7 +285,7 @@ impl Sensitivities<'_> {
                 jacobian.columns_mut(ny * k, ny).copy_from(&rows.transpose());
             }
             let r = whitened.columns(from, samples);
-            g.column_mut(from / self.part).gemv(
+            g.gemv(
                 1.0,
                 &jacobian,
                 &DVector::from_iterator(ny * samples, r.iter().copied()),
@@ -296,7 +304,7 @@ impl Sensitivities<'_> {
         samples: usize,
     ) -> DMatrix<f64> {
         let n = states.nrows();
-        let mut both = DMatrix::zeros(n + known.nrows(), samples);
+        let mut both = DMatrix::from_element(n + known.nrows() + 1, samples, 1.0);
         both.rows_mut(0, n).copy_from(&states.columns(from, samples));
         both.rows_mut(n, known.nrows())
             .copy_from(&known.columns(from, samples));

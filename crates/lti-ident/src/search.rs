@@ -14,7 +14,7 @@ pub(crate) enum Coordinates {
     /// All filters of this order: the orthogonal complement of the tangent of the similarity orbit, taken anew at each
     /// point (data-driven local coordinates).
     Local,
-    /// Fixed directions, as columns `vec([dA dB; dC dD])`; initial states are held.
+    /// Fixed directions, as columns `vec([dA dB 0; dC dD dd])`; initial states are held.
     Fixed(DMatrix<f64>),
 }
 
@@ -50,7 +50,7 @@ pub(crate) fn search(problem: &Problem, start: Point, coordinates: &Coordinates,
             point = rebalanced(problem, point);
         }
         let directions = match coordinates {
-            Coordinates::Local => local_directions(&point.predictor, problem.direct),
+            Coordinates::Local => local_directions(problem, &point.predictor),
             Coordinates::Fixed(directions) => directions.clone(),
         };
         let (initial, bounds) = match coordinates {
@@ -119,8 +119,8 @@ pub(crate) fn moved(
     let (shape, states) = (point.predictor.matrix.shape(), point.predictor.states);
     let matrix = &point.predictor.matrix + unvec(shape, &(directions * &step.coefficients));
     let mut predictor = Predictor { states, matrix };
-    if bounds == Bounds::Projected && !predictor.is_within(problem.radius) {
-        let inside = reflected(&predictor.a().into_owned(), problem.radius)?;
+    if bounds == Bounds::Projected && !predictor.is_within(problem.region) {
+        let inside = reflected(&predictor.a().into_owned(), problem.region)?;
         predictor
             .matrix
             .view_mut((0, 0), (states, states))
@@ -146,8 +146,8 @@ fn rebalanced(problem: &Problem, point: Point) -> Point {
 }
 
 /// Orthonormal directions along which the response of the filter changes: the complement of
-/// `(T A - A T, T B, -C T)` for all T, and the free entries of D.
-pub(crate) fn local_directions(predictor: &Predictor, direct: usize) -> DMatrix<f64> {
+/// `(T A - A T, T B, -C T)` for all T, and the free entries of D and d.
+pub(crate) fn local_directions(problem: &Problem, predictor: &Predictor) -> DMatrix<f64> {
     let n = predictor.states;
     let (rows, columns) = predictor.matrix.shape();
     let (a, b, c) = (predictor.a(), predictor.b(), predictor.c());
@@ -169,12 +169,12 @@ pub(crate) fn local_directions(predictor: &Predictor, direct: usize) -> DMatrix<
             tangent.column_mut(j * n + i).copy_from_slice(change.as_slice());
         }
     }
-    // D is not touched by T, so its columns are left out of the factorisation and come back as units.
-    let bare: Vec<usize> = (0..rows * columns)
+    // D and d are not touched by T, so they are left out of the factorisation and come back as units.
+    let bare: Vec<usize> = (0..rows * (columns - 1))
         .filter(|&i| i % rows < n || i / rows < n)
         .collect();
     let complement = complement(&tangent.select_rows(&bare));
-    let feed = unit_directions((rows, columns), &[((n, n), (c.nrows(), direct))]);
+    let feed = unit_directions((rows, columns), &problem.feedthrough(n));
     let mut all = DMatrix::zeros(rows * columns, complement.ncols() + feed.ncols());
     for (from, &to) in bare.iter().enumerate() {
         all.view_mut((to, 0), (1, complement.ncols()))

@@ -15,14 +15,16 @@ pub enum Focus {
     Prediction,
 }
 
-/// What happens to the means of the segments.
+/// The offsets of the model, one for all segments.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Mean {
-    /// The means over all segments are subtracted and become the offsets of the model.
+pub enum Offset {
+    /// The mean of the input is the working point, and the output under it is estimated with the other parameters: the
+    /// mean of the output of a lightly damped machine is not that. A plant with integrators has no output at rest;
+    /// there the input that lets it rest is estimated.
     #[default]
-    Remove,
-    /// Signals are used as they are and offsets are zero. Right for plants with integrators.
-    Keep,
+    Estimated,
+    /// Offsets are zero.
+    Zero,
 }
 
 /// Whether the input acts on the output of the same sample.
@@ -41,7 +43,7 @@ pub enum DirectTerm {
 /// |---|---|---|---|
 /// | `orders` | none | numbers of states to try; the search climbs through all orders up to the highest | 1 to 60 each, at least one |
 /// | `focus` | `Simulation` | what the model is made for | |
-/// | `mean` | `Remove` | what happens to the means | |
+/// | `offset` | `Estimated` | whether offsets are estimated | |
 /// | `direct` | `Estimated` | whether D is estimated | |
 /// | `response_samples` | `None` | length of the impulse response of the own start; `None`: from the samples there are | 4 to 1000 |
 /// | `max_iterations` | 60 | Levenberg-Marquardt iterations a start | 1 to 10000 |
@@ -52,8 +54,8 @@ pub struct InnovationSettings {
     pub orders: Vec<usize>,
     /// What the model is made for.
     pub focus: Focus,
-    /// What happens to the means.
-    pub mean: Mean,
+    /// Whether offsets are estimated.
+    pub offset: Offset,
     /// Whether D is estimated.
     pub direct: DirectTerm,
     /// Length of the impulse response of the own start, in samples.
@@ -71,7 +73,7 @@ impl InnovationSettings {
         Self {
             orders: orders.into_iter().collect(),
             focus: Focus::default(),
-            mean: Mean::default(),
+            offset: Offset::default(),
             direct: DirectTerm::default(),
             response_samples: None,
             max_iterations: 60,
@@ -84,10 +86,10 @@ impl InnovationSettings {
         self.focus = focus;
         self
     }
-    /// Sets what happens to the means.
+    /// Sets whether offsets are estimated.
     #[must_use]
-    pub fn mean(mut self, mean: Mean) -> Self {
-        self.mean = mean;
+    pub fn offset(mut self, offset: Offset) -> Self {
+        self.offset = offset;
         self
     }
     /// Sets whether D is estimated.

@@ -1,7 +1,7 @@
 //! Starts of the search: realisation of an estimated impulse response, and polish by linear least squares.
 
 use crate::LtiIdentError;
-use crate::predictor::{Predictor, reflected};
+use crate::predictor::{Predictor, Region, reflected};
 use crate::problem::{Equations, InitialStates, Point, Problem, unit_directions};
 use crate::search::{Bounds, moved};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SVD};
@@ -102,7 +102,7 @@ impl<'a> ImpulseResponse<'a> {
 }
 
 /// Column k is `[w(k + L); w(k + L - 1); ...; w(k)]`; none for a run that is too short.
-fn lagged(known: &DMatrix<f64>, lags: usize) -> DMatrix<f64> {
+pub(crate) fn lagged(known: &DMatrix<f64>, lags: usize) -> DMatrix<f64> {
     let (nw, samples) = known.shape();
     DMatrix::from_fn(nw * (lags + 1), samples.saturating_sub(lags), |i, k| {
         known[(i % nw, k + lags - i / nw)]
@@ -118,7 +118,7 @@ pub(crate) struct Realisation {
 
 impl Realisation {
     /// The filter of the largest Hankel singular values, poles mirrored into the unit circle.
-    pub(crate) fn cut(&self, order: usize, radius: f64) -> Option<Predictor> {
+    pub(crate) fn cut(&self, order: usize, region: Region) -> Option<Predictor> {
         let (u, v_t) = (self.svd.u.as_ref()?, self.svd.v_t.as_ref()?);
         let ny = self.direct.nrows();
         if order > self.svd.singular_values.len() || u.nrows() < order + ny {
@@ -137,11 +137,11 @@ impl Realisation {
             reach.columns(0, self.known).into_owned(),
             observe.rows(0, ny).into_owned(),
         );
-        Predictor::new(&reflected(&a, radius)?, &b, &c, &self.direct).ok()
+        Predictor::new(&reflected(&a, region)?, &b, &c, &self.direct).ok()
     }
 }
 
-/// The given poles and output matrix with the B, D and initial states of least squares: with A and C held the
+/// The given poles and output matrix with the B, D, d and initial states of least squares: with A and C held the
 /// predictions are linear in them.
 pub(crate) fn polished(problem: &Problem, predictor: &Predictor) -> Option<Point> {
     let n = predictor.states;
@@ -150,10 +150,9 @@ pub(crate) fn polished(problem: &Problem, predictor: &Predictor) -> Option<Point
     bare.matrix.view_mut((n, n), (ny, nw)).fill(0.0);
     let zeros = vec![DVector::zeros(n); problem.runs.len()];
     let mut point = problem.point(bare, zeros)?;
-    let directions = unit_directions(
-        predictor.matrix.shape(),
-        &[((0, n), (n, nw)), ((n, n), (ny, problem.direct))],
-    );
+    let [direct, offset] = problem.feedthrough(n);
+    let blocks = [((0, n), (n, nw)), direct, offset];
+    let directions = unit_directions(predictor.matrix.shape(), &blocks);
     // The second time with the weights of the first.
     for _ in 0..2 {
         let step = Equations::new(problem, &point, &directions, InitialStates::Estimated)?.step(1e-10)?;
@@ -175,7 +174,7 @@ pub(crate) fn grown(
 ) -> Option<Point> {
     let added = response
         .realisation(&lower.residuals)?
-        .cut(order - lower.predictor.states, problem.radius)?;
+        .cut(order - lower.predictor.states, problem.region)?;
     let both = lower.predictor.plus(&added).ok()?;
     let tail = |x: &DVector<f64>| x.clone().resize_vertically(order, 0.0);
     let initial: Vec<_> = lower.initial.iter().map(tail).collect();

@@ -111,7 +111,7 @@ fn record(r: &RecordFile, groups: &Groups, known: &Known, questions: &mut Vec<St
             ));
             let _ = writeln!(
                 out,
-                "kind = \"transient\"  # GUESS: repeats after {period} samples, but not a whole number of times"
+                "kind = \"transient\"  # FILL IN: repeats after {period} samples, but not a whole number of times; cut its end and make it \"periodic\", or keep it"
             );
         }
         _ => {

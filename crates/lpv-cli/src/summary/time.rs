@@ -95,6 +95,18 @@ impl AxisSummary {
         }
     }
 
+    /// In words, where the axis does not move like a mass.
+    pub(crate) fn warning(&self) -> Option<String> {
+        const MISSED_PERCENT: f64 = 50.0;
+        let brakes = self.viscous[0] > -2.0 * self.viscous[1];
+        (self.relative_force_error_percent > MISSED_PERCENT || !brakes).then(|| {
+            format!(
+                "warning: axis {} -> {} does not move like a mass with viscous friction (relative force error {:.0} %, friction {:.3}); look for modes, coupling or other forces",
+                self.input, self.output, self.relative_force_error_percent, self.viscous[0]
+            )
+        })
+    }
+
     pub(crate) fn reason(&self) -> String {
         format!(
             "axis {} -> {}: derivatives of the position below {:.1} cycles per unit of time, condition number {:.1}",

@@ -129,6 +129,17 @@ pub fn validate(
     let description = bundle.description();
     let clock = bundle.clock()?;
     let machine = Machine::new(&file.model, clock)?;
+    let (inputs, outputs) = machine.channels()?;
+    let found = (
+        description.channels.input.len(),
+        description.channels.output.len(),
+    );
+    if found != (inputs, outputs) {
+        return Err(PipelineError::Channels {
+            model: (inputs, outputs),
+            bundle: found,
+        });
+    }
     let mut notes = Vec::new();
     let records = load_records(bundle, |_| true, progress)?;
     let (periodic, transient): (Vec<Record>, Vec<Record>) = records
@@ -170,6 +181,12 @@ pub fn validate(
         notes.push(
             "closed loop not simulated: the bundle has no [controller] or no reference channel".to_owned(),
         );
+    }
+    if machine.gain().is_none()
+        && !judged.is_empty()
+        && transient.iter().all(|r| r.purpose == Purpose::Validation)
+    {
+        notes.push("one step: the level of the disturbance behind the gain was chosen on the first judged record, as no other moves".to_owned());
     }
     let context = Context {
         machine: &machine,

@@ -97,6 +97,16 @@ impl Machine {
         Ok(machine)
     }
 
+    /// Inputs and outputs.
+    ///
+    /// # Errors
+    /// A model that cannot be frozen at the centre of its range.
+    pub fn channels(&self) -> Result<(usize, usize), PipelineError> {
+        let centre = self.range.as_ref().map_or_else(Vec::new, SchedulingRange::centre);
+        let frozen = self.at(&centre)?;
+        Ok((frozen.inputs(), frozen.outputs()))
+    }
+
     /// Innovation gain, where the model has one.
     pub fn gain(&self) -> Option<&DMatrix<f64>> {
         self.gain.as_ref()

@@ -74,8 +74,20 @@ impl Validation {
 }
 
 fn figure(e: &ErrorFigure) -> String {
-    let noise = e.over_noise.map_or(String::new(), |n| format!("{n:.2} x; "));
-    format!("{:.2e} ({noise}{:.2} %)", e.rms, e.fit_percent)
+    let noise = e.over_noise.map_or(String::new(), |n| {
+        if n < 1e5 {
+            format!("{n:.2} x; ")
+        } else {
+            format!("{n:.1e} x; ")
+        }
+    });
+    // An unstable simulation leaves any scale.
+    let fit = if e.fit_percent.abs() < 1e5 {
+        format!("{:.2}", e.fit_percent)
+    } else {
+        format!("{:.1e}", e.fit_percent)
+    };
+    format!("{:.2e} ({noise}{fit} %)", e.rms)
 }
 
 fn axes(r: &RecordCheck) -> String {

@@ -190,7 +190,7 @@ fn structures_that_do_not_fit_the_data_are_refused_with_advice() {
         head(10.0) + "[channels.scheduling]\ncolumns = [\"p\"]\n" + &entry("run.csv", None, "estimation");
     desk.write("moves/experiment.toml", toml);
     for (line, part) in [
-        ("mode --structure lpv", "structure = \"lti\""),
+        ("mode --structure lpv", "[channels.scheduling]"),
         ("bundle --structure lti", "one position"),
         ("two --structure rigid-body", "input"),
         ("held", "use = \"estimation\""),

@@ -20,11 +20,13 @@ fn example() -> (Problem, Point) {
     let problem = Problem {
         runs,
         direct: 1,
-        radius: 1.0,
+        offset: Offset::Estimated,
+        region: Region::circle(1.0),
     };
     let n = 4;
-    let mut matrix = numbers(n + 3, n + 2, 3.0) * 0.4;
+    let mut matrix = numbers(n + 3, n + 3, 3.0) * 0.4;
     matrix.view_mut((n, n + 1), (3, 1)).fill(0.0);
+    matrix.view_mut((0, n + 2), (n, 1)).fill(0.0);
     let initial = vec![DVector::from_element(n, 0.5), DVector::from_element(n, -0.2)];
     let point = problem.point(Predictor { states: n, matrix }, initial).unwrap();
     (problem, point)
@@ -33,7 +35,7 @@ fn example() -> (Problem, Point) {
 #[test]
 fn gradients_agree_with_central_differences() {
     let (problem, point) = example();
-    let directions = local_directions(&point.predictor, problem.direct);
+    let directions = local_directions(&problem, &point.predictor);
     let equations = Equations::new(&problem, &point, &directions, InitialStates::Estimated).unwrap();
     let n = point.predictor.states;
     let cost_at = |coefficients: DVector<f64>, initial: Vec<DVector<f64>>| {
@@ -78,13 +80,13 @@ fn gradients_agree_with_central_differences() {
 fn local_directions_are_orthonormal_and_leave_the_similarity_orbit_out() {
     let (problem, point) = example();
     let (p, n) = (&point.predictor, point.predictor.states);
-    let directions = local_directions(p, problem.direct);
-    // n (n_w + n_y) and the free entries of D.
-    assert_eq!(directions.ncols(), n * (2 + 3) + 3);
+    let directions = local_directions(&problem, p);
+    // n (n_w + n_y), the free entries of D, and d.
+    assert_eq!(directions.ncols(), n * (2 + 3) + 3 + 3);
     let gram = directions.tr_mul(&directions);
     assert!((gram - DMatrix::identity(directions.ncols(), directions.ncols())).amax() < 1e-12);
     let t = numbers(n, n, 5.0);
-    let mut tangent = DMatrix::zeros(n + 3, n + 2);
+    let mut tangent = DMatrix::zeros(n + 3, n + 3);
     tangent
         .view_mut((0, 0), (n, n))
         .copy_from(&(&t * p.a() - p.a() * &t));
@@ -108,6 +110,10 @@ fn a_step_without_damping_solves_what_is_linear() {
         .matrix
         .view_mut((n, n), (3, 1))
         .copy_from(&numbers(3, 1, 8.0));
+    truth
+        .matrix
+        .view_mut((n, n + 2), (3, 1))
+        .copy_from(&numbers(3, 1, 7.0));
     let states = [DVector::from_element(n, 2.0), DVector::from_element(n, 3.0)];
     for (run, x) in problem.runs.iter_mut().zip(&states) {
         run.outputs = truth.simulate(x, &run.known).0;
@@ -136,7 +142,7 @@ fn balancing_and_reflection_keep_what_they_promise() {
     ];
     let m = DMatrix::from_row_slice(4, 4, &blocks);
     let q = (DMatrix::identity(4, 4) + numbers(4, 4, 2.0) * 0.3).qr().q();
-    let inside = crate::predictor::reflected(&(&q * m * q.transpose()), 0.99).unwrap();
+    let inside = crate::predictor::reflected(&(&q * m * q.transpose()), Region::circle(0.99)).unwrap();
     let mut radii: Vec<f64> = lpv_core::linalg::eigenvalues(&inside)
         .unwrap()
         .iter()

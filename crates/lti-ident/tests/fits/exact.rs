@@ -3,7 +3,7 @@
 use crate::{normal, plant, record, response_error, run};
 use lpv_core::nalgebra::{DMatrix, DVector, dmatrix};
 use lpv_core::{Discrete, StateSpace};
-use lti_ident::{Focus, InnovationSettings, Mean, Segment, identify};
+use lti_ident::{Focus, InnovationSettings, Offset, Segment, identify};
 
 #[test]
 fn a_first_order_system_from_six_numbers() {
@@ -20,7 +20,7 @@ fn a_first_order_system_from_six_numbers() {
         .outputs;
     let record = record(&u, &y);
     let settings = InnovationSettings::new([1])
-        .mean(Mean::Keep)
+        .offset(Offset::Zero)
         .response_samples(4)
         .check()
         .unwrap();
@@ -36,7 +36,7 @@ fn two_runs_with_states_of_their_own() {
     let (first, second) = (run(300, 0.0, 1), run(200, 0.0, 2));
     let segments = [Segment::new(&first, 20..300), Segment::whole(&second)];
     let truth = plant();
-    let settings = InnovationSettings::new([4]).mean(Mean::Keep).check().unwrap();
+    let settings = InnovationSettings::new([4]).offset(Offset::Zero).check().unwrap();
     let fit = identify(&segments, truth.clock(), &settings, &[]).unwrap();
     let entry = fit.chosen();
     let error = response_error(entry.model.model(), &truth);
@@ -49,7 +49,7 @@ fn two_runs_with_states_of_their_own() {
 }
 
 #[test]
-fn offsets_are_removed_and_put_back() {
+fn offsets_are_estimated_exactly() {
     let truth = plant();
     let u = normal(2, 600, 3);
     let x = DVector::zeros(4);
@@ -65,9 +65,13 @@ fn offsets_are_removed_and_put_back() {
         .simulate(&entry.initial_states[0], &shifted)
         .unwrap()
         .outputs;
-    // Means over a finite run are not exactly the offsets, so that a constant is left.
-    assert!((simulated - y).amax() < 0.3);
-    assert!((entry.model.output_offset()[0] - 100.0).abs() < 1.0);
+    assert!((simulated - y).amax() < 1e-5);
+    // What is not in the offset of the input is in that of the output.
+    let (model, u_0) = (entry.model.model(), entry.model.input_offset().add_scalar(-20.0));
+    let inverse = (DMatrix::identity(4, 4) - model.a()).try_inverse().unwrap();
+    let rest = (model.c() * inverse * model.b() + model.d()) * u_0;
+    let found = entry.model.output_offset() - rest;
+    assert!((found - lpv_core::nalgebra::dvector![100.0, 0.0]).amax() < 1e-5);
 }
 
 #[test]
@@ -80,7 +84,7 @@ fn an_integrator_is_found_with_the_focus_on_prediction() {
     let record = record(&u, &y);
     let settings = InnovationSettings::new([2])
         .focus(Focus::Prediction)
-        .mean(Mean::Keep)
+        .offset(Offset::Zero)
         .check()
         .unwrap();
     let fit = identify(&[Segment::whole(&record)], clock, &settings, &[]).unwrap();
@@ -89,6 +93,29 @@ fn an_integrator_is_found_with_the_focus_on_prediction() {
         (poles[0].re - 0.9).abs() < 0.01 && (poles[1].re - 1.0).abs() < 1e-3,
         "{poles:?}"
     );
+}
+
+#[test]
+fn a_plant_with_an_integrator_rests_under_the_input_that_is_estimated() {
+    let clock = Discrete::new(0.1).unwrap();
+    let a = dmatrix![1.0, 0.1; 0.0, 0.9];
+    let truth = StateSpace::new(a, dmatrix![0.0; 1.0], dmatrix![1.0, 0.0], dmatrix![0.0], clock).unwrap();
+    // The mean of 0.2 drives it away, an input of 3 holds it.
+    let drive = normal(1, 400, 5).add_scalar(0.2);
+    let y = truth.simulate(&DVector::zeros(2), &drive).unwrap().outputs + normal(1, 400, 6) * 1e-4;
+    let record = record(&drive.add_scalar(3.0), &y);
+    let settings = InnovationSettings::new([2])
+        .focus(Focus::Prediction)
+        .check()
+        .unwrap();
+    let fit = identify(&[Segment::whole(&record)], clock, &settings, &[]).unwrap();
+    let model = &fit.chosen().model;
+    assert!(
+        (model.input_offset()[0] - 3.0).abs() < 0.01,
+        "{}",
+        model.input_offset()
+    );
+    assert!(fit.chosen().simulated_fit_percent[0] > 99.0);
 }
 
 #[test]

@@ -5,6 +5,7 @@ mod emps;
 mod exact;
 mod measured;
 mod noise;
+mod order;
 mod rigid;
 mod wild;
 

@@ -4,7 +4,7 @@ use crate::{normal, record, run};
 use lpv_core::Discrete;
 use lpv_core::nalgebra::DMatrix;
 use lti_ident::rigid_body::{self, RigidBodySettings};
-use lti_ident::{Focus, InnovationSettings, LtiIdentError, Mean, Segment, identify};
+use lti_ident::{Focus, InnovationSettings, LtiIdentError, Offset, Segment, identify};
 use proptest::prelude::*;
 
 fn wild() -> impl Strategy<Value = f64> {
@@ -19,7 +19,7 @@ proptest! {
         nu in 0usize..3, ny in 0usize..3, samples in 0usize..60, tame in 0usize..3,
         order in 1usize..5, from in 0usize..10,
         focus in prop::sample::select(vec![Focus::Simulation, Focus::Prediction]),
-        mean in prop::sample::select(vec![Mean::Remove, Mean::Keep]),
+        offset in prop::sample::select(vec![Offset::Estimated, Offset::Zero]),
         numbers in prop::collection::vec(wild(), 60 * 4),
     ) {
         let tamed = |v: f64| if tame > 0 && v.abs() > 100.0 { 1.0 } else { v };
@@ -28,7 +28,7 @@ proptest! {
         let y = DMatrix::from_fn(ny, samples, |i, k| at(i + 2, k));
         let record = record(&u, &y);
         let clock = Discrete::new(0.01).unwrap();
-        let settings = InnovationSettings::new([order, 2]).focus(focus).mean(mean).max_iterations(5).response_samples(4);
+        let settings = InnovationSettings::new([order, 2]).focus(focus).offset(offset).max_iterations(5).response_samples(4);
         let segment = Segment::new(&record, from..samples);
         if let Ok(fit) = identify(std::slice::from_ref(&segment), clock, &settings.check().unwrap(), &[]) {
             prop_assert!(fit.entries.iter().all(|e| e.cost.is_finite()));

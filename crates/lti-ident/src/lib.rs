@@ -14,30 +14,30 @@
 //! # How
 //!
 //! 1. A start from a regularised impulse response, realised by Ho and Kalman; poles outside the unit circle are
-//!    mirrored, and B, D and the initial states, in which the predictions are linear, are solved for.
+//!    mirrored, and B, D, the offset and the initial states, in which the predictions are linear, are solved for.
 //! 2. Levenberg-Marquardt with exact sensitivities over all filters of an order. The steps are orthogonal to the
 //!    directions that only change the basis of the state \[mckelvey2004\]; no canonical form, so no
 //!    ill-conditioned one. The coordinates are balanced anew at each step. Initial states are eliminated.
 //! 3. A climb through the orders: each also starts from the optima of the two orders below, with states fitted to their
-//!    residuals. So the cost never increases with the order.
+//!    residuals. So the cost never increases with the order. Of more than 10,000 samples a part is searched like this,
+//!    and the best of each order is then searched on over all.
 //! 4. The choice between orders by [`OrderEntry::expected_cost`].
 //!
 //! One-step prediction is the same search with `w = [u; y]` as known signals and `A - K C` for A, so that there is one
-//! search. It stays where the poles of what is searched are stable, and no slower than a tenth of decay over the longest
-//! segment.
+//! search. It stays where the poles of what is searched decay by a tenth over the longest segment; if an offset is
+//! estimated, slow ones to a twentieth.
 //!
 //! # Glossary
 //!
 //! - *segment*: samples of a record without a gap; each has an initial state of its own.
 //! - *simulated*: from inputs alone. *One step*: from inputs and from outputs up to the sample before.
 //! - *cost*: `ln det` of the covariance of what is minimised, for signals of unit deviation.
-//! - *optimism*: what the cost on other data is expected to be above that on those of the fit.
 //!
 //! # What it does not do
 //!
 //! - Integrators with the focus on simulation: an output error that grows without bound has no minimum that the noise
-//!   leaves in place. [`Focus::Prediction`] with [`Mean::Keep`] finds them; or differentiate the outputs.
-//! - Detrending, resampling, outliers: the means are all that is taken off, and only if asked for.
+//!   leaves in place. [`Focus::Prediction`] finds them; or differentiate the outputs.
+//! - Detrending, resampling, outliers: all there is are constant offsets, see [`Offset`].
 //! - A noise model with poles of its own: K shares those of the plant. A disturbance that is slower or faster than all of
 //!   the plant needs a higher order.
 //! - Covariances of the matrices: their basis is arbitrary. Rigid-body parameters have deviations.

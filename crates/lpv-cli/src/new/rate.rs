@@ -96,10 +96,13 @@ pub(super) fn clock_of(time: &[f64]) -> Clock {
     if !(step.is_finite() && step > 0.0) {
         return Clock::Uneven;
     }
-    let even = time
-        .windows(2)
-        .all(|w| ((w[1] - w[0]) - step).abs() <= 0.02 * step);
-    let near = |(k, t): (usize, &f64)| (t - first - step * k as f64).abs() <= 0.5 * step;
+    let steps_within = |part: f64| {
+        let close = |w: &[f64]| ((w[1] - w[0]) - step).abs() <= part * step;
+        time.windows(2).all(close)
+    };
+    let even = steps_within(0.02);
+    // A lost sample makes a step of two, or shifts the stamps around it by half a sample.
+    let near = |(k, t): (usize, &f64)| (t - first - step * k as f64).abs() <= 0.25 * step;
     if even {
         Clock::Even(1.0 / step)
     } else if steps_within(0.45) && time.iter().enumerate().all(near) {

@@ -48,7 +48,7 @@ pub(super) fn sample_rate(
                 jitter = true;
                 *rate
             }
-            Clock::Uneven => return ask(format!("the column `{time}` of {file} does not advance evenly")),
+            Clock::Uneven => return ask(format!("the column `{time}` does not advance evenly in {file}")),
         };
         if first.is_some_and(|f| (rate / f - 1.0).abs() > 1e-3) {
             return ask(format!(

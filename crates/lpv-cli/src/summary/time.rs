@@ -46,7 +46,7 @@ pub struct OrderRow {
     pub simulated_fit_percent: Vec<f64>,
     /// Fit percent of the one-step prediction, by output.
     pub one_step_fit_percent: Vec<f64>,
-    /// The cost that other data of this kind are expected to have (Takeuchi's criterion); none where it has no value.
+    /// The cost that other data of this kind are expected to have; none where it has no value.
     pub expected_cost: Option<f64>,
 }
 

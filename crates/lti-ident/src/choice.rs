@@ -67,3 +67,43 @@ fn can_be_simulated(entry: &OrderEntry) -> bool {
     let poles = entry.model.model().poles();
     poles.is_ok_and(|p| p.iter().all(|z| z.norm() <= 1.0 + INTEGRATOR))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lpv_core::{Discrete, InnovationModel, StateSpace};
+    use nalgebra::{DVector, dmatrix};
+
+    fn entry(pole: f64, expected_cost: f64) -> OrderEntry {
+        let clock = Discrete::new(1.0).unwrap();
+        let one = dmatrix![1.0];
+        let model = StateSpace::new(dmatrix![pole], one.clone(), one.clone(), dmatrix![0.0], clock).unwrap();
+        let zero = DVector::zeros(1);
+        OrderEntry {
+            order: 1,
+            model: InnovationModel::new(model, dmatrix![pole], one.clone(), zero.clone(), zero.clone())
+                .unwrap(),
+            initial_states: vec![zero],
+            cost: expected_cost,
+            starts: Vec::new(),
+            winner: 0,
+            parameters: 3,
+            simulated_fit_percent: vec![0.0],
+            one_step_fit_percent: vec![0.0],
+            simulation_covariance: one,
+            expected_cost,
+        }
+    }
+
+    #[test]
+    fn a_model_that_cannot_be_simulated_has_to_be_worth_it() {
+        let nearly = [entry(0.9, -5.0), entry(1.1, -5.01)];
+        assert_eq!(chosen(&nearly, Focus::Prediction), Some(0));
+        let clearly = [entry(0.9, -5.0), entry(1.1, -5.1)];
+        assert_eq!(chosen(&clearly, Focus::Prediction), Some(1));
+        // An integrator may be estimated a little outside.
+        let integrator = [entry(0.9, -5.0), entry(1.0005, -5.01)];
+        assert_eq!(chosen(&integrator, Focus::Prediction), Some(1));
+        assert_eq!(chosen(&[], Focus::Prediction), None);
+    }
+}

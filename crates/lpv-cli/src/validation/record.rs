@@ -3,13 +3,17 @@
 use super::check::{ErrorFigure, OutputCheck, RecordCheck};
 use super::disturbance::predictor;
 use super::machine::Machine;
-use super::simulate::{Run, closed_loop, open_loop};
+use super::simulate::{Frozen, Run, closed_loop, open_loop};
 use super::start::{at_rest, first_state};
 use super::{residual, rigid};
 use crate::PipelineError;
+use crate::signal::{deviation, mean};
 use experiment_data::Controller;
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{Purpose, Record};
+
+/// A mean this many times the deviation is what the error consists of.
+const CONSTANT: f64 = 5.0;
 
 /// The check of a record, and the simulations behind it.
 pub(super) struct Along {
@@ -83,6 +87,18 @@ impl Context<'_> {
                 }
             })
             .collect();
+        if self.machine.offsets().is_none() {
+            for (i, name) in record.outputs.names.iter().enumerate() {
+                let error = difference(closed.as_ref().map_or(&open.outputs, |run| &run.outputs), i);
+                if mean(&error).abs() > CONSTANT * deviation(&error) {
+                    notes.push(format!(
+                        "record {}: the error of {name} is a constant, {:.2e}; the model has no working point, so remove the constant from the signals or from the comparison",
+                        record.name,
+                        mean(&error)
+                    ));
+                }
+            }
+        }
         let mut cross_correlation = Vec::new();
         for (residual, output) in residuals.iter().zip(&record.outputs.names) {
             for (u, input) in record.inputs.columns.iter().zip(&record.inputs.names) {

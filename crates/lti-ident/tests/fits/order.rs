@@ -66,3 +66,32 @@ fn the_offset_is_that_of_the_plant_and_not_the_mean() {
         assert!((found - rest).abs() < 0.005, "{focus:?}: {found} {rest}");
     }
 }
+
+/// A long record is scanned in part and fitted whole: the deviation of the poles falls with the whole length.
+#[test]
+fn a_long_record_is_scanned_in_part_and_fitted_whole() {
+    let (system, samples) = (mode(), 14_000);
+    let u = normal(1, samples, 21);
+    let clean = system.simulate(&DVector::zeros(2), &u).unwrap().outputs;
+    let record = record(&u, &(clean + noise(1, samples, 0.0, 0.02, 22)));
+    let settings = InnovationSettings::new(1..=3).check().unwrap();
+    let fit = identify(&[Segment::whole(&record)], system.clock(), &settings, &[]).unwrap();
+    assert!(fit.scanned_samples <= 10_000, "{}", fit.scanned_samples);
+    let chosen = fit.chosen();
+    assert_eq!(chosen.order, 2);
+    // All samples count: the first state is that of the first sample of the record, not of the part.
+    let run = chosen
+        .model
+        .simulate(&chosen.initial_states[0], &u)
+        .unwrap()
+        .outputs;
+    let error = (run - Segment::whole(&record).outputs()).norm() / (samples as f64).sqrt();
+    assert!((error / 0.02 - 1.0).abs() < 0.03, "{error}");
+    let pole = chosen.model.model().poles().unwrap()[0];
+    let truth = system.poles().unwrap();
+    let off = truth
+        .iter()
+        .map(|z| (z - pole).norm())
+        .fold(f64::INFINITY, f64::min);
+    assert!(off < 2e-4, "{off}");
+}

@@ -133,7 +133,7 @@ fn machine_plain(case: &Case) -> String {
                 r.name,
                 r.purpose,
                 o.name,
-                over(o.one_step.over_noise),
+                over(o.one_step.and_then(|e| e.over_noise)),
                 over(o.open_loop.over_noise),
                 over(o.closed_loop.and_then(|c| c.over_noise))
             );

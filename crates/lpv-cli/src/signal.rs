@@ -37,5 +37,11 @@ pub(crate) fn median(x: &[f64]) -> f64 {
 /// `100 (1 - |y - yh| / |y - mean y|)`, the fit percent of system identification.
 pub(crate) fn fit_percent(measured: &[f64], error: &[f64]) -> f64 {
     let size = deviation(measured) * (measured.len() as f64).sqrt();
-    100.0 * (1.0 - error.iter().map(|e| e * e).sum::<f64>().sqrt() / size)
+    finite(100.0 * (1.0 - error.iter().map(|e| e * e).sum::<f64>().sqrt() / size))
+}
+
+/// A figure that a file can hold: within a thousand million either way; no number counts as the worst fit.
+pub(crate) fn finite(x: f64) -> f64 {
+    const MOST: f64 = 1e9;
+    if x.is_nan() { -MOST } else { x.clamp(-MOST, MOST) }
 }

@@ -4,6 +4,7 @@ mod time;
 
 pub use time::{AxisSummary, HeldOut, OrderRow, TimeSummary};
 
+use crate::signal::{finite, median};
 use crate::validation::{FrozenError, decibel, frozen_error};
 use crate::{Identified, PipelineError};
 use lpv_core::{Frf, FrfEstimate, Model};
@@ -93,7 +94,7 @@ pub(crate) fn relative_rms_percent(model: &[Frf], truth: &[Frf]) -> Vec<f64> {
                     }
                 }
             }
-            100.0 * (error / size).sqrt()
+            finite(100.0 * (error / size).sqrt())
         })
         .collect()
 }
@@ -111,7 +112,7 @@ impl Summary {
             .iter()
             .flat_map(|e| (0..e.frf().len()).map(|k| e.relative_deviation(k)))
             .collect();
-        let noise = crate::signal::median(&deviations);
+        let noise = finite(median(&deviations));
         let (poles, model, cost) = match identified {
             Identified::Lti(stage) => {
                 let account = &stage.poles.fits[0].account;
@@ -160,7 +161,7 @@ impl Summary {
                 ratios.push(error / e.relative_deviation(k));
             }
         }
-        let error_over_noise = crate::signal::median(&ratios);
+        let error_over_noise = finite(median(&ratios));
         let frequency = FrequencySummary {
             error_over_noise,
             resonance_hz: resonance.map(|r| r.1),
@@ -168,15 +169,15 @@ impl Summary {
             lines: first.frf().len(),
             frf_noise_percent: 100.0 * noise,
             frf_noise_by_output_percent: (0..first.frf().outputs())
-                .map(|output| 100.0 * row_noise(estimates, output))
+                .map(|output| finite(100.0 * row_noise(estimates, output)))
                 .collect(),
-            frf_noise_db: decibel(noise),
+            frf_noise_db: finite(decibel(noise)),
             order: poles.order,
             integrators: poles.integrators,
             modes: pole_modes(middle),
             frozen: frozen_error(&model, &truth)?,
             relative_rms_percent: relative_rms_percent(&model, &truth),
-            cost_over_expected: cost,
+            cost_over_expected: finite(cost),
             lpv: match identified {
                 Identified::Lti(_) => None,
                 Identified::Lpv(stage) => Some(LpvSummary {
@@ -258,7 +259,15 @@ fn mode_lines(modes: &[[f64; 2]]) -> String {
 }
 
 fn percents(values: &[f64]) -> String {
-    let texts: Vec<String> = values.iter().map(|e| format!("{e:.2} %")).collect();
+    // An unstable simulation leaves any scale.
+    let text = |e: &f64| {
+        if e.abs() < 1e5 {
+            format!("{e:.2} %")
+        } else {
+            format!("{e:.0e} %")
+        }
+    };
+    let texts: Vec<String> = values.iter().map(text).collect();
     texts.join(", ")
 }
 
@@ -293,7 +302,7 @@ fn row_noise(estimates: &[FrfEstimate], output: usize) -> f64 {
             values.push(variance.max(0.0).sqrt() / e.frf().line(k).row(output).norm());
         }
     }
-    crate::signal::median(&values)
+    median(&values)
 }
 
 /// In words, where a frequency response is mostly noise.

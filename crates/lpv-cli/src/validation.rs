@@ -21,6 +21,7 @@ pub use simulate::{Frozen, Run, closed_loop, open_loop, rms_error};
 pub(crate) use start::cut;
 
 use crate::PipelineError;
+use crate::signal::finite;
 use lpv_core::Frf;
 use serde::{Deserialize, Serialize};
 
@@ -65,8 +66,8 @@ pub fn frozen_error(model: &[Frf], truth: &[Frf]) -> Result<FrozenError, Pipelin
     }
     all.sort_by(f64::total_cmp);
     Ok(FrozenError {
-        strict_max_db: decibel(worst.0),
-        median_db: decibel(all[all.len() / 2]),
+        strict_max_db: finite(decibel(worst.0)),
+        median_db: finite(decibel(all[all.len() / 2])),
         worst_frequency_hz: worst.1,
         worst_response: worst.2,
     })

@@ -39,7 +39,7 @@ pub(super) fn section(s: &Subject) -> Result<Option<Section>, PipelineError> {
                     } else {
                         format!("{} [{}]", o.name, o.unit)
                     }),
-                    figure(&o.one_step),
+                    o.one_step.as_ref().map_or(Cell::text("-"), figure),
                     figure(&o.open_loop),
                     o.closed_loop.as_ref().map_or(Cell::text("-"), figure),
                     Cell::number(o.open_loop.fit_percent, Format::Fixed(2)).unit("%"),
@@ -47,7 +47,9 @@ pub(super) fn section(s: &Subject) -> Result<Option<Section>, PipelineError> {
             }
         }
         section = section.table(table);
-        section = section.figure(correlations(s));
+        if v.records.iter().any(|r| !r.whiteness.is_empty()) {
+            section = section.figure(correlations(s));
+        }
     }
     for r in v.records.iter().filter(|r| !r.axes.is_empty()) {
         let mut table = Table::new(
@@ -79,7 +81,10 @@ pub(super) fn section(s: &Subject) -> Result<Option<Section>, PipelineError> {
 /// Autocorrelation of the one-step residuals of the first record, with its bound.
 fn correlations(s: &Subject) -> Figure {
     let mut figure = Figure::new("").columns(2);
-    let records = s.validation.iter().flat_map(|v| v.records.first());
+    let records = s
+        .validation
+        .iter()
+        .flat_map(|v| v.records.iter().find(|r| !r.whiteness.is_empty()));
     for r in records {
         for w in &r.whiteness {
             let points = |values: &[f64], first: usize| -> Vec<(f64, f64)> {

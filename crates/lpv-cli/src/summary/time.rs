@@ -2,6 +2,7 @@
 
 use super::{mode_lines, percents};
 use crate::PipelineError;
+use crate::signal::finite;
 use lpv_core::{Discrete, RigidBodyAxis, StateSpace};
 use lti_ident::OrderEntry;
 use lti_ident::rigid_body::AxisAccount;
@@ -115,13 +116,17 @@ impl AxisSummary {
     }
 }
 
+fn all_finite(values: &[f64]) -> Vec<f64> {
+    values.iter().map(|v| finite(*v)).collect()
+}
+
 impl OrderRow {
     pub(crate) fn new(entry: &OrderEntry) -> Self {
         Self {
             order: entry.order,
-            cost: entry.cost,
-            simulated_fit_percent: entry.simulated_fit_percent.clone(),
-            one_step_fit_percent: entry.one_step_fit_percent.clone(),
+            cost: finite(entry.cost),
+            simulated_fit_percent: all_finite(&entry.simulated_fit_percent),
+            one_step_fit_percent: all_finite(&entry.one_step_fit_percent),
             expected_cost: Some(entry.expected_cost).filter(|c| c.is_finite()),
         }
     }
@@ -135,8 +140,8 @@ impl TimeSummary {
     ) -> Result<Self, PipelineError> {
         Ok(Self {
             states: entry.order,
-            simulated_fit_percent: entry.simulated_fit_percent.clone(),
-            one_step_fit_percent: entry.one_step_fit_percent.clone(),
+            simulated_fit_percent: all_finite(&entry.simulated_fit_percent),
+            one_step_fit_percent: all_finite(&entry.one_step_fit_percent),
             held_out,
             modes: modes(entry.model.model())?,
             orders,

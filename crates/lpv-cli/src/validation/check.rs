@@ -77,8 +77,8 @@ pub struct OutputCheck {
     pub name: String,
     /// Unit; empty where unknown.
     pub unit: String,
-    /// One step ahead.
-    pub one_step: ErrorFigure,
+    /// One step ahead; none where there is no stable predictor.
+    pub one_step: Option<ErrorFigure>,
     /// Simulated from the recorded inputs.
     pub open_loop: ErrorFigure,
     /// Simulated with the controller from the recorded references; none without a controller and references.

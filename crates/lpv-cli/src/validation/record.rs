@@ -58,18 +58,24 @@ impl Context<'_> {
         };
         let errors = predictor(self.machine, record, self.disturbance, self.noise)
             .and_then(|p| p.errors(record, x0, record.len()));
-        let errors = match errors {
-            Ok(errors) => errors,
+        let residuals: Vec<Vec<f64>> = match errors {
+            Ok(errors) if errors.iter().all(|e| e.is_finite()) => residual::rows(&errors)
+                .into_iter()
+                .map(|r| r[from..].to_vec())
+                .collect(),
+            Ok(_) => {
+                notes.push(format!(
+                    "record {}: the one-step prediction diverges; the model and this record do not belong together, or its gain suits no noise as small as this",
+                    record.name
+                ));
+                Vec::new()
+            }
             Err(PipelineError::Structure { problem }) => {
                 notes.push(problem.to_owned());
-                DMatrix::from_element(record.outputs.channels(), record.len(), f64::NAN)
+                Vec::new()
             }
             Err(other) => return Err(other),
         };
-        let residuals: Vec<Vec<f64>> = residual::rows(&errors)
-            .into_iter()
-            .map(|r| r[from..].to_vec())
-            .collect();
         let difference = |simulated: &DMatrix<f64>, i: usize| -> Vec<f64> {
             let y = &record.outputs.columns[i];
             (from..record.len()).map(|k| y[k] - simulated[(i, k)]).collect()
@@ -81,7 +87,7 @@ impl Context<'_> {
                 OutputCheck {
                     name: record.outputs.names[i].clone(),
                     unit: self.units.get(i).cloned().unwrap_or_default(),
-                    one_step: figure(&residuals[i]),
+                    one_step: residuals.get(i).map(|r| figure(r)),
                     open_loop: figure(&difference(&open.outputs, i)),
                     closed_loop: closed.as_ref().map(|run| figure(&difference(&run.outputs, i))),
                 }

@@ -48,7 +48,7 @@ impl Validation {
                         } else {
                             format!("{} [{}]", o.name, o.unit)
                         },
-                        figure(&o.one_step),
+                        o.one_step.as_ref().map_or("-".to_owned(), figure),
                         figure(&o.open_loop),
                         o.closed_loop.as_ref().map_or(String::new(), figure),
                         r.start.to_owned(),

@@ -99,9 +99,9 @@ fn machine_plain(case: &Case) -> String {
     }
     if let Some(f) = &case.summary.frequency {
         rows.push(Row(
-            "weighted cost over its expectation".into(),
+            "cost of the fits at the positions over its expectation".into(),
             format!("{:.2}", f.cost_over_expected),
-            "1: the model explains the FRF down to its noise".into(),
+            "1: nothing but noise and what the basis leaves out".into(),
         ));
         let modes: Vec<String> = f
             .modes

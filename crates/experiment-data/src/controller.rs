@@ -3,6 +3,8 @@
 use crate::description_check::{Fault, fault};
 use crate::key_path::KeyPath;
 use crate::{DataError, DescriptionError, Place};
+use lpv_core::nalgebra::DMatrix;
+use lpv_core::{Discrete, StateSpace};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -27,6 +29,41 @@ impl Controller {
     /// Number of loops.
     pub fn loops(&self) -> usize {
         self.denominator.len()
+    }
+
+    /// What the controller adds to the input for an error of the output: `B_y / A`, one loop an input, without the limit.
+    ///
+    /// # Errors
+    /// As [`Controller::start`].
+    pub fn feedback(&self, clock: Discrete) -> Result<StateSpace<Discrete>, DataError> {
+        self.start()?;
+        let mut all: Option<StateSpace<Discrete>> = None;
+        for (b, a) in self.feedback_numerator.iter().zip(&self.denominator) {
+            let order = b.len().max(a.len()) - 1;
+            let coefficient = |v: &[f64], k: usize| v.get(k).copied().unwrap_or(0.0) / a[0];
+            let direct = coefficient(b, 0);
+            // Observable canonical form: the first state is the output less the direct part.
+            let shift = |i: usize, j: usize| f64::from(u8::from(j == i + 1));
+            let one = StateSpace::new(
+                DMatrix::from_fn(order, order, |i, j| {
+                    shift(i, j) - if j == 0 { coefficient(a, i + 1) } else { 0.0 }
+                }),
+                DMatrix::from_fn(order, 1, |i, _| {
+                    coefficient(b, i + 1) - coefficient(a, i + 1) * direct
+                }),
+                DMatrix::from_fn(1, order, |_, j| f64::from(u8::from(j == 0))),
+                DMatrix::from_element(1, 1, direct),
+                clock,
+            )?;
+            all = Some(match all {
+                Some(before) => before.beside(&one)?,
+                None => one,
+            });
+        }
+        match all {
+            Some(all) => Ok(all),
+            None => Ok(StateSpace::gain(DMatrix::zeros(0, 0), clock)?),
+        }
     }
 
     /// A controller at rest.
@@ -187,6 +224,23 @@ mod tests {
             feedback_numerator: vec![b_y.to_vec()],
             denominator: vec![a.to_vec()],
             limit,
+        }
+    }
+
+    /// With references at rest, the state space of the feedback and the difference equation differ in sign only.
+    #[test]
+    fn feedback_is_the_part_that_sees_the_output() {
+        let controller = one(&[0.0, 0.3], &[0.4, -0.1, 0.2], &[2.0, -1.0, 0.3, 0.1], None);
+        let clock = Discrete::new(0.1).unwrap();
+        let feedback = controller.feedback(clock).unwrap();
+        let e = DMatrix::from_fn(1, 30, |_, k| ((3 * k) as f64).sin());
+        let rest = lpv_core::nalgebra::DVector::zeros(feedback.states());
+        let run = feedback.simulate(&rest, &e).unwrap().outputs;
+        let mut state = controller.start().unwrap();
+        for k in 0..30 {
+            let mut u = [0.0];
+            state.step(&[0.0], &[-e[k]], &mut u);
+            assert!((u[0] - run[k]).abs() < 1e-14, "{k}");
         }
     }
 

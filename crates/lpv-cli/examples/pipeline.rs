@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         functions: Some(8),
         ..IdentifyConfig::default()
     };
-    let identified = identify(&estimates, clock, &config)?;
+    let identified = identify(&estimates, clock, None, &config)?;
     for reason in identified.reasons() {
         println!("- {reason}");
     }

@@ -19,6 +19,7 @@ use std::path::Path;
 /// | `polish` | `minimax` | what follows FKcM |
 /// | `weighting` | `covariance` | weights of the regression |
 /// | `model-error` | n-width cost of the basis | relative error of the truncated basis, added to the covariance |
+/// | `lfr` | `exact` | which LFR the model file holds |
 /// | `interpolation` | leave-one-out, among those with an exact LFR | coefficient functions |
 /// | `focus` | `simulation`; `prediction` with integrators, in closed loop and for unstable plants | what a fit in the time domain minimises |
 /// | `direct` | `zero` in closed loop, else `estimated` | the direct term of a fit in the time domain |
@@ -45,6 +46,8 @@ pub struct IdentifyConfig {
     pub weighting: Weighting,
     /// What the truncated basis cannot represent, relative to the FRF.
     pub model_error: Option<f64>,
+    /// Which LFR the model file holds.
+    pub lfr: LfrKind,
     /// The coefficient functions.
     pub interpolation: Option<InterpolationKind>,
     /// What a fit in the time domain minimises.
@@ -97,6 +100,17 @@ pub enum Polish {
     None,
     /// Direct descent of the n-width cost over the poles interpolated between the positions.
     Minimax,
+}
+
+/// Which LFR the model file holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LfrKind {
+    /// Few states and deltas, in continuous time, refined on the responses and on records along a moving position; where
+    /// it does not reach their noise, the exact one.
+    Small,
+    /// The exact realisation of the series expansion.
+    Exact,
 }
 
 /// Weights of the regression.
@@ -163,6 +177,7 @@ impl Default for IdentifyConfig {
             polish: Polish::Minimax,
             weighting: Weighting::Covariance,
             model_error: None,
+            lfr: LfrKind::Exact,
             interpolation: None,
             focus: None,
             direct: None,

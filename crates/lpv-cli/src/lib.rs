@@ -28,7 +28,7 @@
 //! let machine = StateSpace::new(dmatrix![0.9, -0.3; 0.3, 0.9], dmatrix![1.0; 0.0], dmatrix![0.0, 1.0], dmatrix![0.0], clock)?;
 //! let frf = FrfEstimate::with_unit_covariance(machine.frequency_response(&lines)?, None)?;
 //! let config = IdentifyConfig { order: Some(2), integrators: Some(0), ..IdentifyConfig::default() };
-//! let Identified::Lti(found) = identify(&[frf], clock, &config)? else { unreachable!() };
+//! let Identified::Lti(found) = identify(&[frf], clock, None, &config)? else { unreachable!() };
 //! assert!((found.model.poles()?[0].norm() - 0.9_f64.hypot(0.3)).abs() < 1e-9);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -49,12 +49,15 @@ mod responses;
 mod settings_file;
 mod signal;
 pub mod simulate;
+mod small;
 mod summary;
 mod table;
 pub mod validation;
 
 pub use basis::{BasisStage, choose_basis};
-pub use config::{Direct, FitFocus, IdentifyConfig, InterpolationKind, Polish, Structure, Weighting};
+pub use config::{
+    Direct, FitFocus, IdentifyConfig, InterpolationKind, LfrKind, Polish, Structure, Weighting,
+};
 pub use error::PipelineError;
 pub use identify::{Outcome, Stages, identify_bundle};
 pub use model_file::{Identification, ModelFile, relative_folder, write_whole};
@@ -63,4 +66,5 @@ pub use poles::{PoleStage, fit_poles};
 pub use progress::{Progress, silent};
 pub use responses::{Responses, estimate_bundle, estimate_local, estimate_periodic, load_records};
 pub use settings_file::{nearest_name, read_settings};
+pub use small::{MovingStage, SizeRow, SmallStage, small_lfr};
 pub use summary::{AxisSummary, FrequencySummary, HeldOut, LpvSummary, OrderRow, Summary, TimeSummary};

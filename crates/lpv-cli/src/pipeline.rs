@@ -3,12 +3,14 @@
 
 use crate::PipelineError;
 use crate::basis::{BasisStage, choose_basis};
-use crate::config::{IdentifyConfig, Weighting};
+use crate::config::{IdentifyConfig, LfrKind, Weighting};
 use crate::poles::{PoleStage, fit_poles};
 use crate::signal::median;
+use crate::small::{SmallStage, small_lfr};
 use crate::validation::decibel;
+use lfr_realize::moving::MovingData;
 use lfr_realize::{Realization, realize};
-use lpv_core::{Discrete, FrfEstimate, Model, StateSpace, WellPosedness};
+use lpv_core::{Discrete, Frf, FrfEstimate, Model, StateSpace, WellPosedness};
 use lpv_ident::{Interpolation, LeaveOneOut, LocalFits, LpvObfModel, RegressionSettings, recommend, regress};
 
 /// A model of a machine that moves: every stage with its account.
@@ -26,6 +28,8 @@ pub struct LpvStage {
     pub model: LpvObfModel,
     /// Its LFR, where the interpolation has one.
     pub realization: Option<Realization>,
+    /// The small LFR, where one was asked for and found.
+    pub small: Option<SmallStage>,
     /// Why each choice was made.
     pub reasons: Vec<String>,
 }
@@ -49,16 +53,41 @@ pub enum Identified {
 }
 
 impl Identified {
-    /// The model for the file: the LFR where there is one, else the series expansion; a state space for one position.
+    /// The model for the file: the small LFR where there is one, else the exact one, else the series expansion; a state
+    /// space for one position.
     ///
     /// # Errors
     /// None for a model of this pipeline.
     pub fn model(&self) -> Result<Model, PipelineError> {
         Ok(match self {
             Self::Lti(stage) => Model::DiscreteStateSpace(stage.model.clone()),
-            Self::Lpv(stage) => match &stage.realization {
-                Some(r) => Model::DiscreteLfr(r.lfr.clone()),
-                None => Model::SeriesExpansion(stage.model.series()?),
+            Self::Lpv(stage) => match (&stage.small, &stage.realization) {
+                (Some(small), _) => Model::ContinuousLfr(small.lfr.clone()),
+                (None, Some(r)) => Model::DiscreteLfr(r.lfr.clone()),
+                (None, None) => Model::SeriesExpansion(stage.model.series()?),
+            },
+        })
+    }
+
+    /// Response of the model at a constant position.
+    ///
+    /// # Errors
+    /// A position outside the range.
+    pub fn response(
+        &self,
+        position: f64,
+        frequencies_hz: &[f64],
+        clock: Discrete,
+    ) -> Result<Frf, PipelineError> {
+        Ok(match self {
+            Self::Lti(stage) => stage.poles.fits[0].response(frequencies_hz)?,
+            Self::Lpv(stage) => match &stage.small {
+                Some(small) => small
+                    .lfr
+                    .frozen(&[position])?
+                    .zero_order_hold(clock)?
+                    .frequency_response(frequencies_hz)?,
+                None => stage.model.response(position, frequencies_hz)?,
             },
         })
     }
@@ -72,13 +101,14 @@ impl Identified {
     }
 }
 
-/// The whole chain from frequency responses at one or several positions.
+/// The whole chain from frequency responses at one or several positions; records along a moving p serve the small LFR.
 ///
 /// # Errors
 /// Those of the stages.
 pub fn identify(
     estimates: &[FrfEstimate],
     clock: Discrete,
+    moves: Option<&MovingData>,
     config: &IdentifyConfig,
 ) -> Result<Identified, PipelineError> {
     if estimates.len() > 1
@@ -131,7 +161,26 @@ pub fn identify(
         ),
         None => "no LFR: these coefficient functions are not polynomials; the model file holds the series expansion".to_owned(),
     });
+    let small = match config.lfr {
+        LfrKind::Exact => None,
+        LfrKind::Small => match small_lfr(estimates, &poles, clock, moves, config)? {
+            Ok(found) if found.at_noise => {
+                reasons.extend(found.reasons.iter().cloned());
+                Some(found)
+            }
+            Ok(found) => {
+                reasons.extend(found.reasons);
+                reasons.push("so the model is the exact LFR of the series expansion".to_owned());
+                None
+            }
+            Err(why) => {
+                reasons.push(why);
+                None
+            }
+        },
+    };
     Ok(Identified::Lpv(Box::new(LpvStage {
+        small,
         poles,
         basis,
         fits,

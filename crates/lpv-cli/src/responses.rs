@@ -2,6 +2,7 @@
 
 use crate::PipelineError;
 use crate::progress::{Counter, Progress};
+use crate::signal::median;
 use experiment_data::Bundle;
 use frf_estimation::{
     LocalSettings, PeriodicEstimate, PeriodicSettings, Regressor, SkipRule, estimate_records, local_rational,
@@ -16,6 +17,8 @@ pub struct Responses {
     pub clock: Discrete,
     /// One estimate a position.
     pub estimates: Vec<FrfEstimate>,
+    /// Deviation of the noise of one sample, by output, where periods tell it.
+    pub noise: Option<Vec<f64>>,
     /// How they were made, in words.
     pub reasons: Vec<String>,
 }
@@ -68,6 +71,7 @@ pub fn estimate_bundle(
         let estimates = estimate_periodic(&mut records, clock, skip_periods, progress)?;
         return Ok(Responses {
             clock,
+            noise: Some(sample_noise(&records, &estimates)),
             estimates: estimates.into_iter().map(|e| e.estimate).collect(),
             reasons: Vec::new(),
         });
@@ -86,8 +90,22 @@ pub fn estimate_bundle(
     Ok(Responses {
         clock,
         estimates,
+        noise: None,
         reasons: vec![reason],
     })
+}
+
+/// Deviation of the noise of one sample, by output: the median over positions of what does not repeat from period to
+/// period. The records are those of the estimates, in the order that [`estimate_periodic`] leaves them in.
+pub(crate) fn sample_noise(records: &[Record], estimates: &[PeriodicEstimate]) -> Vec<f64> {
+    let levels: Vec<Vec<f64>> = group(records)
+        .into_iter()
+        .zip(estimates)
+        .map(|(group, estimate)| crate::inspect::period_noise(group, estimate.periods_skipped))
+        .collect();
+    (0..levels.first().map_or(0, Vec::len))
+        .map(|i| median(&levels.iter().map(|l| l[i]).collect::<Vec<_>>()))
+        .collect()
 }
 
 /// The FRF of periodic records by position; `records` are sorted by position and name.
@@ -193,13 +211,18 @@ pub(crate) fn group(records: &[Record]) -> Vec<&[Record]> {
     records.chunk_by(|a, b| (at(b) - at(a)).abs() <= same).collect()
 }
 
+/// Whether a scheduling signal stays where it is.
+pub(crate) fn rests(p: &[f64]) -> bool {
+    let (low, high) = crate::signal::range(p);
+    high - low <= SAME_POSITION * high.abs().max(low.abs())
+}
+
 /// A transient record whose one scheduling signal rests is a record at that position.
 fn rest_position(record: &mut Record) {
     if record.position.is_none()
         && let [p] = record.scheduling.columns.as_slice()
     {
-        let (low, high) = crate::signal::range(p);
-        if high - low <= SAME_POSITION * high.abs().max(low.abs()) {
+        if rests(p) {
             record.position = Some(p.iter().sum::<f64>() / p.len() as f64);
         }
     }

@@ -6,8 +6,8 @@ pub use time::{AxisSummary, HeldOut, OrderRow, TimeSummary};
 
 use crate::signal::{finite, median};
 use crate::validation::{FrozenError, decibel, frozen_error};
-use crate::{Identified, PipelineError};
-use lpv_core::{Frf, FrfEstimate, Model};
+use crate::{Identified, MovingStage, PipelineError, SizeRow};
+use lpv_core::{Discrete, Frf, FrfEstimate, Model};
 use serde::{Deserialize, Serialize};
 
 /// The figures of one identification.
@@ -77,8 +77,21 @@ pub struct LpvSummary {
     pub interpolation: String,
     /// Leave-one-out cost an equation of the interpolations tried, by name.
     pub leave_one_out: Vec<(String, f64)>,
-    /// States and deltas of the LFR, where there is one.
+    /// States and deltas of the LFR of the model, where there is one.
     pub lfr: Option<[usize; 2]>,
+    /// The small LFR.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub small: Option<SmallSummary>,
+}
+
+/// Figures of the small LFR.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SmallSummary {
+    /// Sizes tried, in order.
+    pub sizes: Vec<SizeRow>,
+    /// What records along a moving p added.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moving: Option<MovingStage>,
 }
 
 /// Root mean square of the error relative to that of the response, over all responses and lines, by output, percent.
@@ -104,7 +117,11 @@ impl Summary {
     ///
     /// # Errors
     /// None for a model of these responses.
-    pub fn of_responses(identified: &Identified, estimates: &[FrfEstimate]) -> Result<Self, PipelineError> {
+    pub fn of_responses(
+        identified: &Identified,
+        estimates: &[FrfEstimate],
+        clock: Discrete,
+    ) -> Result<Self, PipelineError> {
         let first = estimates.first().ok_or(PipelineError::Structure {
             problem: "there are no responses to compare with",
         })?;
@@ -113,28 +130,23 @@ impl Summary {
             .flat_map(|e| (0..e.frf().len()).map(|k| e.relative_deviation(k)))
             .collect();
         let noise = finite(median(&deviations));
-        let (poles, model, cost) = match identified {
+        let model = estimates
+            .iter()
+            .map(|e| identified.response(e.position().unwrap_or(0.0), e.frf().frequencies_hz(), clock))
+            .collect::<Result<Vec<_>, _>>()?;
+        let (poles, cost) = match identified {
             Identified::Lti(stage) => {
                 let account = &stage.poles.fits[0].account;
-                let response = stage.poles.fits[0].response(first.frf().frequencies_hz())?;
-                (&stage.poles, vec![response], account.cost / account.expected_cost)
+                (&stage.poles, account.cost / account.expected_cost)
             }
             Identified::Lpv(stage) => {
-                let responses = estimates
-                    .iter()
-                    .map(|e| {
-                        stage
-                            .model
-                            .response(e.position().unwrap_or(0.0), e.frf().frequencies_hz())
-                    })
-                    .collect::<Result<Vec<_>, _>>()?;
                 let fits = stage.fits.fits();
                 let cost = fits
                     .iter()
                     .map(|f| f.cost / (f.equations - f.unknowns) as f64)
                     .sum::<f64>()
                     / fits.len() as f64;
-                (&stage.poles, responses, cost)
+                (&stage.poles, cost)
             }
         };
         let truth: Vec<_> = estimates.iter().map(|e| e.frf().clone()).collect();
@@ -190,10 +202,15 @@ impl Summary {
                         .iter()
                         .map(|e| (e.interpolation.name().to_owned(), e.cost))
                         .collect(),
-                    lfr: stage
-                        .realization
-                        .as_ref()
-                        .map(|r| [r.lfr.states(), r.lfr.delta_count()]),
+                    lfr: match (&stage.small, &stage.realization) {
+                        (Some(small), _) => Some([small.lfr.states(), small.lfr.delta_count()]),
+                        (None, Some(r)) => Some([r.lfr.states(), r.lfr.delta_count()]),
+                        (None, None) => None,
+                    },
+                    small: stage.small.as_ref().map(|small| SmallSummary {
+                        sizes: small.sizes.clone(),
+                        moving: small.moving.clone(),
+                    }),
                 }),
             },
         };

@@ -78,6 +78,7 @@ mod realise;
 mod record;
 mod response;
 mod rigid_body;
+mod sampled;
 mod series;
 mod spline;
 mod star;
@@ -95,6 +96,7 @@ pub use range::SchedulingRange;
 pub use record::{PeriodBlock, Purpose, Record, RecordKind, Signals};
 pub use response::ResponseKernel;
 pub use rigid_body::{RigidBody, RigidBodyAxis};
+pub use sampled::SchedulingNodes;
 pub use series::SeriesExpansion;
 pub use star::Partitioned;
 

@@ -5,9 +5,8 @@ use super::machine::Machine;
 use super::simulate::Frozen;
 use super::{decibel, frozen_error};
 use crate::PipelineError;
-use crate::inspect::period_noise;
 use crate::progress::Progress;
-use crate::responses::{estimate_periodic, group};
+use crate::responses::{estimate_periodic, sample_noise};
 use crate::signal::median;
 use lpv_core::{Frf, FrfEstimate, Purpose, Record};
 
@@ -44,14 +43,7 @@ pub(super) fn frozen_check(
     };
     let mut used: Vec<Record> = periodic.into_iter().filter(|r| r.purpose == wanted).collect();
     let estimates = estimate_periodic(&mut used, clock, None, progress)?;
-    let levels: Vec<Vec<f64>> = group(&used)
-        .into_iter()
-        .zip(&estimates)
-        .map(|(g, e)| period_noise(g, e.periods_skipped))
-        .collect();
-    let noise: Vec<f64> = (0..levels[0].len())
-        .map(|i| median(&levels.iter().map(|l| l[i]).collect::<Vec<_>>()))
-        .collect();
+    let noise = sample_noise(&used, &estimates);
     let inside = |e: &FrfEstimate| match (machine.range(), e.position()) {
         (Some(range), Some(p)) => range.check(&[p]).is_ok(),
         (Some(_), None) => false,

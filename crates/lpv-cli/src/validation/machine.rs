@@ -132,6 +132,14 @@ impl Frozen for Machine {
             Kind::ContinuousLpv(m, clock) => m.frozen(p)?.zero_order_hold(*clock)?,
         })
     }
+    fn step(&self, p: &[f64], nodes: [&[f64]; 2]) -> Result<StateSpace<Discrete>, PipelineError> {
+        let Kind::ContinuousLfr(model, clock) = &self.kind else {
+            return self.at(p);
+        };
+        let (a, b) = model.transition(nodes, *clock)?;
+        let here = model.frozen(p)?;
+        Ok(StateSpace::new(a, b, here.c().clone(), here.d().clone(), *clock)?)
+    }
     fn offsets(&self) -> Option<(&DVector<f64>, &DVector<f64>)> {
         self.offsets.as_ref().map(|(u, y)| (u, y))
     }

@@ -1,7 +1,7 @@
 //! One step ahead: the model with a Kalman gain.
 
 use super::Frozen;
-use super::simulate::frozen_at;
+use super::simulate::Steps;
 use crate::PipelineError;
 use lpv_core::nalgebra::{Cholesky, DMatrix, DVector, LU};
 use lpv_core::{Discrete, Record, StateSpace};
@@ -123,7 +123,8 @@ impl<'a, M: Frozen> Predictor<'a, M> {
         initial_state: Option<&DVector<f64>>,
         samples: usize,
     ) -> Result<DMatrix<f64>, PipelineError> {
-        let first = frozen_at(self.model, record, 0)?;
+        let steps = Steps::new(self.model, record);
+        let first = steps.at(0)?;
         let (nu, ny) = (record.inputs.channels(), record.outputs.channels());
         if first.inputs() != nu || first.outputs() != ny {
             return Err(PipelineError::Structure {
@@ -134,7 +135,7 @@ impl<'a, M: Frozen> Predictor<'a, M> {
         let samples = samples.min(record.len());
         let mut errors = DMatrix::zeros(ny, samples);
         for k in 0..samples {
-            let frozen = frozen_at(self.model, record, k)?;
+            let frozen = steps.at(k)?;
             let mut u = DVector::from_fn(nu, |j, _| record.inputs.columns[j][k]);
             let mut y = DVector::from_fn(ny, |i, _| record.outputs.columns[i][k]);
             if let Some((u0, y0)) = self.model.offsets() {

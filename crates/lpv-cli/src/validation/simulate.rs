@@ -3,7 +3,7 @@
 use crate::PipelineError;
 use experiment_data::Controller;
 use lpv_core::nalgebra::{DMatrix, DVector};
-use lpv_core::{Discrete, Record, StateSpace};
+use lpv_core::{Discrete, Record, SchedulingNodes, StateSpace};
 
 /// A model that can be frozen at any p: what the simulations need.
 pub trait Frozen {
@@ -12,6 +12,15 @@ pub trait Frozen {
     /// # Errors
     /// p outside the range.
     fn at(&self, p: &[f64]) -> Result<StateSpace<Discrete>, PipelineError>;
+
+    /// The model over the sample after p, while the scheduling passes the two Gauss `nodes` of the interval: A and B
+    /// take the state to the next sample, C and D hold at this one. A discrete model knows nothing between its samples.
+    ///
+    /// # Errors
+    /// As [`Frozen::at`].
+    fn step(&self, p: &[f64], _nodes: [&[f64]; 2]) -> Result<StateSpace<Discrete>, PipelineError> {
+        self.at(p)
+    }
 
     /// Input and output that count as zero; none where zero does.
     fn offsets(&self) -> Option<(&DVector<f64>, &DVector<f64>)> {
@@ -69,7 +78,7 @@ pub fn closed_loop(
 ) -> Result<Run, PipelineError> {
     let mut state = controller.start()?;
     let mut r = vec![0.0; record.references.channels()];
-    let at_start = frozen_at(model, record, 0)?;
+    let at_start = Steps::new(model, record).at(0)?;
     if at_start.d().amax() > ROUNDING * at_start.c().amax() * at_start.b().amax() {
         return Err(PipelineError::Structure {
             problem: "closed loop: the model has a direct term, so the controller would act on the output that it causes; a sampled machine has none",
@@ -89,14 +98,30 @@ pub fn closed_loop(
 /// A direct term below this part of `|C| |B|` is what a realisation leaves of zero.
 const ROUNDING: f64 = 1e-12;
 
-/// The model at sample k of the record.
-pub(super) fn frozen_at(
-    model: &impl Frozen,
-    record: &Record,
-    k: usize,
-) -> Result<StateSpace<Discrete>, PipelineError> {
-    let p: Vec<f64> = record.scheduling.columns.iter().map(|c| c[k]).collect();
-    model.at(&p)
+/// The model along the scheduling of a record.
+pub(super) struct Steps<'a, M> {
+    model: &'a M,
+    scheduling: DMatrix<f64>,
+    nodes: SchedulingNodes,
+}
+
+impl<'a, M: Frozen> Steps<'a, M> {
+    pub(super) fn new(model: &'a M, record: &Record) -> Self {
+        let columns = &record.scheduling.columns;
+        let scheduling = DMatrix::from_fn(columns.len(), record.len(), |i, k| columns[i][k]);
+        let nodes = SchedulingNodes::new(&scheduling);
+        Self {
+            model,
+            scheduling,
+            nodes,
+        }
+    }
+
+    /// The model from sample `k` to the next.
+    pub(super) fn at(&self, k: usize) -> Result<StateSpace<Discrete>, PipelineError> {
+        let p = self.scheduling.column(k);
+        self.model.step(p.as_slice(), self.nodes.after(k))
+    }
 }
 
 fn run(
@@ -105,7 +130,8 @@ fn run(
     initial_state: Option<&DVector<f64>>,
     mut input: impl FnMut(usize, &[f64], &mut [f64]),
 ) -> Result<Run, PipelineError> {
-    let first = frozen_at(model, record, 0)?;
+    let steps = Steps::new(model, record);
+    let first = steps.at(0)?;
     let (nu, ny) = (record.inputs.channels(), first.outputs());
     if first.inputs() != nu || ny != record.outputs.channels() {
         return Err(PipelineError::Structure {
@@ -123,7 +149,7 @@ fn run(
         inputs: DMatrix::zeros(nu, record.len()),
     };
     for k in 0..record.len() {
-        let frozen = frozen_at(model, record, k)?;
+        let frozen = steps.at(k)?;
         let before = frozen.c() * &x + &output_offset;
         input(k, before.as_slice(), u.as_mut_slice());
         let effective = &u - &input_offset;

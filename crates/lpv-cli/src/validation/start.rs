@@ -1,7 +1,7 @@
 //! The state in which a record begins.
 
 use super::machine::Machine;
-use super::simulate::{Frozen, frozen_at, open_loop};
+use super::simulate::{Frozen, Steps, open_loop};
 use crate::PipelineError;
 use crate::signal::range;
 use lpv_core::Record;
@@ -31,7 +31,8 @@ pub(super) fn at_rest(machine: &Machine, record: &Record, noise: Option<&[f64]>)
 /// The first state by least squares over the first samples, directions that hardly show left at zero.
 pub(super) fn first_state(machine: &Machine, record: &Record) -> Result<DVector<f64>, PipelineError> {
     const TOLERANCE: f64 = 1e-4;
-    let first = frozen_at(machine, record, 0)?;
+    let steps = Steps::new(machine, record);
+    let first = steps.at(0)?;
     let (n, ny) = (first.states(), first.outputs());
     let samples = (5 * n).max(50).min(record.len());
     let short = cut(record, samples);
@@ -40,7 +41,7 @@ pub(super) fn first_state(machine: &Machine, record: &Record) -> Result<DVector<
     let mut right = DVector::zeros(samples * ny);
     let mut product = DMatrix::identity(n, n);
     for k in 0..samples {
-        let frozen = frozen_at(machine, record, k)?;
+        let frozen = steps.at(k)?;
         observed.rows_mut(k * ny, ny).copy_from(&(frozen.c() * &product));
         for i in 0..ny {
             right[k * ny + i] = record.outputs.columns[i][k] - forced[(i, k)];

@@ -1,0 +1,204 @@
+//! Settings of a growth: unchecked as written, checked once.
+
+use crate::settings::range;
+use crate::{CheckedRefineSettings, RealizeError, RefineSettings, ResidualUnit};
+
+/// What the long fit does with the gain of the rigid body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum GainFit {
+    /// It stays as given, exactly: right where it is known.
+    #[default]
+    Fixed,
+    /// Its entries that are not zero are fitted too, to all positions: right where it comes from the noisy data of one.
+    Free,
+}
+
+/// What the deltas may reach.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum DeltaReach {
+    /// States and outputs, through B1 and D21.
+    #[default]
+    Outputs,
+    /// The states only, see [`crate::Candidate::with_states_only`]: more deltas may be needed.
+    States,
+}
+
+/// How to grow. Fields are unchecked; [`GrowSettings::check`] gives what [`crate::grow`] accepts.
+///
+/// | field | default | meaning | range |
+/// |---|---|---|---|
+/// | `seed` | 0 | of the first start; the next ones count on | |
+/// | `size` | 1e-3 | size of the random channels, see [`crate::RandomChannels`] | above 0 |
+/// | `restarts` | 8 | further starts if the target is not reached | 0 to 1000 |
+/// | `rings` | 1 | stages in which positions enter, from the centre of the range outward; 1: all at once | 1 to 1000 |
+/// | `lines` | 40 | lines a position before the long fit | 1 or more |
+/// | `start_iterations` | 100 | most iterations of a stage before the long fit | 1 to 100000 |
+/// | `reach` | `Outputs` | whether D21 is free | |
+/// | `gain` | `Fixed` | whether the long fit moves the gain of the rigid body | |
+/// | `target` | `None` | rms residual at which no further start is needed; `None`: 3e-5 relative, 1.1 standard deviations | above 0 |
+/// | `refine` | those of [`RefineSettings`] | the long fit | |
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GrowSettings {
+    /// Seed of the first start.
+    pub seed: u64,
+    /// Size of the random channels.
+    pub size: f64,
+    /// Further starts if the target is not reached.
+    pub restarts: usize,
+    /// Stages in which positions enter.
+    pub rings: usize,
+    /// Lines a position before the long fit.
+    pub lines: usize,
+    /// Most iterations of a stage before the long fit.
+    pub start_iterations: usize,
+    /// Whether D21 is free.
+    pub reach: DeltaReach,
+    /// Whether the long fit moves the gain of the rigid body.
+    pub gain: GainFit,
+    /// Rms residual at which no further start is needed.
+    pub target: Option<f64>,
+    /// The long fit.
+    pub refine: RefineSettings,
+}
+
+impl Default for GrowSettings {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            size: 1e-3,
+            restarts: 8,
+            rings: 1,
+            lines: 40,
+            start_iterations: 100,
+            reach: DeltaReach::default(),
+            gain: GainFit::default(),
+            target: None,
+            refine: RefineSettings::default(),
+        }
+    }
+}
+
+impl GrowSettings {
+    /// The defaults.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+    /// Sets the seed of the first start.
+    #[must_use]
+    pub fn seed(mut self, seed: u64) -> Self {
+        self.seed = seed;
+        self
+    }
+    /// Sets the size of the random channels.
+    #[must_use]
+    pub fn size(mut self, size: f64) -> Self {
+        self.size = size;
+        self
+    }
+    /// Sets the number of further starts.
+    #[must_use]
+    pub fn restarts(mut self, restarts: usize) -> Self {
+        self.restarts = restarts;
+        self
+    }
+    /// Sets the stages in which positions enter.
+    #[must_use]
+    pub fn rings(mut self, rings: usize) -> Self {
+        self.rings = rings;
+        self
+    }
+    /// Sets the lines a position before the long fit.
+    #[must_use]
+    pub fn lines(mut self, lines: usize) -> Self {
+        self.lines = lines;
+        self
+    }
+    /// Sets the most iterations of a stage before the long fit.
+    #[must_use]
+    pub fn start_iterations(mut self, iterations: usize) -> Self {
+        self.start_iterations = iterations;
+        self
+    }
+    /// Sets whether D21 is free.
+    #[must_use]
+    pub fn reach(mut self, reach: DeltaReach) -> Self {
+        self.reach = reach;
+        self
+    }
+    /// Sets whether the long fit moves the gain of the rigid body.
+    #[must_use]
+    pub fn gain(mut self, gain: GainFit) -> Self {
+        self.gain = gain;
+        self
+    }
+    /// Sets the rms residual at which no further start is needed.
+    #[must_use]
+    pub fn target(mut self, rms: f64) -> Self {
+        self.target = Some(rms);
+        self
+    }
+    /// Sets the long fit.
+    #[must_use]
+    pub fn refine(mut self, refine: RefineSettings) -> Self {
+        self.refine = refine;
+        self
+    }
+
+    /// Checks every field against the table above.
+    ///
+    /// # Errors
+    /// [`RealizeError::Setting`].
+    pub fn check(self) -> Result<CheckedGrowSettings, RealizeError> {
+        let size = self.size;
+        range(
+            "size",
+            size,
+            size.is_finite() && size > 0.0,
+            "give a finite number above 0",
+        )?;
+        let restarts = self.restarts;
+        range("restarts", restarts as f64, restarts <= 1000, "give 0 to 1000")?;
+        let rings = self.rings;
+        range(
+            "rings",
+            rings as f64,
+            (1..=1000).contains(&rings),
+            "give 1 to 1000",
+        )?;
+        range("lines", self.lines as f64, self.lines > 0, "give 1 or more")?;
+        let most = self.start_iterations;
+        let good = (1..=100_000).contains(&most);
+        range("start_iterations", most as f64, good, "give 1 to 100000")?;
+        if let Some(target) = self.target {
+            let good = target.is_finite() && target > 0.0;
+            range("target", target, good, "give a finite number above 0")?;
+        }
+        Ok(CheckedGrowSettings {
+            refine: self.refine.check()?,
+            settings: self,
+        })
+    }
+}
+
+/// Settings that passed [`GrowSettings::check`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CheckedGrowSettings {
+    settings: GrowSettings,
+    pub(super) refine: CheckedRefineSettings,
+}
+
+impl CheckedGrowSettings {
+    /// The settings, to be read.
+    #[must_use]
+    pub fn get(&self) -> &GrowSettings {
+        &self.settings
+    }
+    /// The target in the unit of the data.
+    pub(super) fn target(&self, unit: ResidualUnit) -> f64 {
+        self.settings.target.unwrap_or(match unit {
+            ResidualUnit::Relative => 3e-5,
+            ResidualUnit::StandardDeviation => 1.1,
+        })
+    }
+}

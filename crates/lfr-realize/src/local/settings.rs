@@ -1,0 +1,82 @@
+//! Settings of a local model: unchecked as written, checked once.
+
+use crate::settings::range;
+use crate::{CheckedRefineSettings, RealizeError, RefineSettings};
+
+/// What is known about the gain of the rigid body, `gamma` (`n_y x n_u`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RigidGain {
+    /// There is no rigid body.
+    Absent,
+    /// Only its diagonal is estimated: the axes are decoupled.
+    Diagonal,
+    /// All of it is estimated.
+    Full,
+    /// All of it, and again only its diagonal if the rest lies within three standard deviations of zero, or below 1e-6
+    /// of the diagonal.
+    #[default]
+    Decide,
+}
+
+/// How to make a local model. Fields are unchecked; [`LocalSettings::check`] gives what [`crate::local_model`] accepts.
+///
+/// | field | default | meaning | range |
+/// |---|---|---|---|
+/// | `rigid` | `Decide` | the gain of double integrators | |
+/// | `states` | all poles given | flexible states to keep: the modes that contribute most | 1 or more |
+/// | `refine` | those of [`RefineSettings`] | the fit that follows the linear one | |
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LocalSettings {
+    /// What is known about the gain of the rigid body.
+    pub rigid: RigidGain,
+    /// Flexible states to keep; none: all.
+    pub states: Option<usize>,
+    /// The fit that follows the linear one.
+    pub refine: RefineSettings,
+}
+
+impl LocalSettings {
+    /// The defaults.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+    /// Sets what is known about the gain of the rigid body.
+    #[must_use]
+    pub fn rigid(mut self, rigid: RigidGain) -> Self {
+        self.rigid = rigid;
+        self
+    }
+    /// Sets the number of flexible states to keep.
+    #[must_use]
+    pub fn states(mut self, states: usize) -> Self {
+        self.states = Some(states);
+        self
+    }
+    /// Sets the fit that follows the linear one.
+    #[must_use]
+    pub fn refine(mut self, refine: RefineSettings) -> Self {
+        self.refine = refine;
+        self
+    }
+    /// Checks every field against the table above.
+    ///
+    /// # Errors
+    /// [`RealizeError::Setting`].
+    pub fn check(self) -> Result<CheckedLocalSettings, RealizeError> {
+        if let Some(states) = self.states {
+            range("states", states as f64, states > 0, "give 1 or more")?;
+        }
+        Ok(CheckedLocalSettings {
+            refine: self.refine.check()?,
+            settings: self,
+        })
+    }
+}
+
+/// Settings that passed [`LocalSettings::check`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CheckedLocalSettings {
+    pub(super) settings: LocalSettings,
+    pub(super) refine: CheckedRefineSettings,
+}

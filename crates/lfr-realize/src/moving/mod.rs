@@ -1,0 +1,20 @@
+//! Moving p: the state coordinates are those of the machine.
+//!
+//! Models with equal frozen responses differ when p moves: `x~ = T(p) x` leaves every frozen response alone and adds
+//! `dp/dt (dT/dp) T^-1` to the dynamics. Records along a moving p decide. [`turn`] finds the rate `G(p) = -T^-1 dT/dp` at
+//! which the coordinates of a frozen model turn, in which the error is nearly linear; [`settle`] takes the model to
+//! coordinates that stand still and fits an LFR there; [`refine_with_moves`] refines it on frozen responses and records
+//! together.
+
+mod along;
+mod data;
+mod fixed;
+mod flow;
+mod joint;
+mod settle;
+mod turning;
+
+pub use data::MovingData;
+pub use joint::{JointAccount, Jointly, refine_with_moves, simulate_errors};
+pub use settle::{Settled, settle};
+pub use turning::{Turning, TurningAccount, TurningFit, turn};

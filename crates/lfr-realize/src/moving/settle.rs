@@ -1,0 +1,342 @@
+//! From turning coordinates to coordinates that stand still, and an LFR there.
+
+use super::turning::Turning;
+use crate::frozen::{Closure, close};
+use crate::problem::{Cost, Linear, Problem};
+use crate::search::{Limits, Objective, search};
+use crate::{Candidate, DeltaSplit, FrozenData, MechanicalForm, RandomChannels, RealizeError};
+use lpv_core::Continuous;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+mod start;
+
+use start::slope_start;
+
+/// An LFR in coordinates that stand still.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settled {
+    /// The LFR, in the mechanical structure.
+    pub candidate: Candidate<Continuous>,
+    /// Rms difference of its matrices from those of the turned model, relative to their natural sizes.
+    pub difference: f64,
+    /// The differences of all starts, in the order of their seeds.
+    pub starts: Vec<f64>,
+}
+
+/// Positions at which the matrices are compared.
+const POSITIONS: usize = 13;
+
+/// Takes a frozen model in mechanical coordinates, with the rate at which they turn, to `x = T(p) x~`, where the
+/// machine's coordinates stand still, and fits an LFR of the mechanical structure with the given deltas to
+/// `T A T^-1, T B, C T^-1` at positions over the range: from `starts` random starts, each with growing range. Cheap: no
+/// response is computed.
+///
+/// # Errors
+/// [`RealizeError::Start`] if T(p) is singular; those of the structure.
+pub fn settle(
+    form: &MechanicalForm,
+    turning: &Turning,
+    data: &FrozenData,
+    split: DeltaSplit,
+    starts: usize,
+    seed: u64,
+) -> Result<Settled, RealizeError> {
+    let targets = targets(form, turning)?;
+    let found: Vec<Result<(Candidate<Continuous>, f64), RealizeError>> = (0..starts.max(1))
+        .into_par_iter()
+        .map(|start| {
+            // The first start leaves X alone.
+            let random = RandomChannels {
+                seed: seed.wrapping_add(start as u64),
+                size: if start == 0 { 0.0 } else { 1.0 },
+            };
+            let first = slope_start(form, split, &targets, random)?;
+            fit(&first, form.scales(), &targets)
+        })
+        .collect();
+    let found = found.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let differences: Vec<f64> = found.iter().map(|f| f.1).collect();
+    let pulled: Vec<Result<(Candidate<Continuous>, f64, f64), RealizeError>> = found
+        .into_par_iter()
+        .filter(|(_, difference)| difference.is_finite())
+        .map(|(start, difference)| {
+            let (candidate, cost) = pull(&start, form.scales(), &targets, data)?;
+            Ok((candidate, difference, cost))
+        })
+        .collect();
+    let pulled = pulled.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let best = pulled.into_iter().min_by(|a, b| a.2.total_cmp(&b.2));
+    let (candidate, difference, _) = best.ok_or(RealizeError::Start {
+        p: form.range().centre(),
+        problem: "no start of this structure is well-posed over the range",
+    })?;
+    Ok(Settled {
+        candidate,
+        difference,
+        starts: differences,
+    })
+}
+
+/// Moves the LFR to where it fits the frozen responses, as near to the targets as that allows.
+fn pull(
+    candidate: &Candidate<Continuous>,
+    scales: &[f64],
+    targets: &[Target],
+    data: &FrozenData,
+) -> Result<(Candidate<Continuous>, f64), RealizeError> {
+    let mut candidate = candidate.clone();
+    let mut cost = f64::INFINITY;
+    let mut weight = None;
+    for part in [1e-2, 1e-3, 1e-4] {
+        let before = candidate.clone();
+        let (problem, matrices) = (
+            Problem::new(&before, data)?,
+            Matrices::new(&before, scales, targets, 1.01),
+        );
+        // The distance counts as a part of what the start misses of the responses, whatever their unit.
+        let theta = problem.theta(&before);
+        let (Some(responses), Some(distance)) = (problem.cost(&theta), matrices.cost(&theta)) else {
+            return Ok((candidate, f64::INFINITY));
+        };
+        let whole: f64 =
+            *weight.get_or_insert((responses.total / distance.total.max(f64::MIN_POSITIVE)).sqrt());
+        let objective = Pulled {
+            problem,
+            matrices,
+            weight: whole * part,
+        };
+        let limits = Limits {
+            max_iterations: 40,
+            tolerance: 1e-3,
+            target: 0.0,
+            damping: 1e-4,
+        };
+        let found = search(&objective, objective.problem.theta(&before), &limits)?;
+        candidate = objective.problem.candidate(&found.theta);
+        cost = found.cost.total;
+    }
+    Ok((candidate, cost))
+}
+
+/// Frozen responses and the distance from the targets.
+struct Pulled<'a> {
+    problem: Problem<'a, Continuous>,
+    matrices: Matrices<'a>,
+    weight: f64,
+}
+
+impl Objective for Pulled<'_> {
+    fn size(&self) -> usize {
+        self.matrices.size()
+    }
+    fn cost(&self, theta: &DVector<f64>) -> Option<Cost> {
+        let mut cost = self.problem.cost(theta)?;
+        cost.total += self.weight.powi(2) * self.matrices.cost(theta)?.total;
+        Some(cost)
+    }
+    fn linearise(&self, theta: &DVector<f64>) -> Option<Linear> {
+        let mut matrices = self.matrices.linearise(theta)?;
+        matrices.jacobian *= self.weight;
+        matrices.residual *= self.weight;
+        Some(self.problem.linearise(theta)?.above(matrices))
+    }
+    fn gauge(&self, _: &DVector<f64>) -> Result<DMatrix<f64>, RealizeError> {
+        Ok(DMatrix::zeros(self.size(), 0))
+    }
+    fn rounding(&self) -> f64 {
+        0.0
+    }
+    fn no_start(&self) -> RealizeError {
+        self.problem.no_start()
+    }
+}
+
+/// Normalised position and `S = [A B; C D]` there, without the rows of `dq/dt = w_0 v`.
+struct Target {
+    delta: f64,
+    s: DMatrix<f64>,
+}
+
+fn targets(form: &MechanicalForm, turning: &Turning) -> Result<Vec<Target>, RealizeError> {
+    (0..POSITIONS)
+        .map(|i| {
+            let delta = 2.0 * i as f64 / (POSITIONS - 1) as f64 - 1.0;
+            let p = form.range().centre()[0] + delta * form.range().half_width()[0];
+            let t = turning.basis(delta);
+            let inverse = t.clone().try_inverse().ok_or(RealizeError::Start {
+                p: vec![p],
+                problem: "the state basis that the moving records ask for is singular there",
+            })?;
+            let frozen = form.frozen(&[p])?;
+            let (n, ny, nu) = (frozen.states(), frozen.outputs(), frozen.inputs());
+            let mut s = DMatrix::zeros(n + ny, n + nu);
+            s.view_mut((0, 0), (n, n))
+                .copy_from(&(&t * frozen.a() * &inverse));
+            s.view_mut((0, n), (n, nu)).copy_from(&(&t * frozen.b()));
+            s.view_mut((n, 0), (ny, n)).copy_from(&(frozen.c() * &inverse));
+            Ok(Target { delta, s })
+        })
+        .collect()
+}
+
+fn fit(
+    start: &Candidate<Continuous>,
+    scales: &[f64],
+    targets: &[Target],
+) -> Result<(Candidate<Continuous>, f64), RealizeError> {
+    let mut candidate = start.clone();
+    let mut cost = f64::INFINITY;
+    for (reach, iterations) in [(0.4, 20), (0.7, 20), (1.01, 200)] {
+        let before = candidate.clone();
+        let objective = Matrices::new(&before, scales, targets, reach);
+        let limits = Limits {
+            max_iterations: iterations,
+            tolerance: 1e-3,
+            target: 1e-24,
+            damping: 1e-3,
+        };
+        let free = candidate.free_entries();
+        let theta = DVector::from_iterator(free.len(), free.iter().map(|&at| candidate.matrix()[at]));
+        match search(&objective, theta, &limits) {
+            Ok(found) => {
+                candidate = objective.candidate(&found.theta);
+                cost = found.cost.total / objective.count() as f64;
+            }
+            // A start that is ill-posed is a bad start, nothing worse.
+            Err(RealizeError::Start { .. }) => return Ok((start.clone(), f64::INFINITY)),
+            Err(other) => return Err(other),
+        }
+    }
+    Ok((candidate, cost.sqrt()))
+}
+
+/// The difference of matrices as a sum of squares.
+struct Matrices<'a> {
+    whole: &'a Candidate<Continuous>,
+    free: Vec<(usize, usize)>,
+    targets: &'a [Target],
+    /// Largest normalised distance from the centre that counts; the model must be well-posed beyond it too.
+    reach: f64,
+    /// One over the natural size of each entry of S; zero for the rows that are fixed.
+    weights: DMatrix<f64>,
+}
+
+impl<'a> Matrices<'a> {
+    fn new(whole: &'a Candidate<Continuous>, scales: &[f64], targets: &'a [Target], reach: f64) -> Self {
+        let sizes = whole.mechanical_sizes();
+        let nq = whole.states() / 2;
+        let (rows, columns) = (2 * nq + whole.outputs(), 2 * nq + whole.inputs());
+        let row = |i: usize| match i {
+            i if i < nq => f64::INFINITY,
+            i if i < 2 * nq => sizes.rate,
+            i => scales[i - 2 * nq],
+        };
+        let column = |j: usize| match j {
+            j if j < 2 * nq => 1.0,
+            j => sizes.input[j - 2 * nq],
+        };
+        Self {
+            free: whole.free_entries(),
+            weights: DMatrix::from_fn(rows, columns, |i, j| column(j) / row(i)),
+            whole,
+            targets,
+            reach,
+        }
+    }
+
+    fn near(&self) -> impl Iterator<Item = &Target> {
+        self.targets.iter().filter(|t| t.delta.abs() <= self.reach)
+    }
+
+    /// Entries that are compared.
+    fn count(&self) -> usize {
+        self.near().count() * self.weights.iter().filter(|w| **w > 0.0).count()
+    }
+
+    fn matrix(&self, theta: &DVector<f64>) -> DMatrix<f64> {
+        let mut m = self.whole.matrix().clone();
+        for (&at, v) in self.free.iter().zip(theta.iter()) {
+            m[at] = *v;
+        }
+        m
+    }
+
+    fn candidate(&self, theta: &DVector<f64>) -> Candidate<Continuous> {
+        self.whole.with_matrix(self.matrix(theta))
+    }
+
+    fn deltas(&self, delta: f64) -> Vec<f64> {
+        let range = self.whole.range();
+        self.whole
+            .deltas_at(&[range.centre()[0] + delta * range.half_width()[0]])
+    }
+}
+
+impl Objective for Matrices<'_> {
+    fn size(&self) -> usize {
+        self.free.len()
+    }
+    fn cost(&self, theta: &DVector<f64>) -> Option<Cost> {
+        let m = self.matrix(theta);
+        let mut total = 0.0;
+        for target in self.targets {
+            let frozen = close(&m, self.whole.shape(), &self.deltas(target.delta), Closure::Value)?;
+            if !frozen.positive {
+                return None;
+            }
+            if target.delta.abs() > self.reach {
+                continue;
+            }
+            total += (frozen.s - &target.s).component_mul(&self.weights).norm_squared();
+        }
+        total.is_finite().then(|| Cost {
+            total,
+            lines: Vec::new(),
+        })
+    }
+    fn linearise(&self, theta: &DVector<f64>) -> Option<Linear> {
+        let m = self.matrix(theta);
+        let size = self.weights.len();
+        let mut linear = Linear {
+            jacobian: DMatrix::zeros(size * self.near().count(), self.free.len()),
+            residual: DVector::zeros(size * self.near().count()),
+            factorisations: 0,
+        };
+        for (at, target) in self.near().enumerate() {
+            let delta = self.deltas(target.delta);
+            let frozen = close(&m, self.whole.shape(), &delta, Closure::Derivative)?;
+            let difference = (&frozen.s - &target.s).component_mul(&self.weights);
+            let rows = frozen.s.nrows();
+            linear
+                .residual
+                .rows_mut(at * size, size)
+                .copy_from_slice(difference.as_slice());
+            for (mut column, &(r, c)) in linear.jacobian.column_iter_mut().zip(&self.free) {
+                for j in 0..frozen.s.ncols() {
+                    let factor = frozen.right[(c, j)];
+                    if factor != 0.0 {
+                        for i in 0..rows {
+                            column[at * size + j * rows + i] =
+                                self.weights[(i, j)] * frozen.left[(i, r)] * factor;
+                        }
+                    }
+                }
+            }
+        }
+        Some(linear)
+    }
+    fn gauge(&self, _: &DVector<f64>) -> Result<DMatrix<f64>, RealizeError> {
+        // State coordinates are those of the target; those of the channels are left to the damping.
+        Ok(DMatrix::zeros(self.size(), 0))
+    }
+    fn rounding(&self) -> f64 {
+        1e-28
+    }
+    fn no_start(&self) -> RealizeError {
+        RealizeError::Start {
+            p: self.whole.range().centre(),
+            problem: "the start is not well-posed over the range",
+        }
+    }
+}

@@ -1,0 +1,376 @@
+//! The rate at which the state basis of a frozen model turns with p.
+
+use super::along::{Dynamics, Transition, rows, stacked};
+use super::data::{MovingData, MovingRecord};
+use super::flow::{Flow, Want};
+use crate::problem::{Cost, Linear};
+use crate::search::{Limits, Objective, search};
+use crate::{CheckedRefineSettings, MechanicalForm, RealizeError, StopReason};
+use lpv_core::Discrete;
+use nalgebra::{DMatrix, DVector};
+
+/// `dx~/dt = (A(p) + dp/dt G(p)) x~ + B(p) u` with `G(p) = sum_j G_j T_j(delta)` in Chebyshev polynomials of the
+/// normalised p.
+///
+/// If the machine's state is `x = T(p) x~`, then `G = -T^-1 dT/dp`: what constant positions cannot show. Entries of G
+/// that are listed together share one number.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Turning {
+    /// Entries (row, column) of G that share a number.
+    pub(crate) directions: Vec<Vec<(usize, usize)>>,
+    /// One row a direction, one column a Chebyshev polynomial.
+    pub(crate) coefficients: DMatrix<f64>,
+    pub(crate) states: usize,
+}
+
+impl Turning {
+    /// Zero, with the positions and the rates of every second-order pair turning alike: states `[q; v]`, and
+    /// `G = diag(g, g)`. `degree` is that of the polynomials.
+    pub(crate) fn of_pairs(states: usize, degree: usize) -> Self {
+        let half = states / 2;
+        let pair = |a: usize, b: usize| vec![(a, b), (half + a, half + b)];
+        let directions: Vec<_> = (0..half)
+            .flat_map(|b| (0..half).map(move |a| pair(a, b)))
+            .collect();
+        Self {
+            coefficients: DMatrix::zeros(directions.len(), degree + 1),
+            directions,
+            states,
+        }
+    }
+
+    /// `G(p)` at the normalised p, in its unit: per unit of `delta`.
+    pub fn at(&self, delta: f64) -> DMatrix<f64> {
+        let weights = chebyshev(delta, self.coefficients.ncols());
+        let values = &self.coefficients * weights;
+        let mut g = DMatrix::zeros(self.states, self.states);
+        for (entries, value) in self.directions.iter().zip(values.iter()) {
+            for &at in entries {
+                g[at] += value;
+            }
+        }
+        g
+    }
+
+    /// `T(p)` with `T = I` at the centre of the range: the solution of `dT/d delta = -T G`, by Runge-Kutta steps.
+    pub fn basis(&self, delta: f64) -> DMatrix<f64> {
+        const STEPS: usize = 200;
+        let h = delta / STEPS as f64;
+        let rate = |t: &DMatrix<f64>, at: f64| -(t * self.at(at));
+        (0..STEPS).fold(DMatrix::identity(self.states, self.states), |t, i| {
+            let at = h * i as f64;
+            let k1 = rate(&t, at);
+            let k2 = rate(&(&t + &k1 * (0.5 * h)), at + 0.5 * h);
+            let k3 = rate(&(&t + &k2 * (0.5 * h)), at + 0.5 * h);
+            let k4 = rate(&(&t + &k3 * h), at + h);
+            t + (k1 + (k2 + k3) * 2.0 + k4) * (h / 6.0)
+        })
+    }
+
+    pub(crate) fn with(&self, theta: &DVector<f64>) -> Self {
+        let mut turned = self.clone();
+        turned.coefficients.copy_from_slice(theta.as_slice());
+        turned
+    }
+    pub(crate) fn theta(&self) -> DVector<f64> {
+        DVector::from_column_slice(self.coefficients.as_slice())
+    }
+}
+
+fn chebyshev(delta: f64, count: usize) -> DVector<f64> {
+    let mut values = DVector::zeros(count);
+    for j in 0..count {
+        values[j] = match j {
+            0 => 1.0,
+            1 => delta,
+            _ => 2.0 * delta * values[j - 1] - values[j - 2],
+        };
+    }
+    values
+}
+
+/// The frozen matrices along every record, computed once: only G is fitted.
+pub(crate) struct Frozen {
+    /// `[A B] T` at the middle of each interval.
+    rows: Vec<DMatrix<f64>>,
+    c: Vec<DMatrix<f64>>,
+    /// Normalised middle and step of p.
+    middles: Vec<(f64, f64)>,
+}
+
+/// A frozen model whose basis turns; the coefficients of G are its parameters.
+pub(crate) struct Turned<'a> {
+    pub(crate) turning: Turning,
+    pub(crate) records: &'a [Frozen],
+}
+
+pub(crate) fn freeze(form: &MechanicalForm, data: &MovingData) -> Result<Vec<Frozen>, RealizeError> {
+    let clock: Discrete = data.clock();
+    let (centre, half) = (form.range().centre()[0], form.range().half_width()[0]);
+    data.records()
+        .iter()
+        .map(|record| {
+            let mut frozen = Frozen {
+                rows: Vec::with_capacity(record.len()),
+                c: Vec::with_capacity(record.len()),
+                middles: Vec::with_capacity(record.len()),
+            };
+            for k in 0..record.len() {
+                let (middle, step) = record.middle(k);
+                let system = form.frozen(middle.as_slice())?;
+                let (n, nu) = (system.states(), system.inputs());
+                let mut rows = DMatrix::zeros(n, n + nu);
+                rows.columns_mut(0, n).copy_from(system.a());
+                rows.columns_mut(n, nu).copy_from(system.b());
+                frozen.rows.push(rows * clock.sample_time());
+                let here = form.frozen(record.scheduling.column(k).as_slice())?;
+                frozen.c.push(here.c().clone());
+                frozen.middles.push(((middle[0] - centre) / half, step[0] / half));
+            }
+            Ok(frozen)
+        })
+        .collect()
+}
+
+pub(crate) struct TurnedStep {
+    transition: Transition,
+    flow: Flow,
+    rows: DMatrix<f64>,
+    /// Step of the normalised p times the polynomials.
+    weights: DVector<f64>,
+    seen: DVector<f64>,
+    moved: DMatrix<f64>,
+}
+
+impl AsRef<Transition> for TurnedStep {
+    fn as_ref(&self) -> &Transition {
+        &self.transition
+    }
+}
+
+impl Dynamics for Turned<'_> {
+    type Step = TurnedStep;
+
+    fn states(&self) -> usize {
+        self.turning.states
+    }
+    fn parameters(&self) -> usize {
+        self.turning.coefficients.len()
+    }
+    fn storage(&self, record: &MovingRecord) -> TurnedStep {
+        let (n, nu, ny) = (self.states(), record.inputs.nrows(), record.outputs.nrows());
+        TurnedStep {
+            transition: Transition {
+                ab: DMatrix::zeros(n, n + nu),
+                c: DMatrix::zeros(ny, n),
+            },
+            flow: Flow::default(),
+            rows: DMatrix::zeros(n, n + nu),
+            weights: DVector::zeros(self.turning.coefficients.ncols()),
+            seen: DVector::zeros(n),
+            moved: DMatrix::zeros(n, self.turning.directions.len()),
+        }
+    }
+
+    fn step(&self, record: &MovingRecord, k: usize, want: Want, step: &mut TurnedStep) -> Option<()> {
+        let frozen = &self.records[record.index];
+        let (delta, length) = frozen.middles[k];
+        step.weights = chebyshev(delta, self.turning.coefficients.ncols()) * length;
+        step.rows.copy_from(&frozen.rows[k]);
+        for (entries, row) in self
+            .turning
+            .directions
+            .iter()
+            .zip(self.turning.coefficients.row_iter())
+        {
+            let value = row
+                .iter()
+                .zip(step.weights.iter())
+                .map(|(c, w)| c * w)
+                .sum::<f64>();
+            for &at in entries {
+                step.rows[at] += value;
+            }
+        }
+        step.flow.update(&step.rows, want)?;
+        step.transition.ab.copy_from(&step.flow.whole);
+        step.transition.c.copy_from(&frozen.c[k]);
+        Some(())
+    }
+
+    fn add_output(&self, _: &TurnedStep, _: &DVector<f64>, _: &mut DMatrix<f64>) {}
+
+    fn force(&self, step: &mut TurnedStep, signal: &DVector<f64>, sensitivity: &mut DMatrix<f64>) {
+        let n = self.states();
+        step.moved.fill(0.0);
+        for product in step.flow.products() {
+            step.seen.gemv(product.weight, &product.before, signal, 0.0);
+            let after = product.after.as_slice();
+            let columns = step.moved.as_mut_slice().chunks_exact_mut(n);
+            for (column, entries) in columns.zip(&self.turning.directions) {
+                for &(a, b) in entries {
+                    let seen = step.seen[b];
+                    for (out, l) in column.iter_mut().zip(&after[a * n..(a + 1) * n]) {
+                        *out += seen * l;
+                    }
+                }
+            }
+        }
+        let size = step.moved.len();
+        for (part, weight) in sensitivity
+            .as_mut_slice()
+            .chunks_exact_mut(size)
+            .zip(step.weights.iter())
+        {
+            for (out, m) in part.iter_mut().zip(step.moved.as_slice()) {
+                *out += weight * m;
+            }
+        }
+    }
+}
+
+/// A [`Turning`] fitted to records.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TurningFit {
+    /// The rate.
+    pub turning: Turning,
+    /// How it went.
+    pub account: TurningAccount,
+}
+
+/// How the fit of a [`Turning`] went.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TurningAccount {
+    /// Why the search ended.
+    pub stop: StopReason,
+    /// Rms error over all records and outputs in units of the noise, with `G = 0` and after every iteration.
+    pub rms: Vec<f64>,
+}
+
+/// Fits `G(p)`, polynomials of the given degree, of a model in mechanical coordinates to
+/// records along a moving p. The frozen responses do not change.
+///
+/// # Errors
+/// [`RealizeError::Core`] for records that leave the range; [`RealizeError::Moving`] if the model runs away from them even
+/// in the loop, or has more than one scheduling parameter.
+pub fn turn(
+    form: &MechanicalForm,
+    data: &MovingData,
+    degree: usize,
+    settings: &CheckedRefineSettings,
+) -> Result<TurningFit, RealizeError> {
+    if form.range().parameters() != 1 {
+        return Err(RealizeError::Moving {
+            problem: "state coordinates are turned for one scheduling parameter only; measure along one at a time",
+        });
+    }
+    let frozen = freeze(form, data)?;
+    let objective = TurningObjective {
+        zero: Turning::of_pairs(form.states(), degree),
+        frozen: &frozen,
+        data,
+    };
+    let set = settings.get();
+    let limits = Limits {
+        max_iterations: set.max_iterations,
+        tolerance: set.tolerance,
+        target: set.target.powi(2) * data.equations() as f64,
+        damping: 1e-3,
+    };
+    let found = search(&objective, objective.zero.theta(), &limits)?;
+    let equations = data.equations() as f64;
+    Ok(TurningFit {
+        turning: objective.zero.with(&found.theta),
+        account: TurningAccount {
+            stop: found.stop,
+            rms: found
+                .history
+                .iter()
+                .map(|cost| (cost / equations).sqrt())
+                .collect(),
+        },
+    })
+}
+
+struct TurningObjective<'a> {
+    zero: Turning,
+    frozen: &'a [Frozen],
+    data: &'a MovingData,
+}
+
+/// Deviation that a coefficient of the constant polynomial has before any data, in coordinates of size one, and how it
+/// falls from polynomial to polynomial: a basis that turns by about its own size over the range, and smoothly. It decides
+/// only where the records say nothing.
+const PRIOR: (f64, f64) = (1.0, 0.4);
+
+impl TurningObjective<'_> {
+    fn prior(&self) -> DVector<f64> {
+        let directions = self.zero.directions.len();
+        DVector::from_fn(self.size(), |i, _| {
+            PRIOR.0 * PRIOR.1.powi((i / directions) as i32)
+        })
+    }
+
+    fn at(&self, theta: &DVector<f64>) -> Turned<'_> {
+        Turned {
+            turning: self.zero.with(theta),
+            records: self.frozen,
+        }
+    }
+}
+
+impl Objective for TurningObjective<'_> {
+    fn size(&self) -> usize {
+        self.zero.coefficients.len()
+    }
+    fn cost(&self, theta: &DVector<f64>) -> Option<Cost> {
+        let rows = rows(&self.at(theta), self.data, Want::Value)?;
+        let prior: f64 = theta
+            .iter()
+            .zip(self.prior().iter())
+            .map(|(t, s)| (t / s).powi(2))
+            .sum();
+        Some(Cost {
+            total: rows.iter().map(|r| r.cost).sum::<f64>() + prior,
+            lines: Vec::new(),
+        })
+    }
+    fn linearise(&self, theta: &DVector<f64>) -> Option<Linear> {
+        let data = stacked(rows(&self.at(theta), self.data, Want::Derivative)?);
+        let prior = self.prior();
+        Some(data.above(Linear {
+            jacobian: DMatrix::from_diagonal(&prior.map(f64::recip)),
+            residual: theta.component_div(&prior),
+            factorisations: 0,
+        }))
+    }
+    fn gauge(&self, _: &DVector<f64>) -> Result<DMatrix<f64>, RealizeError> {
+        Ok(DMatrix::zeros(self.size(), 0))
+    }
+    fn rounding(&self) -> f64 {
+        0.0
+    }
+    fn no_start(&self) -> RealizeError {
+        RealizeError::Moving {
+            problem: "the frozen model runs away from the moving records even in the loop; check the controller of the bundle",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn basis_turns_by_g() {
+        let mut turning = Turning::of_pairs(4, 2);
+        turning
+            .coefficients
+            .copy_from_slice(&[0.3, -0.2, 0.5, 0.1, 0.0, 0.4, -0.3, 0.2, 0.1, 0.1, 0.0, -0.2]);
+        assert_eq!(turning.basis(0.0), DMatrix::identity(4, 4));
+        let h = 1e-4;
+        let slope = (turning.basis(0.6 + h) - turning.basis(0.6 - h)) / (2.0 * h);
+        let expected = -turning.basis(0.6) * turning.at(0.6);
+        assert!((slope - expected).amax() < 1e-7);
+    }
+}

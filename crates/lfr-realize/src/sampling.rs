@@ -1,0 +1,261 @@
+//! From the frozen system to what the data see: zero-order hold, and its derivative.
+
+use crate::candidate::Shape;
+use hold::{Derivative, Hold, Sampled};
+use lpv_core::{Clock, Continuous, CoreError, Discrete};
+use nalgebra::DMatrix;
+use num_complex::Complex;
+
+/// A clock whose frozen models can be compared with sampled responses: [`Continuous`] by an exact zero-order hold,
+/// [`Discrete`] as it is. No other crate can implement it.
+pub trait Sampling: Clock + hold::Hold {}
+
+impl Sampling for Continuous {}
+impl Sampling for Discrete {}
+
+pub(crate) mod hold {
+    use lpv_core::{CoreError, Discrete};
+    use nalgebra::DMatrix;
+    use num_complex::Complex;
+
+    /// What the crate needs of a clock.
+    pub trait Hold: Sized {
+        /// Refuses a model that ticks otherwise than the data.
+        fn agrees(self, data: Discrete) -> Result<(), CoreError>;
+
+        /// The sampled system `[A_d B_d; C D]`. None where it overflows, or is too stiff for the clock.
+        fn sample(self, s: &DMatrix<f64>, states: usize, data: Discrete, want: Derivative)
+        -> Option<Sampled>;
+
+        /// Double integrators, one an axis: A and C for `B = [0; gamma]`. The sampled response is
+        /// `gamma (T^2/2) (z + 1) / (z - 1)^2`, with each entry of gamma in one place.
+        fn double_integrators(self, axes: usize) -> (DMatrix<f64>, DMatrix<f64>);
+
+        /// The pole whose sampled value is `z`.
+        fn pole_of_sampled(self, z: Complex<f64>, data: Discrete) -> Complex<f64>;
+
+        /// The response of `1 / (pole of the model)`, sampled.
+        fn partial_fraction(self, pole: Complex<f64>, z: Complex<f64>, data: Discrete) -> Complex<f64>;
+
+        /// How fast A moves the state: the unit of random channels.
+        fn rate(self, a: &DMatrix<f64>) -> f64;
+    }
+
+    /// Whether [`Hold::sample`] gives the derivative too.
+    #[derive(Clone, Copy, PartialEq)]
+    pub enum Derivative {
+        /// No.
+        Skip,
+        /// Yes.
+        Compute,
+    }
+
+    /// The sampled system.
+    pub struct Sampled {
+        /// `[A_d B_d; C D]`.
+        pub s: DMatrix<f64>,
+        /// How each entry of `[A_d B_d]` (row) moves with each entry of `[A B]` (column), both column-major; none for the
+        /// identity.
+        pub chain: Option<DMatrix<f64>>,
+    }
+}
+
+impl Hold for Discrete {
+    fn agrees(self, data: Discrete) -> Result<(), CoreError> {
+        let (first_nyquist_hz, second_nyquist_hz) = (self.nyquist_hz(), data.nyquist_hz());
+        if (first_nyquist_hz - second_nyquist_hz).abs() > 1e-12 * first_nyquist_hz {
+            return Err(CoreError::DifferentClocks {
+                first_nyquist_hz,
+                second_nyquist_hz,
+            });
+        }
+        Ok(())
+    }
+    fn sample(self, s: &DMatrix<f64>, _: usize, _: Discrete, _: Derivative) -> Option<Sampled> {
+        Some(Sampled {
+            s: s.clone(),
+            chain: None,
+        })
+    }
+    fn double_integrators(self, axes: usize) -> (DMatrix<f64>, DMatrix<f64>) {
+        // (T^2/2) (z + 1) / (z - 1)^2 = T^2 / (z - 1)^2 + (T^2/2) / (z - 1).
+        let square = self.sample_time().powi(2);
+        let mut a = DMatrix::identity(2 * axes, 2 * axes);
+        a.view_mut((0, axes), (axes, axes)).fill_diagonal(1.0);
+        let mut c = DMatrix::zeros(axes, 2 * axes);
+        c.view_mut((0, 0), (axes, axes)).fill_diagonal(square);
+        c.view_mut((0, axes), (axes, axes)).fill_diagonal(0.5 * square);
+        (a, c)
+    }
+    fn pole_of_sampled(self, z: Complex<f64>, _: Discrete) -> Complex<f64> {
+        z
+    }
+    fn partial_fraction(self, pole: Complex<f64>, z: Complex<f64>, _: Discrete) -> Complex<f64> {
+        (z - pole).inv()
+    }
+    fn rate(self, a: &DMatrix<f64>) -> f64 {
+        (a - DMatrix::identity(a.nrows(), a.nrows())).norm() / (a.nrows().max(1) as f64).sqrt()
+    }
+}
+
+impl Hold for Continuous {
+    fn agrees(self, _: Discrete) -> Result<(), CoreError> {
+        Ok(())
+    }
+    fn sample(
+        self,
+        s: &DMatrix<f64>,
+        states: usize,
+        data: Discrete,
+        derivative: Derivative,
+    ) -> Option<Sampled> {
+        let generator = s.rows(0, states) * data.sample_time();
+        let held = Held::new(&generator, derivative)?;
+        let mut sampled = s.clone();
+        sampled.rows_mut(0, states).copy_from(&held.step.rows(0, states));
+        Some(Sampled {
+            s: sampled,
+            chain: (derivative == Derivative::Compute).then(|| held.chain * data.sample_time()),
+        })
+    }
+    fn double_integrators(self, axes: usize) -> (DMatrix<f64>, DMatrix<f64>) {
+        let mut a = DMatrix::zeros(2 * axes, 2 * axes);
+        a.view_mut((0, axes), (axes, axes)).fill_diagonal(1.0);
+        let mut c = DMatrix::zeros(axes, 2 * axes);
+        c.view_mut((0, 0), (axes, axes)).fill_diagonal(1.0);
+        (a, c)
+    }
+    fn pole_of_sampled(self, z: Complex<f64>, data: Discrete) -> Complex<f64> {
+        z.ln() / data.sample_time()
+    }
+    fn partial_fraction(self, pole: Complex<f64>, z: Complex<f64>, data: Discrete) -> Complex<f64> {
+        // (e^(sT) - 1) / s, by the half angle so that a pole near zero loses no digits.
+        let half = pole * (0.5 * data.sample_time());
+        let ratio = if half.norm() < 1e-4 {
+            1.0 + half * half / 6.0
+        } else {
+            half.sinh() / half
+        };
+        half.exp() * ratio * data.sample_time() / (z - (half * 2.0).exp())
+    }
+    fn rate(self, a: &DMatrix<f64>) -> f64 {
+        a.norm() / (a.nrows().max(1) as f64).sqrt()
+    }
+}
+
+/// Nodes of Gauss-Legendre quadrature on [0, 1] with their weights; node `q` and node `7 - q` sum to one. For a generator
+/// of norm one the rule is exact to rounding.
+const NODES: [(f64, f64); 8] = [
+    (0.019_855_071_751_231_884, 0.050_614_268_145_188_13),
+    (0.101_666_761_293_186_63, 0.111_190_517_226_687_24),
+    (0.237_233_795_041_835_5, 0.156_853_322_938_943_64),
+    (0.408_282_678_752_175_1, 0.181_341_891_689_181),
+    (0.591_717_321_247_825, 0.181_341_891_689_181),
+    (0.762_766_204_958_164_5, 0.156_853_322_938_943_64),
+    (0.898_333_238_706_813_4, 0.111_190_517_226_687_24),
+    (0.980_144_928_248_768_1, 0.050_614_268_145_188_13),
+];
+
+/// Terms of the exponential series: the last is below rounding for a norm of one.
+const TERMS: usize = 19;
+
+/// Most intervals that a sample is divided into: a generator of a larger norm is too stiff for its clock.
+const INTERVALS: usize = 4096;
+
+/// `e^X` for `X = [A B; 0 0] T`, and its Fréchet derivative.
+struct Held {
+    step: DMatrix<f64>,
+    chain: DMatrix<f64>,
+}
+
+impl Held {
+    /// `L(X, E) = int_0^1 e^((1-s) X) E e^(s X) ds` (Higham, Functions of Matrices, 10.2) by quadrature on intervals on
+    /// which X has norm one at most, so that the derivative is a sum of outer products for all entries at once.
+    fn new(generator: &DMatrix<f64>, derivative: Derivative) -> Option<Self> {
+        let (n, all) = generator.shape();
+        let norm = generator.column_iter().map(|c| c.abs().sum()).fold(0.0, f64::max);
+        if norm.is_nan() || norm > INTERVALS as f64 {
+            return None;
+        }
+        let intervals = (norm.ceil() as usize).max(1);
+        let mut x = DMatrix::zeros(all, all);
+        x.rows_mut(0, n).copy_from(&(generator / intervals as f64));
+        let powers = powers(&x);
+        let whole = series(&powers, 1.0);
+        let starts = std::iter::successors(Some(DMatrix::identity(all, all)), |e| Some(e * &whole));
+        let starts: Vec<DMatrix<f64>> = starts.take(intervals + 1).collect();
+        let step = starts[intervals].clone();
+        if !step.iter().all(|v| v.is_finite()) {
+            return None;
+        }
+        if derivative == Derivative::Skip {
+            return Some(Self {
+                step,
+                chain: DMatrix::zeros(0, 0),
+            });
+        }
+        let nodes = NODES.map(|(s, _)| series(&powers, s));
+        let mut chain = DMatrix::zeros(n * all, n * all);
+        for j in 0..intervals {
+            for (q, (_, weight)) in NODES.iter().enumerate() {
+                let before = &nodes[q] * &starts[j];
+                let after = &nodes[7 - q] * &starts[intervals - 1 - j];
+                let weight = weight / intervals as f64;
+                // Entry (i, l) of L moves by after(i, k) before(m, l) with entry (k, m) of E.
+                for m in 0..all {
+                    for k in 0..n {
+                        let mut column = chain.column_mut(m * n + k);
+                        for l in 0..all {
+                            let factor = weight * before[(m, l)];
+                            for i in 0..n {
+                                column[l * n + i] += factor * after[(i, k)];
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        Some(Self { step, chain })
+    }
+}
+
+/// `X^k / k!`.
+fn powers(x: &DMatrix<f64>) -> Vec<DMatrix<f64>> {
+    let first = DMatrix::identity(x.nrows(), x.nrows());
+    let mut powers = vec![first];
+    for k in 1..TERMS {
+        powers.push(&powers[k - 1] * x / k as f64);
+    }
+    powers
+}
+
+/// `e^(s X)`, summed from the smallest term.
+fn series(powers: &[DMatrix<f64>], s: f64) -> DMatrix<f64> {
+    let size = powers[0].nrows();
+    let mut sum = DMatrix::zeros(size, size);
+    for (k, term) in powers.iter().enumerate().rev() {
+        let factor = s.powi(k as i32);
+        sum.zip_apply(term, |sum: &mut f64, term| *sum += factor * term);
+    }
+    sum
+}
+
+/// The rows of the derivative that belong to all of S: identity for C and D.
+pub(crate) fn apply_chain(chain: Option<&DMatrix<f64>>, shape: Shape, columns: DMatrix<f64>) -> DMatrix<f64> {
+    let Some(chain) = chain else {
+        return columns;
+    };
+    let (n, rows) = (shape.states, shape.rows());
+    let top: Vec<usize> = (0..shape.columns())
+        .flat_map(|b| (0..n).map(move |a| b * rows + a))
+        .collect();
+    let moved = chain * columns.select_rows(&top);
+    let mut all = columns;
+    for (from, &to) in top.iter().enumerate() {
+        all.row_mut(to).copy_from(&moved.row(from));
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,111 @@
+//! Settings: unchecked as written, checked once.
+
+use crate::RealizeError;
+
+/// How to refine. Fields are unchecked; [`RefineSettings::check`] gives what [`crate::refine`] accepts.
+///
+/// | field | default | meaning | range |
+/// |---|---|---|---|
+/// | `max_iterations` | 200 | most iterations | 0 to 100000 |
+/// | `tolerance` | 1e-4 | the search ends when eight iterations lower the cost by less than this part | 0 to 0.1, 0 excluded |
+/// | `target` | 0 | the search ends when the rms residual is at most this; see [`crate::ResidualUnit`] | 0 or more |
+/// | `minimax_passes` | 0 | reweighted fits after the search that lower the largest residual of a line | 0 to 1000 |
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RefineSettings {
+    /// Most iterations.
+    pub max_iterations: usize,
+    /// Relative decrease of the cost that counts as none.
+    pub tolerance: f64,
+    /// Rms residual that is low enough.
+    pub target: f64,
+    /// Reweighted fits that lower the largest residual.
+    pub minimax_passes: usize,
+}
+
+impl Default for RefineSettings {
+    fn default() -> Self {
+        Self {
+            max_iterations: 200,
+            tolerance: 1e-4,
+            target: 0.0,
+            minimax_passes: 0,
+        }
+    }
+}
+
+impl RefineSettings {
+    /// The defaults.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+    /// Sets the most iterations.
+    #[must_use]
+    pub fn max_iterations(mut self, iterations: usize) -> Self {
+        self.max_iterations = iterations;
+        self
+    }
+    /// Sets the relative decrease of the cost that counts as none.
+    #[must_use]
+    pub fn tolerance(mut self, tolerance: f64) -> Self {
+        self.tolerance = tolerance;
+        self
+    }
+    /// Sets the rms residual that is low enough.
+    #[must_use]
+    pub fn target(mut self, rms: f64) -> Self {
+        self.target = rms;
+        self
+    }
+    /// Sets the number of reweighted fits.
+    #[must_use]
+    pub fn minimax_passes(mut self, passes: usize) -> Self {
+        self.minimax_passes = passes;
+        self
+    }
+
+    /// Checks every field against the table above.
+    ///
+    /// # Errors
+    /// [`RealizeError::Setting`].
+    pub fn check(self) -> Result<CheckedRefineSettings, RealizeError> {
+        let most = self.max_iterations;
+        range("max_iterations", most as f64, most <= 100_000, "give 0 to 100000")?;
+        let tolerance = self.tolerance;
+        let good = tolerance > 0.0 && tolerance <= 0.1;
+        range("tolerance", tolerance, good, "give above 0, at most 0.1")?;
+        let good = self.target.is_finite() && self.target >= 0.0;
+        range("target", self.target, good, "give a finite number, not negative")?;
+        let passes = self.minimax_passes;
+        range("minimax_passes", passes as f64, passes <= 1000, "give 0 to 1000")?;
+        Ok(CheckedRefineSettings { settings: self })
+    }
+}
+
+/// Refuses a value that is not good.
+pub(crate) fn range(
+    name: &'static str,
+    value: f64,
+    good: bool,
+    allowed: &'static str,
+) -> Result<(), RealizeError> {
+    if good {
+        Ok(())
+    } else {
+        Err(RealizeError::Setting { name, value, allowed })
+    }
+}
+
+/// Settings that passed [`RefineSettings::check`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CheckedRefineSettings {
+    settings: RefineSettings,
+}
+
+impl CheckedRefineSettings {
+    /// The settings, to be read.
+    #[must_use]
+    pub fn get(&self) -> &RefineSettings {
+        &self.settings
+    }
+}

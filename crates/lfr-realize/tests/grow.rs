@@ -1,0 +1,255 @@
+//! LFRs grown from a local model.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up must fail")]
+
+mod common;
+
+use common::*;
+use lfr_realize::{
+    Candidate, DeltaReach, FrozenData, GainFit, GrowSettings, RandomChannels, RealizeError, RefineSettings,
+    StartOutcome, grow,
+};
+use lpv_core::nalgebra::{DMatrix, dmatrix};
+use lpv_core::num_complex::Complex;
+use lpv_core::{Continuous, CoreError, DeltaBlock, Frf, Lfr, SchedulingRange, StateSpace};
+use rand::RngExt;
+
+fn centre(truth: &Candidate<Continuous>) -> StateSpace<Continuous> {
+    truth.frozen(&[2.0]).unwrap()
+}
+
+#[test]
+fn known_lfrs_are_reached_from_their_centre() {
+    for seed in 0..4 {
+        let truth = continuous(2, seed);
+        let data = relative(&truth, &POSITIONS, 50);
+        let settings = GrowSettings::new().target(1e-8).check().unwrap();
+        let local = centre(&truth);
+        let grown = grow(&local, None, &data, &one_parameter(2), &interval(), &settings).unwrap();
+        assert!(grown.reached, "seed {seed}: {:?}", grown.starts);
+        assert!(largest_error(&grown.refined.candidate, &truth) < 1e-6);
+        assert!(matches!(grown.starts.last().unwrap().outcome, StartOutcome::Refined { rms } if rms <= 1e-8));
+        assert_eq!(grown.refined.candidate.delta_count(), 2);
+        // The same again, bit by bit.
+        assert_eq!(
+            grow(&local, None, &data, &one_parameter(2), &interval(), &settings).unwrap(),
+            grown
+        );
+    }
+}
+
+/// If the deltas reach states only, there is no direct term at any p, and C does not depend on p.
+#[test]
+fn outputs_see_states_only() {
+    let truth = continuous(2, 1);
+    let data = relative(&truth, &POSITIONS, 50);
+    let d21 = |reach: DeltaReach| {
+        let settings = GrowSettings::new().reach(reach).restarts(0).check().unwrap();
+        let grown = grow(
+            &centre(&truth),
+            None,
+            &data,
+            &one_parameter(2),
+            &interval(),
+            &settings,
+        )
+        .unwrap();
+        let lfr = grown.refined.candidate.to_lfr().unwrap();
+        let frozen = [1.0, 3.0].map(|p| lfr.frozen(&[p]).unwrap());
+        let moves = (frozen[0].c() - frozen[1].c()).amax() + frozen[0].d().amax();
+        (lfr.blocks().d21.amax(), moves, grown.refined.account.rms)
+    };
+    let (states, outputs) = (d21(DeltaReach::States), d21(DeltaReach::Outputs));
+    assert_eq!((states.0, states.1), (0.0, 0.0));
+    assert!(outputs.0 > 0.0 && outputs.1 > 0.0 && outputs.2 < states.2);
+}
+
+#[test]
+fn discrete_lfrs_grow_too() {
+    let truth = discrete(1, 3);
+    let data = relative(&truth, &POSITIONS, 50);
+    let local = truth.frozen(&[2.0]).unwrap();
+    let settings = GrowSettings::new().target(1e-8).check().unwrap();
+    let grown = grow(&local, None, &data, &one_parameter(1), &interval(), &settings).unwrap();
+    assert!(grown.reached && largest_error(&grown.refined.candidate, &truth) < 1e-6);
+}
+
+/// Two parameters, in rings of positions.
+#[test]
+fn two_parameters_in_rings() {
+    let range = SchedulingRange::new(vec![[1.0, 3.0], [-0.5, 0.1]]).unwrap();
+    let deltas: Vec<DeltaBlock> = [0, 1]
+        .map(|parameter| DeltaBlock {
+            parameter,
+            repetitions: 1,
+        })
+        .to_vec();
+    let lfr = Lfr::new(blocks(SLOW, 2, 2, 4), deltas.clone(), range.clone(), Continuous).unwrap();
+    let truth = Candidate::from_lfr(&lfr).unwrap();
+    let at = |p: Vec<f64>| (p.clone(), truth.response(&p, &lines(30)));
+    let data: Vec<(Vec<f64>, Frf)> = range.grid(5).into_iter().map(at).collect();
+    let data = FrozenData::relative(clock(), &data).unwrap();
+    let local = truth.frozen(&range.centre()).unwrap();
+    for rings in [1, 3] {
+        let settings = GrowSettings::new().rings(rings).target(1e-8).check().unwrap();
+        let grown = grow(&local, None, &data, &deltas, &range, &settings).unwrap();
+        assert!(grown.reached, "{:?}", grown.starts);
+        let p = [1.3, -0.44];
+        let error = grown.refined.candidate.response(&p, &lines(33));
+        let error = error.relative_error(&truth.response(&p, &lines(33))).unwrap();
+        assert!(error.into_iter().all(|e| e < 1e-6));
+    }
+}
+
+/// One delta cannot do what three do: every start is used up, the best is kept, and the account says so.
+#[test]
+fn targets_out_of_reach_are_results() {
+    let truth = continuous(3, 7);
+    let data = relative(&truth, &POSITIONS, 40);
+    let settings = GrowSettings::new()
+        .seed(5)
+        .restarts(2)
+        .target(1e-9)
+        .check()
+        .unwrap();
+    let grown = grow(
+        &centre(&truth),
+        None,
+        &data,
+        &one_parameter(1),
+        &interval(),
+        &settings,
+    )
+    .unwrap();
+    assert!(!grown.reached);
+    assert_eq!(grown.starts.iter().map(|s| s.seed).collect::<Vec<_>>(), [5, 6, 7]);
+    let refined: Vec<_> = grown
+        .starts
+        .iter()
+        .filter(|s| matches!(s.outcome, StartOutcome::Refined { .. }))
+        .collect();
+    assert_eq!(refined.len(), 1);
+    assert!(
+        grown
+            .starts
+            .iter()
+            .all(|s| s.thinned_rms >= refined[0].thinned_rms)
+    );
+    assert!(grown.refined.account.rms > 1e-6);
+}
+
+/// A gain that comes from one noisy position is 2 % off; freed, it follows all positions.
+#[test]
+fn a_free_gain_is_fitted_to_all_positions() {
+    let local = StateSpace::new(
+        dmatrix![-0.2, 2.0; -2.0, -0.2],
+        dmatrix![1.0, 0.4; 0.3, 1.0],
+        dmatrix![1.0, 0.2; -0.5, 1.0],
+        DMatrix::zeros(2, 2),
+        Continuous,
+    )
+    .unwrap();
+    let gamma = dmatrix![1.0, 0.0; 0.0, 2.0];
+    let random = RandomChannels { seed: 2, size: 0.04 };
+    let truth = Candidate::flexible(&local, Some(&gamma), &one_parameter(1), interval(), random).unwrap();
+    assert!(POSITIONS.iter().all(|p| {
+        truth
+            .frozen(&[*p])
+            .unwrap()
+            .poles()
+            .unwrap()
+            .iter()
+            .all(|s| s.re <= 0.0)
+    }));
+    let mut rng = rng(1);
+    let mut noisy = responses(&truth, &POSITIONS, 60);
+    for (_, frf) in &mut noisy {
+        for k in 0..frf.len() {
+            let size = 0.01 * frf.line(k).norm();
+            frf.line_slice_mut(k).iter_mut().for_each(|v| {
+                *v += Complex::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)) * size
+            });
+        }
+    }
+    let data = FrozenData::relative(clock(), &noisy).unwrap();
+    let start = &gamma * 1.02;
+    let fit = |gain: GainFit| {
+        let settings = GrowSettings::new().gain(gain).restarts(1).check().unwrap();
+        let grown = grow(
+            &local,
+            Some(&start),
+            &data,
+            &one_parameter(1),
+            &interval(),
+            &settings,
+        )
+        .unwrap();
+        let m = grown.refined.candidate.matrix().clone();
+        (m.view((2, 6), (2, 2)).into_owned(), grown.refined.account.rms)
+    };
+    let (fixed, fixed_rms) = fit(GainFit::Fixed);
+    assert_eq!(fixed, start);
+    let (free, free_rms) = fit(GainFit::Free);
+    assert!((&free - &gamma).amax() < 0.005, "{free}");
+    assert_eq!((free[(0, 1)], free[(1, 0)]), (0.0, 0.0));
+    assert!(free_rms < fixed_rms);
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let truth = continuous(1, 1);
+    let data = relative(&truth, &POSITIONS, 30);
+    let settings = GrowSettings::new().check().unwrap();
+    let local = centre(&truth);
+    let deltas = one_parameter(1);
+    let refused = |deltas: &[DeltaBlock], range: SchedulingRange, gamma: Option<&DMatrix<f64>>| {
+        grow(&local, gamma, &data, deltas, &range, &settings).unwrap_err()
+    };
+    assert_eq!(
+        refused(&[], interval(), None),
+        RealizeError::Empty { what: "deltas" }
+    );
+    assert_eq!(
+        refused(&one_parameter(0), interval(), None),
+        RealizeError::Empty { what: "deltas" }
+    );
+    let narrow = SchedulingRange::interval(1.5, 3.0).unwrap();
+    assert!(matches!(
+        refused(&deltas, narrow, None),
+        RealizeError::Core(CoreError::OutsideRange { .. })
+    ));
+    let unknown = [DeltaBlock {
+        parameter: 1,
+        repetitions: 1,
+    }];
+    assert!(matches!(
+        refused(&unknown, interval(), None),
+        RealizeError::Core(CoreError::Dimension { .. })
+    ));
+    assert!(matches!(
+        refused(&deltas, interval(), Some(&DMatrix::zeros(2, 3))),
+        RealizeError::Core(CoreError::Dimension { found: 3, .. })
+    ));
+    assert!(matches!(
+        discrete(1, 1).with_free_gain(),
+        Err(RealizeError::Core(CoreError::Dimension {
+            expected: 4,
+            found: 2,
+            ..
+        }))
+    ));
+    for (name, settings) in [
+        ("size", GrowSettings::new().size(0.0)),
+        ("restarts", GrowSettings::new().restarts(1001)),
+        ("rings", GrowSettings::new().rings(0)),
+        ("lines", GrowSettings::new().lines(0)),
+        ("start_iterations", GrowSettings::new().start_iterations(0)),
+        ("target", GrowSettings::new().target(0.0)),
+        (
+            "tolerance",
+            GrowSettings::new().refine(RefineSettings::new().tolerance(1.0)),
+        ),
+    ] {
+        assert!(matches!(settings.check(), Err(RealizeError::Setting { name: n, .. }) if n == name));
+    }
+}

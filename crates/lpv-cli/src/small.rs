@@ -1,0 +1,339 @@
+//! The small LFR: the flexible part with as few deltas as reach the noise, in coordinates that stand still when p moves.
+
+use crate::PipelineError;
+use crate::config::IdentifyConfig;
+use crate::poles::PoleStage;
+use lfr_realize::moving::{MovingData, refine_with_moves, settle, simulate_errors, turn};
+use lfr_realize::{
+    Candidate, DeltaSplit, FrozenData, GrowSettings, Grown, LocalSettings, MechanicalForm, RealizeError,
+    RefineSettings, Refined, ResidualUnit, grow, local_model, refine,
+};
+use lpv_core::nalgebra::DMatrix;
+use lpv_core::num_complex::Complex;
+use lpv_core::{Continuous, DeltaBlock, Discrete, FrfEstimate, Lfr, SchedulingRange};
+use serde::{Deserialize, Serialize};
+
+/// A small LFR with its account.
+#[derive(Debug, Clone)]
+pub struct SmallStage {
+    /// The model.
+    pub lfr: Lfr<Continuous>,
+    /// Sizes that were tried, in order.
+    pub sizes: Vec<SizeRow>,
+    /// The fit to the frozen responses, with its covariance.
+    pub fit: Refined<Continuous>,
+    /// What the moving records added; none without them.
+    pub moving: Option<MovingStage>,
+    /// Whether the residual of the frozen responses is their noise.
+    pub at_noise: bool,
+    /// The choices in words.
+    pub reasons: Vec<String>,
+}
+
+/// One size.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SizeRow {
+    /// States.
+    pub states: usize,
+    /// Deltas.
+    pub deltas: usize,
+    /// Rms residual of the frozen responses, in units of their deviation; relative where they have none.
+    pub residual: f64,
+    /// Starts that it took.
+    pub starts: usize,
+}
+
+/// What records along a moving p added.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MovingStage {
+    /// Deltas of the inner forces, of the outputs, and of the accelerations.
+    pub deltas: [usize; 3],
+    /// Rms error along the records in units of the noise of a sample: the frozen model, with its coordinates turned, and
+    /// after the joint refinement.
+    pub over_noise: [f64; 3],
+    /// Rms residual of the frozen responses after it.
+    pub frozen_residual: f64,
+}
+
+/// Numbers of deltas that are tried.
+const DELTAS: std::ops::RangeInclusive<usize> = 1..=6;
+
+/// Deltas of forces, outputs and accelerations that are tried, in this order, where p moves.
+const SPLITS: [[usize; 3]; 4] = [[1, 0, 1], [1, 1, 1], [1, 0, 2], [1, 1, 2]];
+
+/// Residuals up to this many times what noise alone leaves are noise.
+const AT_NOISE: f64 = 1.1;
+
+/// Degree of the polynomials in which the state basis turns.
+const TURNING_DEGREE: usize = 3;
+
+/// Poles with more damping belong to no mode.
+const MOST_DAMPING: f64 = 0.5;
+
+/// Fits a small LFR, or says why there is none.
+///
+/// # Errors
+/// Failures of the numerics. A machine that the structure does not fit is a reason, not an error.
+pub fn small_lfr(
+    estimates: &[FrfEstimate],
+    poles: &PoleStage,
+    clock: Discrete,
+    moves: Option<&MovingData>,
+    config: &IdentifyConfig,
+) -> Result<Result<SmallStage, String>, PipelineError> {
+    match attempt(estimates, poles, clock, moves, config) {
+        Ok(stage) => Ok(Ok(stage)),
+        Err(PipelineError::Realize(refused)) => Ok(Err(format!("no small LFR: {refused}"))),
+        Err(other) => Err(other),
+    }
+}
+
+fn attempt(
+    estimates: &[FrfEstimate],
+    poles: &PoleStage,
+    clock: Discrete,
+    moves: Option<&MovingData>,
+    config: &IdentifyConfig,
+) -> Result<SmallStage, PipelineError> {
+    let positions: Vec<f64> = estimates.iter().map(|e| e.position().unwrap_or(0.0)).collect();
+    let (low, high) = crate::signal::range(&positions);
+    let range = SchedulingRange::interval(low, high)?;
+    // The last counts the noise alone. A relative error beside it keeps lines that are known very well from deciding
+    // before the model is near.
+    let stages = [0.05, 0.005, 5e-4, 0.0].map(|error| frozen_data(estimates, &positions, clock, error));
+    let stages = stages.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let data = &stages[3];
+    let centre = range.centre()[0];
+    let nearest = (0..positions.len())
+        .min_by(|&a, &b| {
+            (positions[a] - centre)
+                .abs()
+                .total_cmp(&(positions[b] - centre).abs())
+        })
+        .unwrap_or(0);
+    let middle = data.subset(|p| p[0] == positions[nearest])?;
+    let modes: Vec<Complex<f64>> = poles.fits[nearest]
+        .flexible_poles()
+        .into_iter()
+        .filter(|z| {
+            let s = z.ln();
+            z.im != 0.0 && -s.re <= MOST_DAMPING * s.norm()
+        })
+        .collect();
+    if modes.is_empty() {
+        return Err(RealizeError::Empty {
+            what: "lightly damped modes at the middle position",
+        }
+        .into());
+    }
+    let local = local_model(Continuous, &middle, &modes, &LocalSettings::new().check()?)?;
+    let mut reasons = Vec::new();
+    let mut sizes = Vec::new();
+    let mut best: Option<Grown<Continuous>> = None;
+    for deltas in DELTAS {
+        let mut settings = GrowSettings::new().seed(config.seed).restarts(2);
+        if data.unit() == ResidualUnit::StandardDeviation {
+            settings = settings.target(AT_NOISE * expected_residual(estimates));
+        }
+        let settings = settings.check()?;
+        let blocks = [DeltaBlock {
+            parameter: 0,
+            repetitions: deltas,
+        }];
+        let grown = match grow(
+            &local.flexible,
+            local.gamma.as_ref(),
+            data,
+            &blocks,
+            &range,
+            &settings,
+        ) {
+            Ok(grown) => grown,
+            // Another number of deltas may have a start.
+            Err(RealizeError::Start { .. }) => continue,
+            Err(other) => return Err(other.into()),
+        };
+        sizes.push(SizeRow {
+            states: grown.refined.candidate.states(),
+            deltas,
+            residual: grown.refined.account.rms,
+            starts: grown.starts.len(),
+        });
+        let reached = grown.reached;
+        if best
+            .as_ref()
+            .is_none_or(|b| grown.refined.account.rms < b.refined.account.rms)
+        {
+            best = Some(grown);
+        }
+        if reached {
+            break;
+        }
+    }
+    let Some(best) = best else {
+        return Err(RealizeError::Empty {
+            what: "sizes with a start that has a response at every position",
+        }
+        .into());
+    };
+    let tried: Vec<String> = sizes
+        .iter()
+        .map(|s| format!("{}: {:.3}", s.deltas, s.residual))
+        .collect();
+    reasons.push(format!(
+        "small LFR: {} states with the rigid body exact, residual over the noise of the responses by deltas ({}){}",
+        best.refined.candidate.states(),
+        tried.join(", "),
+        if best.reached { "" } else { "; the noise is not reached" }
+    ));
+    let mut stage = SmallStage {
+        lfr: best.refined.candidate.to_lfr()?,
+        sizes,
+        at_noise: best.reached,
+        fit: best.refined,
+        moving: None,
+        reasons: Vec::new(),
+    };
+    match (moves, &local.gamma) {
+        (Some(moves), Some(_)) => match along(&stage.fit, &stages, moves, config.seed) {
+            Ok(Some((candidate, fit, account))) => {
+                reasons.push(format!(
+                    "moving records: error {:.3} times the noise with the coordinates of the frozen model, {:.3} with turning ones, {:.3} after the joint refinement in coordinates that stand still ({} + {} + {} deltas); frozen residual {:.3}",
+                    account.over_noise[0],
+                    account.over_noise[1],
+                    account.over_noise[2],
+                    account.deltas[0],
+                    account.deltas[1],
+                    account.deltas[2],
+                    account.frozen_residual
+                ));
+                stage.lfr = candidate.to_lfr()?;
+                stage.fit = fit;
+                stage.moving = Some(account);
+            }
+            Ok(None) => reasons.push(
+                "moving records: no LFR of the mechanical structure explains the responses and the records; the model holds for slow p only".to_owned(),
+            ),
+            Err(refused) => reasons.push(format!("{refused}; the model holds for slow p only")),
+        },
+        _ => reasons.push(
+            "no records along a moving p in a known loop: the state coordinates are not the machine's, so the model holds while p moves slowly against the modes".to_owned(),
+        ),
+    }
+    stage.reasons = reasons;
+    Ok(stage)
+}
+
+/// Rms residual that noise alone leaves, where its covariance is estimated from `nu` degrees of freedom: the inverse of
+/// the estimate is `nu / (nu - n_y)` too large in the mean.
+fn expected_residual(estimates: &[FrfEstimate]) -> f64 {
+    let factors: Vec<f64> = estimates
+        .iter()
+        .map(|e| {
+            let (nu, ny) = (e.degrees_of_freedom(), e.frf().outputs() as f64);
+            if nu > ny { (nu / (nu - ny)).sqrt() } else { 1.0 }
+        })
+        .collect();
+    crate::signal::median(&factors)
+}
+
+/// Weighted by the covariance; by the size of the responses where they have no noise.
+fn frozen_data(
+    estimates: &[FrfEstimate],
+    positions: &[f64],
+    clock: Discrete,
+    model_error: f64,
+) -> Result<FrozenData, RealizeError> {
+    let at = |i: usize| vec![positions[i]];
+    let weighted: Vec<_> = estimates
+        .iter()
+        .enumerate()
+        .map(|(i, e)| (at(i), e.clone()))
+        .collect();
+    match FrozenData::weighted(clock, &weighted, model_error) {
+        Err(RealizeError::Line { .. }) => {
+            let plain: Vec<_> = estimates
+                .iter()
+                .enumerate()
+                .map(|(i, e)| (at(i), e.frf().clone()))
+                .collect();
+            FrozenData::relative(clock, &plain)
+        }
+        other => other,
+    }
+}
+
+type Along = (Candidate<Continuous>, Refined<Continuous>, MovingStage);
+
+/// The frozen model in coordinates that stand still along the records.
+fn along(
+    fit: &Refined<Continuous>,
+    stages: &[FrozenData],
+    moves: &MovingData,
+    seed: u64,
+) -> Result<Option<Along>, RealizeError> {
+    const STARTS: usize = 4;
+    let [first_stage, .., data] = stages else {
+        return Ok(None);
+    };
+    let rms = |errors: &[DMatrix<f64>]| {
+        let squares: f64 = errors
+            .iter()
+            .flat_map(DMatrix::row_iter)
+            .zip(moves.noise().iter().cycle())
+            .map(|(row, noise)| row.norm_squared() / (noise * noise))
+            .sum();
+        (squares / moves.equations() as f64).sqrt()
+    };
+    let form = MechanicalForm::new(&fit.candidate, data)?;
+    let settings = RefineSettings::new().max_iterations(10).tolerance(1e-2).check()?;
+    let turned = turn(&form, moves, TURNING_DEGREE, &settings)?;
+    let (first, last) = (
+        turned.account.rms[0],
+        *turned.account.rms.last().unwrap_or(&f64::NAN),
+    );
+    let enough = AT_NOISE * fit.account.rms.max(f64::MIN_POSITIVE);
+    let joint = RefineSettings::new().max_iterations(15).tolerance(1e-3).check()?;
+    let frozen_only = RefineSettings::new().max_iterations(0).check()?;
+    let mut best: Option<Along> = None;
+    for [forces, outputs, accelerations] in SPLITS {
+        let split = DeltaSplit {
+            forces,
+            outputs,
+            accelerations,
+        };
+        let settled = match settle(&form, &turned.turning, first_stage, split, STARTS, seed) {
+            Ok(settled) => settled,
+            Err(RealizeError::Start { .. }) => continue,
+            Err(other) => return Err(other),
+        };
+        let mut polished = refine(&settled.candidate, first_stage, &frozen_only)?;
+        for stage in stages {
+            let settings = RefineSettings::new().max_iterations(60).tolerance(1e-2).check()?;
+            polished = refine(&polished.candidate, stage, &settings)?;
+        }
+        if polished.account.rms > enough {
+            continue;
+        }
+        let refined = match refine_with_moves(&polished.candidate, data, moves, &joint) {
+            Ok(refined) => refined,
+            Err(RealizeError::Moving { .. }) => continue,
+            Err(other) => return Err(other),
+        };
+        let error = rms(&simulate_errors(&refined.candidate, moves)?);
+        if best.as_ref().is_none_or(|b| error < b.2.over_noise[2]) {
+            let account = MovingStage {
+                deltas: [forces, outputs, accelerations],
+                over_noise: [first, last, error],
+                frozen_residual: refined.account.frozen_rms[1],
+            };
+            let fit = refine(&refined.candidate, data, &frozen_only)?;
+            best = Some((refined.candidate, fit, account));
+        }
+        // Better than coordinates that may turn freely: nothing is left to explain.
+        if error <= last.min(first) || error <= AT_NOISE {
+            break;
+        }
+    }
+    Ok(best)
+}

@@ -107,8 +107,8 @@ pub fn grow<K: Sampling>(
             size: set.size,
         };
         let mut start = Candidate::flexible(local, gamma, deltas, scheduling.clone(), random)?;
-        if set.reach == DeltaReach::States {
-            start = start.with_states_only()?;
+        if set.reach == DeltaReach::Outputs {
+            start = start.with_free_outputs()?;
         }
         match widen(start, &rings, &quick, &mut account) {
             Ok(grown) => {

@@ -13,7 +13,7 @@ use rand_distr::{Distribution, StandardNormal};
 pub struct RandomChannels {
     /// Same seed, same channels.
     pub seed: u64,
-    /// Size of B1 and D21 relative to A and C: how far the start lets a delta of one move the model.
+    /// Size of B1 relative to A: how far the start lets a delta of one move the model.
     pub size: f64,
 }
 
@@ -30,8 +30,9 @@ impl<K: Sampling> Candidate<K> {
     /// `2 n_y` states come first, with `gamma` in rows `n_y` to `2 n_y` of B2. Their entries are fixed and the deltas do
     /// not touch them, so that they stay exact; [`Candidate::with_free_gain`] frees the gain.
     ///
-    /// All entries of the flexible part are free but D22; [`Candidate::with_states_only`] fixes D21 too. The scale of the
-    /// channels follows that of the model, whatever its units.
+    /// All entries of the flexible part are free but D22 and D21: the outputs see states only, so that C does not depend
+    /// on p and no response has a direct term, as that of a plant behind a hold; [`Candidate::with_free_outputs`] frees
+    /// D21. The scale of the channels follows that of the model, whatever its units.
     ///
     /// # Errors
     /// [`RealizeError::Core`]: sizes that do not fit, a delta of a parameter that the range does not have.
@@ -142,17 +143,16 @@ impl<K: Sampling> Candidate<K> {
         self.with_free(free)
     }
 
-    /// The same candidate with D21 fixed at zero: the outputs see states only, so that C does not depend on p and no
-    /// response has a direct term, as that of a plant behind a hold. The same frozen responses may take more deltas.
+    /// The same candidate with D21 free: the deltas reach the outputs directly, C and D depend on p. Fewer deltas may
+    /// then do for the same frozen responses, at the price of a direct term that a plant behind a hold does not have.
     ///
     /// # Errors
     /// None beyond those of [`Candidate::with_free`].
-    pub fn with_states_only(self) -> Result<Self, RealizeError> {
+    pub fn with_free_outputs(self) -> Result<Self, RealizeError> {
         let (n, nu, ny) = (self.states(), self.inputs(), self.outputs());
-        let (mut matrix, mut free) = (self.matrix().clone(), self.free().clone());
+        let mut free = self.free().clone();
         let columns = free.ncols() - n - nu;
-        matrix.view_mut((n, n + nu), (ny, columns)).fill(0.0);
-        free.view_mut((n, n + nu), (ny, columns)).fill(false);
-        self.with_matrix(matrix).with_free(free)
+        free.view_mut((n, n + nu), (ny, columns)).fill(true);
+        self.with_free(free)
     }
 }

@@ -23,7 +23,11 @@ fn known_lfrs_are_reached_from_their_centre() {
     for seed in 0..4 {
         let truth = continuous(2, seed);
         let data = relative(&truth, &POSITIONS, 50);
-        let settings = GrowSettings::new().target(1e-8).check().unwrap();
+        let settings = GrowSettings::new()
+            .reach(DeltaReach::Outputs)
+            .target(1e-8)
+            .check()
+            .unwrap();
         let local = centre(&truth);
         let grown = grow(&local, None, &data, &one_parameter(2), &interval(), &settings).unwrap();
         assert!(grown.reached, "seed {seed}: {:?}", grown.starts);
@@ -69,7 +73,11 @@ fn discrete_lfrs_grow_too() {
     let truth = discrete(1, 3);
     let data = relative(&truth, &POSITIONS, 50);
     let local = truth.frozen(&[2.0]).unwrap();
-    let settings = GrowSettings::new().target(1e-8).check().unwrap();
+    let settings = GrowSettings::new()
+        .reach(DeltaReach::Outputs)
+        .target(1e-8)
+        .check()
+        .unwrap();
     let grown = grow(&local, None, &data, &one_parameter(1), &interval(), &settings).unwrap();
     assert!(grown.reached && largest_error(&grown.refined.candidate, &truth) < 1e-6);
 }
@@ -91,7 +99,12 @@ fn two_parameters_in_rings() {
     let data = FrozenData::relative(clock(), &data).unwrap();
     let local = truth.frozen(&range.centre()).unwrap();
     for rings in [1, 3] {
-        let settings = GrowSettings::new().rings(rings).target(1e-8).check().unwrap();
+        let settings = GrowSettings::new()
+            .reach(DeltaReach::Outputs)
+            .rings(rings)
+            .target(1e-8)
+            .check()
+            .unwrap();
         let grown = grow(&local, None, &data, &deltas, &range, &settings).unwrap();
         assert!(grown.reached, "{:?}", grown.starts);
         let p = [1.3, -0.44];

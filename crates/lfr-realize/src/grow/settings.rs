@@ -16,11 +16,11 @@ pub enum GainFit {
 /// What the deltas may reach.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum DeltaReach {
-    /// States and outputs, through B1 and D21.
+    /// The states only: C does not depend on p, and no response has a direct term.
     #[default]
-    Outputs,
-    /// The states only, see [`crate::Candidate::with_states_only`]: more deltas may be needed.
     States,
+    /// The outputs too, see [`crate::Candidate::with_free_outputs`]: fewer deltas may do.
+    Outputs,
 }
 
 /// How to grow. Fields are unchecked; [`GrowSettings::check`] gives what [`crate::grow`] accepts.
@@ -33,7 +33,7 @@ pub enum DeltaReach {
 /// | `rings` | 1 | stages in which positions enter, from the centre of the range outward; 1: all at once | 1 to 1000 |
 /// | `lines` | 40 | lines a position before the long fit | 1 or more |
 /// | `start_iterations` | 100 | most iterations of a stage before the long fit | 1 to 100000 |
-/// | `reach` | `Outputs` | whether D21 is free | |
+/// | `reach` | `States` | whether D21 is free | |
 /// | `gain` | `Fixed` | whether the long fit moves the gain of the rigid body | |
 /// | `target` | `None` | rms residual at which no further start is needed; `None`: 3e-5 relative, 1.1 standard deviations | above 0 |
 /// | `refine` | those of [`RefineSettings`] | the long fit | |

@@ -250,7 +250,8 @@ fn walk<D: Dynamics>(
             }
         }
         visit(sample, &e, &sy);
-        if !(e.amax() <= limit) {
+        let error = e.amax();
+        if error.is_nan() || error > limit {
             return None;
         }
         signal.rows_mut(0, n).copy_from(&x);

@@ -57,7 +57,7 @@ pub fn settle(
         .collect();
     let found = found.into_iter().collect::<Result<Vec<_>, _>>()?;
     let differences: Vec<f64> = found.iter().map(|f| f.1).collect();
-    let pulled: Vec<Result<(Candidate<Continuous>, f64, f64), RealizeError>> = found
+    let pulled: Vec<Result<Pull, RealizeError>> = found
         .into_par_iter()
         .filter(|(_, difference)| difference.is_finite())
         .map(|(start, difference)| {
@@ -77,6 +77,9 @@ pub fn settle(
         starts: differences,
     })
 }
+
+/// A candidate with its difference from the targets before, and its cost after being pulled to the responses.
+type Pull = (Candidate<Continuous>, f64, f64);
 
 /// Moves the LFR to where it fits the frozen responses, as near to the targets as that allows.
 fn pull(

@@ -86,8 +86,10 @@ pub(super) fn slope_start(
     Ok(plain.with_matrix(m))
 }
 
+type Triple = (DVector<f64>, DVector<f64>);
+
 /// `sum_k left_k right_k^T`, the balanced singular triples.
-fn low_rank(m: DMatrix<f64>, rank: usize) -> Result<Vec<(DVector<f64>, DVector<f64>)>, RealizeError> {
+fn low_rank(m: DMatrix<f64>, rank: usize) -> Result<Vec<Triple>, RealizeError> {
     let svd = m.svd(true, true);
     let (Some(u), Some(v)) = (svd.u, svd.v_t) else {
         return Err(RealizeError::NoConvergence {

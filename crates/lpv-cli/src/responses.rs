@@ -221,9 +221,8 @@ pub(crate) fn rests(p: &[f64]) -> bool {
 fn rest_position(record: &mut Record) {
     if record.position.is_none()
         && let [p] = record.scheduling.columns.as_slice()
+        && rests(p)
     {
-        if rests(p) {
-            record.position = Some(p.iter().sum::<f64>() / p.len() as f64);
-        }
+        record.position = Some(p.iter().sum::<f64>() / p.len() as f64);
     }
 }

@@ -1,15 +1,18 @@
 //! From turning coordinates to coordinates that stand still, and an LFR there.
 
-use super::turning::Turning;
+use super::turning::{Turning, TurningFit};
 use crate::frozen::{Closure, close};
 use crate::problem::{Cost, Linear, Problem};
 use crate::search::{Limits, Objective, search};
-use crate::{Candidate, DeltaSplit, FrozenData, MechanicalForm, RandomChannels, RealizeError};
+use crate::{Candidate, DeltaSplit, FrozenData, MechanicalForm, RandomChannels, RealizeError, ResidualUnit};
 use lpv_core::Continuous;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+mod coordinates;
 mod start;
+
+use coordinates::Coordinates;
 
 use start::slope_start;
 
@@ -18,31 +21,36 @@ use start::slope_start;
 pub struct Settled {
     /// The LFR, in the mechanical structure.
     pub candidate: Candidate<Continuous>,
-    /// Rms difference of its matrices from those of the turned model, relative to their natural sizes.
+    /// Rms difference of the matrices of the best start from those of the turned model, relative to their natural sizes.
     pub difference: f64,
     /// The differences of all starts, in the order of their seeds.
     pub starts: Vec<f64>,
+    /// Rms residual of the frozen responses that came last, in their unit.
+    pub frozen_rms: f64,
+    /// Rms error along the records in units of their noise, as its linearisation in G has it.
+    pub moving_rms: f64,
 }
 
 /// Positions at which the matrices are compared.
 const POSITIONS: usize = 13;
 
 /// Takes a frozen model in mechanical coordinates, with the rate at which they turn, to `x = T(p) x~`, where the
-/// machine's coordinates stand still, and fits an LFR of the mechanical structure with the given deltas to
-/// `T A T^-1, T B, C T^-1` at positions over the range: from `starts` random starts, each with growing range. Cheap: no
-/// response is computed.
+/// machine's coordinates stand still, and fits an LFR of the mechanical structure with the given deltas, in two steps that
+/// simulate nothing. From `starts` random starts it is fitted to the matrices `T A T^-1, T B, C T^-1` over the range; the
+/// one that comes nearest is then fitted to frozen responses and to what the records say about G together. `data` are
+/// the responses, from tolerant weights to those that count; the weight of the records grows along with them.
 ///
 /// # Errors
-/// [`RealizeError::Start`] if T(p) is singular; those of the structure.
+/// [`RealizeError::Start`] if T(p) is singular, or no start is well-posed over the range; those of the structure.
 pub fn settle(
     form: &MechanicalForm,
-    turning: &Turning,
-    data: &FrozenData,
+    fit: &TurningFit,
+    data: &[FrozenData],
     split: DeltaSplit,
     starts: usize,
     seed: u64,
 ) -> Result<Settled, RealizeError> {
-    let targets = targets(form, turning)?;
+    let targets = targets(form, &fit.turning)?;
     let found: Vec<Result<(Candidate<Continuous>, f64), RealizeError>> = (0..starts.max(1))
         .into_par_iter()
         .map(|start| {
@@ -52,100 +60,125 @@ pub fn settle(
                 size: if start == 0 { 0.0 } else { 1.0 },
             };
             let first = slope_start(form, split, &targets, random)?;
-            fit(&first, form.scales(), &targets)
+            fit_matrices(&first, form.scales(), &targets)
         })
         .collect();
-    let found = found.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let differences: Vec<f64> = found.iter().map(|f| f.1).collect();
-    let pulled: Vec<Result<Pull, RealizeError>> = found
-        .into_par_iter()
+    let found: Vec<_> = found.into_iter().collect::<Result<_, _>>()?;
+    let starts: Vec<f64> = found.iter().map(|(_, difference)| *difference).collect();
+    let best = found
+        .into_iter()
         .filter(|(_, difference)| difference.is_finite())
-        .map(|(start, difference)| {
-            let (candidate, cost) = pull(&start, form.scales(), &targets, data)?;
-            Ok((candidate, difference, cost))
-        })
-        .collect();
-    let pulled = pulled.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let best = pulled.into_iter().min_by(|a, b| a.2.total_cmp(&b.2));
-    let (candidate, difference, _) = best.ok_or(RealizeError::Start {
+        .min_by(|a, b| a.1.total_cmp(&b.1));
+    let (near, difference) = best.ok_or_else(|| RealizeError::Start {
         p: form.range().centre(),
-        problem: "no start of this structure is well-posed over the range",
+        problem: "no LFR of this structure is well-posed over the range",
     })?;
+    let settled = with_records(near, form, fit, data)?;
     Ok(Settled {
-        candidate,
         difference,
-        starts: differences,
+        starts,
+        ..settled
     })
 }
 
-/// A candidate with its difference from the targets before, and its cost after being pulled to the responses.
-type Pull = (Candidate<Continuous>, f64, f64);
+/// Steps from the first weight of the records to the last.
+const STEPS: usize = 4;
 
-/// Moves the LFR to where it fits the frozen responses, as near to the targets as that allows.
-fn pull(
-    candidate: &Candidate<Continuous>,
-    scales: &[f64],
-    targets: &[Target],
-    data: &FrozenData,
-) -> Result<(Candidate<Continuous>, f64), RealizeError> {
-    let mut candidate = candidate.clone();
-    let mut cost = f64::INFINITY;
-    let mut weight = None;
-    for part in [1e-2, 1e-3, 1e-4] {
-        let before = candidate.clone();
-        let (problem, matrices) = (
-            Problem::new(&before, data)?,
-            Matrices::new(&before, scales, targets, 1.01),
-        );
-        // The distance counts as a part of what the start misses of the responses, whatever their unit.
-        let theta = problem.theta(&before);
-        let (Some(responses), Some(distance)) = (problem.cost(&theta), matrices.cost(&theta)) else {
-            return Ok((candidate, f64::INFINITY));
-        };
-        let whole: f64 =
-            *weight.get_or_insert((responses.total / distance.total.max(f64::MIN_POSITIVE)).sqrt());
-        let objective = Pulled {
-            problem,
-            matrices,
-            weight: whole * part,
+/// Lines a position: for coordinates few are enough.
+const LINES: usize = 80;
+
+/// One standard deviation of an error of the records weighs as much as this relative error of a response without noise.
+const RELATIVE: f64 = 1e-3;
+
+/// The second step of [`settle`].
+fn with_records(
+    near: Candidate<Continuous>,
+    form: &MechanicalForm,
+    fit: &TurningFit,
+    data: &[FrozenData],
+) -> Result<Settled, RealizeError> {
+    let coordinates = Coordinates::new(form, fit, &near)?;
+    let thinned: Vec<FrozenData> = data.iter().map(|d| d.thinned(LINES)).collect();
+    let (Some(first), Some(last)) = (thinned.first(), thinned.last()) else {
+        return Err(RealizeError::Empty {
+            what: "frozen responses",
+        });
+    };
+    let final_weight = match last.unit() {
+        ResidualUnit::StandardDeviation => 1.0,
+        ResidualUnit::Relative => RELATIVE,
+    };
+    // At first the records weigh as much as the responses, whatever they miss.
+    let problem = Problem::new(&near, first)?;
+    let frozen = problem
+        .cost(&problem.theta(&near))
+        .ok_or_else(|| problem.no_start())?;
+    let moving = coordinates
+        .residual(&near)
+        .ok_or_else(|| problem.no_start())?
+        .norm_squared();
+    let first_weight = (frozen.total / moving).sqrt().min(final_weight);
+    let mut settled = Settled {
+        candidate: near,
+        difference: f64::NAN,
+        starts: Vec::new(),
+        frozen_rms: f64::NAN,
+        moving_rms: f64::NAN,
+    };
+    for step in 0..STEPS {
+        let data = &thinned[step.min(thinned.len() - 1)];
+        let part = step as f64 / (STEPS - 1) as f64;
+        let before = settled.candidate.clone();
+        let objective = Settling {
+            problem: Problem::new(&before, data)?,
+            coordinates: &coordinates,
+            weight: first_weight.powf(1.0 - part) * final_weight.powf(part),
         };
         let limits = Limits {
             max_iterations: 40,
-            tolerance: 1e-3,
+            tolerance: 1e-2,
             target: 0.0,
             damping: 1e-4,
         };
         let found = search(&objective, objective.problem.theta(&before), &limits)?;
-        candidate = objective.problem.candidate(&found.theta);
-        cost = found.cost.total;
+        let candidate = objective.problem.candidate(&found.theta);
+        let cost = |c: Option<Cost>| c.map_or(f64::NAN, |c| c.total);
+        let frozen = cost(objective.problem.cost(&found.theta));
+        let moving = coordinates
+            .residual(&candidate)
+            .map_or(f64::NAN, |r| r.norm_squared());
+        settled.frozen_rms = (frozen / data.rms_count(data.equations())).sqrt();
+        settled.moving_rms = (moving / fit.equations as f64).sqrt();
+        settled.candidate = candidate;
     }
-    Ok((candidate, cost))
+    Ok(settled)
 }
 
-/// Frozen responses and the distance from the targets.
-struct Pulled<'a> {
+/// Frozen responses and the coordinates that the records ask for.
+struct Settling<'a> {
     problem: Problem<'a, Continuous>,
-    matrices: Matrices<'a>,
+    coordinates: &'a Coordinates,
     weight: f64,
 }
 
-impl Objective for Pulled<'_> {
+impl Objective for Settling<'_> {
     fn size(&self) -> usize {
-        self.matrices.size()
+        self.problem.free.len()
     }
     fn cost(&self, theta: &DVector<f64>) -> Option<Cost> {
         let mut cost = self.problem.cost(theta)?;
-        cost.total += self.weight.powi(2) * self.matrices.cost(theta)?.total;
+        let moves = self.coordinates.residual(&self.problem.candidate(theta))?;
+        cost.total += self.weight.powi(2) * moves.norm_squared();
         Some(cost)
     }
     fn linearise(&self, theta: &DVector<f64>) -> Option<Linear> {
-        let mut matrices = self.matrices.linearise(theta)?;
-        matrices.jacobian *= self.weight;
-        matrices.residual *= self.weight;
-        Some(self.problem.linearise(theta)?.above(matrices))
+        let mut moves = self.coordinates.linearise(|t| self.problem.candidate(t), theta)?;
+        moves.jacobian *= self.weight;
+        moves.residual *= self.weight;
+        Some(self.problem.linearise(theta)?.above(moves))
     }
-    fn gauge(&self, _: &DVector<f64>) -> Result<DMatrix<f64>, RealizeError> {
-        Ok(DMatrix::zeros(self.size(), 0))
+    fn gauge(&self, theta: &DVector<f64>) -> Result<DMatrix<f64>, RealizeError> {
+        self.problem.gauge(theta)
     }
     fn rounding(&self) -> f64 {
         0.0
@@ -183,7 +216,8 @@ fn targets(form: &MechanicalForm, turning: &Turning) -> Result<Vec<Target>, Real
         .collect()
 }
 
-fn fit(
+/// The first step of [`settle`]: range after range.
+fn fit_matrices(
     start: &Candidate<Continuous>,
     scales: &[f64],
     targets: &[Target],

@@ -3,6 +3,7 @@
 use super::along::{Dynamics, Transition, rows, stacked};
 use super::data::{MovingData, MovingRecord};
 use super::flow::{Flow, Want};
+use crate::dense::triangle_of;
 use crate::problem::{Cost, Linear};
 use crate::search::{Limits, Objective, search};
 use crate::{CheckedRefineSettings, MechanicalForm, RealizeError, StopReason};
@@ -77,7 +78,7 @@ impl Turning {
     }
 }
 
-fn chebyshev(delta: f64, count: usize) -> DVector<f64> {
+pub(crate) fn chebyshev(delta: f64, count: usize) -> DVector<f64> {
     let mut values = DVector::zeros(count);
     for j in 0..count {
         values[j] = match j {
@@ -234,6 +235,11 @@ impl Dynamics for Turned<'_> {
 pub struct TurningFit {
     /// The rate.
     pub turning: Turning,
+    /// Near it, the records cost `||residual + information dG||^2`, `dG` the change of the coefficients.
+    pub(crate) information: DMatrix<f64>,
+    pub(crate) residual: DVector<f64>,
+    /// Samples times outputs over all records.
+    pub(crate) equations: usize,
     /// How it went.
     pub account: TurningAccount,
 }
@@ -279,7 +285,18 @@ pub fn turn(
     };
     let found = search(&objective, objective.zero.theta(), &limits)?;
     let equations = data.equations() as f64;
+    let linear = objective
+        .linearise(&found.theta)
+        .ok_or_else(|| objective.no_start())?;
+    let size = objective.size();
+    let mut both = DMatrix::zeros(linear.jacobian.nrows(), size + 1);
+    both.columns_mut(0, size).copy_from(&linear.jacobian);
+    both.column_mut(size).copy_from(&linear.residual);
+    let factor = triangle_of(size + 1, std::iter::once(&both));
     Ok(TurningFit {
+        information: factor.columns(0, size).into_owned(),
+        residual: factor.column(size).into_owned(),
+        equations: data.equations(),
         turning: objective.zero.with(&found.theta),
         account: TurningAccount {
             stop: found.stop,

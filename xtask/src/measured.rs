@@ -4,7 +4,7 @@ use crate::{TaskError, root};
 use experiment_data::Bundle;
 use lpv_cli::inspect::{Inspection, inspect};
 use lpv_cli::validation::{Scope, Validation, validate};
-use lpv_cli::{Identification, IdentifyConfig, ModelFile, Structure, Summary, identify_bundle, silent};
+use lpv_cli::{IdentifyConfig, ModelFile, Structure, Summary, identify_bundle, silent};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -47,22 +47,12 @@ impl Case {
         let start = Instant::now();
         let outcome = identify_bundle(bundle, config, &silent)?;
         let identify_seconds = start.elapsed().as_secs_f64();
-        let channels = &bundle.description().channels;
-        let file = ModelFile {
-            model: outcome.model,
-            identification: Some(Identification {
-                bundle: bundle.description().name.clone(),
-                folder: bundle.folder().to_owned(),
-                outputs: channels.output.columns.clone(),
-                inputs: channels.input.columns.clone(),
-                config: config.clone(),
-                summary: outcome.summary.clone(),
-            }),
-        };
+        let summary = outcome.summary.clone();
+        let file = ModelFile::of(outcome, bundle, config.clone(), bundle.folder())?;
         let (validation, _) = validate(&file, bundle, Scope::All, &silent)?;
         Ok(Self {
             inspection,
-            summary: outcome.summary,
+            summary,
             validation,
             inspect_seconds,
             identify_seconds,

@@ -1,5 +1,6 @@
 //! Bundle in, model out: which chain serves, and its account.
 
+use crate::deviation::FrozenDeviation;
 use crate::pipeline::{Identified, identify};
 use crate::progress::Progress;
 use crate::responses::{estimate_bundle, estimate_local, load_records};
@@ -21,6 +22,8 @@ pub struct Outcome {
     pub model: Model,
     /// The account.
     pub summary: Summary,
+    /// How well the frozen response is known; only of a small LFR from responses of known noise.
+    pub deviation: Option<FrozenDeviation>,
     /// The stages behind it.
     pub stages: Stages,
 }
@@ -99,6 +102,7 @@ fn in_frequency(
     let mut summary = Summary::of_responses(&identified, &responses.estimates, responses.clock)?;
     summary.reasons.splice(0..0, responses.reasons);
     Ok(Outcome {
+        deviation: FrozenDeviation::of(&identified, &responses.estimates, responses.clock)?,
         model: identified.model()?,
         summary,
         stages: Stages::Frequency(Box::new(identified)),
@@ -242,6 +246,7 @@ fn in_time(
     Ok(Outcome {
         model,
         summary,
+        deviation: None,
         stages: Stages::Time(Box::new(found)),
     })
 }
@@ -375,6 +380,7 @@ fn axes(bundle: &Bundle, config: &IdentifyConfig, progress: Progress<'_>) -> Res
     Ok(Outcome {
         summary: Summary::of_axes(&model, axes, reasons),
         model,
+        deviation: None,
         stages: Stages::Axes(Box::new(found)),
     })
 }

@@ -36,6 +36,7 @@
 mod basis;
 mod config;
 pub mod convert;
+mod deviation;
 mod error;
 mod identify;
 pub mod inspect;
@@ -58,6 +59,7 @@ pub use basis::{BasisStage, choose_basis};
 pub use config::{
     Direct, FitFocus, IdentifyConfig, InterpolationKind, LfrKind, Polish, Structure, Weighting,
 };
+pub use deviation::{ChannelTable, FrozenDeviation};
 pub use error::PipelineError;
 pub use identify::{Outcome, Stages, identify_bundle};
 pub use model_file::{Identification, ModelFile, relative_folder, write_whole};
@@ -67,4 +69,6 @@ pub use progress::{Progress, silent};
 pub use responses::{Responses, estimate_bundle, estimate_local, estimate_periodic, load_records};
 pub use settings_file::{nearest_name, read_settings};
 pub use small::{MovingStage, SizeRow, SmallStage, small_lfr};
-pub use summary::{AxisSummary, FrequencySummary, HeldOut, LpvSummary, OrderRow, Summary, TimeSummary};
+pub use summary::{
+    AxisSummary, FrequencySummary, HeldOut, LpvSummary, OrderRow, SmallSummary, Summary, TimeSummary,
+};

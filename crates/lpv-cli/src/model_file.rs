@@ -1,6 +1,7 @@
 //! The file that `identify` writes: the model, and where it comes from.
 
-use crate::{IdentifyConfig, PipelineError, Summary};
+use crate::{FrozenDeviation, IdentifyConfig, Outcome, PipelineError, Summary};
+use experiment_data::Bundle;
 use lpv_core::Model;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -29,11 +30,43 @@ pub struct Identification {
     pub config: IdentifyConfig,
     /// What came out.
     pub summary: Summary,
+    /// Sample time of the records, which a continuous model does not hold; none in files of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sample_time: Option<f64>,
+    /// How well the frozen response is known, sampled at that time; only of a small LFR from responses of known noise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frozen_deviation: Option<FrozenDeviation>,
 }
 
 const KEY: &str = "identification";
 
 impl ModelFile {
+    /// What [`crate::identify_bundle`] made of a bundle, for the file `output`.
+    ///
+    /// # Errors
+    /// None for a bundle that could be identified.
+    pub fn of(
+        outcome: Outcome,
+        bundle: &Bundle,
+        config: IdentifyConfig,
+        output: &Path,
+    ) -> Result<Self, PipelineError> {
+        let description = bundle.description();
+        Ok(Self {
+            model: outcome.model,
+            identification: Some(Identification {
+                bundle: description.name.clone(),
+                folder: relative_folder(bundle.folder(), output),
+                outputs: description.channels.output.columns.clone(),
+                inputs: description.channels.input.columns.clone(),
+                config,
+                summary: outcome.summary,
+                sample_time: Some(bundle.clock()?.sample_time()),
+                frozen_deviation: outcome.deviation,
+            }),
+        })
+    }
+
     /// Reads a model in the JSON format of lpv-core; the account is read if it is there.
     ///
     /// # Errors

@@ -1,10 +1,12 @@
 //! The page of a folder with models: Bode plots of all channels over positions, poles, coefficient functions, errors, time
 //! responses.
 
+mod band;
 mod bode;
 mod coefficients;
 mod errors;
 mod poles;
+mod small;
 mod time;
 
 use crate::convert::describe;
@@ -122,7 +124,7 @@ fn subject(
     };
     let clock = match &opened {
         Some(bundle) => bundle.clock()?,
-        None => own_clock(&file.model)?,
+        None => own_clock(&file)?,
     };
     let machine = Machine::new(&file.model, clock)?;
     let (validation, evidence) = match &opened {
@@ -141,7 +143,11 @@ fn subject(
     };
     let positions = match machine.range() {
         Some(range) if range.parameters() == 1 => {
-            let measured: Vec<f64> = evidence.estimates.iter().filter_map(|e| e.position()).collect();
+            let mut measured: Vec<f64> = evidence.estimates.iter().filter_map(|e| e.position()).collect();
+            if measured.is_empty() {
+                let known = account.and_then(|a| a.frozen_deviation.as_ref());
+                measured.extend(known.iter().flat_map(|k| k.positions.iter().copied()));
+            }
             drawn_positions(&measured, range.bounds()[0])
         }
         Some(range) => vec![range.centre()],
@@ -177,15 +183,19 @@ fn drawn_positions(measured: &[f64], [low, high]: [f64; 2]) -> Vec<Vec<f64>> {
     drawn.into_iter().map(|p| vec![p]).collect()
 }
 
-/// The clock of a model, and one of 1000 samples a unit of time to draw a continuous model with.
-fn own_clock(model: &Model) -> Result<Discrete, PipelineError> {
-    Ok(match model {
+/// The clock of a model; for a continuous one that of its records, or 1000 samples a unit of time where it is not known.
+fn own_clock(file: &ModelFile) -> Result<Discrete, PipelineError> {
+    let recorded = file.identification.as_ref().and_then(|i| i.sample_time);
+    Ok(match &file.model {
         Model::DiscreteStateSpace(m) => m.clock(),
         Model::InnovationStateSpace(m) => m.model().clock(),
         Model::DiscreteLfr(m) => m.clock(),
         Model::DiscreteLpv(m) => m.clock(),
         Model::SeriesExpansion(m) => m.basis().clock(),
-        _ => Discrete::from_rate(1000.0)?,
+        _ => match recorded {
+            Some(time) => Discrete::new(time)?,
+            None => Discrete::from_rate(1000.0)?,
+        },
     })
 }
 
@@ -202,6 +212,7 @@ fn sections(name: &str, s: &Subject, note: Option<String>) -> Result<Vec<Section
         head = head.heading("Choices").list(account.summary.reasons.clone());
     }
     let mut all = vec![head];
+    all.extend(small::section(s));
     all.push(bode::section(s)?);
     all.push(poles::section(s)?);
     all.extend(coefficients::section(s)?);

@@ -10,8 +10,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use lpv_cli::convert::Target;
 use lpv_cli::validation::{Scope, validate};
 use lpv_cli::{
-    Identification, IdentifyConfig, ModelFile, PipelineError, Structure, convert, identify_bundle, inspect,
-    new, relative_folder, report, simulate, write_whole,
+    IdentifyConfig, ModelFile, PipelineError, Structure, convert, identify_bundle, inspect, new, report,
+    simulate, write_whole,
 };
 use serde::Serialize;
 use std::sync::Mutex;
@@ -180,19 +180,8 @@ fn run_identify(a: &Identify) -> Result<String, PipelineError> {
     let bundle = Bundle::open(folder)?;
     let outcome = identify_bundle(&bundle, &config, &|s, d, o| bars.tell(s, d, o))?;
     drop(bars);
-    let channels = &bundle.description().channels;
     let summary = outcome.summary.clone();
-    let file = ModelFile {
-        model: outcome.model,
-        identification: Some(Identification {
-            bundle: bundle.description().name.clone(),
-            folder: relative_folder(bundle.folder(), output),
-            outputs: channels.output.columns.clone(),
-            inputs: channels.input.columns.clone(),
-            config,
-            summary: outcome.summary,
-        }),
-    };
+    let file = ModelFile::of(outcome, &bundle, config, output)?;
     write_whole(output, file.to_json()?.as_bytes())?;
     told(a.json, &summary, || {
         format!("{}\nmodel written to {}", summary.text(), output.display())

@@ -12,6 +12,9 @@ pub(super) fn write(e: &Exchange) -> Result<Vec<u8>, PipelineError> {
     let text = |v: f64| format!("{v:?}");
     let failed = |e: csv::Error| PipelineError::Format(e.to_string());
     out.write_record(HEAD).map_err(failed)?;
+    if !e.note.is_empty() {
+        out.write_record(["note", "", "", "", &e.note]).map_err(failed)?;
+    }
     out.write_record(["kind", "", "", "", &e.kind]).map_err(failed)?;
     out.write_record(["sample_time", "", "", "", &text(e.sample_time)])
         .map_err(failed)?;
@@ -62,6 +65,7 @@ pub(super) fn read(file: &Path) -> Result<Exchange, String> {
         sample_time: 0.0,
         blocks: Vec::new(),
         grid: Vec::new(),
+        note: String::new(),
         inputs: Vec::new(),
         outputs: Vec::new(),
     };
@@ -83,6 +87,7 @@ pub(super) fn read(file: &Path) -> Result<Exchange, String> {
         };
         match name {
             "end" => whole = true,
+            "note" => value.clone_into(&mut e.note),
             "kind" => value.clone_into(&mut e.kind),
             "sample_time" => e.sample_time = number(value)?,
             _ if !p.is_empty() => {}

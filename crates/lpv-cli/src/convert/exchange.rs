@@ -19,6 +19,8 @@ pub(super) struct Exchange {
     pub(super) blocks: Vec<(String, DMatrix<f64>)>,
     /// Frozen systems: scheduling value, A, B, C, D; empty for a time-invariant model.
     pub(super) grid: Vec<(Vec<f64>, [DMatrix<f64>; 4])>,
+    /// What the matrices mean, in words.
+    pub(super) note: String,
     /// Names of inputs and outputs, where known.
     pub(super) inputs: Vec<String>,
     pub(super) outputs: Vec<String>,
@@ -83,6 +85,7 @@ impl Exchange {
             sample_time: 0.0,
             blocks: Vec::new(),
             grid: Vec::new(),
+            note: String::new(),
             inputs: account.map_or_else(Vec::new, |a| a.inputs.clone()),
             outputs: account.map_or_else(Vec::new, |a| a.outputs.clone()),
         };
@@ -120,12 +123,18 @@ impl Exchange {
                 exchange.sample_time = m.clock().sample_time();
                 exchange.lfr(m, points)?;
             }
-            Model::ContinuousLfr(m) => exchange.lfr(m, points)?,
+            Model::ContinuousLfr(m) => {
+                exchange.lfr(m, points)?;
+                exchange.record_sample_time(account.and_then(|a| a.sample_time));
+            }
             Model::DiscreteLpv(m) => {
                 exchange.sample_time = m.clock().sample_time();
                 exchange.lpv(m, points)?;
             }
-            Model::ContinuousLpv(m) => exchange.lpv(m, points)?,
+            Model::ContinuousLpv(m) => {
+                exchange.lpv(m, points)?;
+                exchange.record_sample_time(account.and_then(|a| a.sample_time));
+            }
             Model::SeriesExpansion(m) => {
                 let m = m.to_state_space()?;
                 exchange.sample_time = m.clock().sample_time();
@@ -140,6 +149,13 @@ impl Exchange {
         Ok(exchange)
     }
 
+    /// Sample time of the records behind a continuous model, where it is known.
+    fn record_sample_time(&mut self, known: Option<f64>) {
+        if let Some(time) = known {
+            self.push("record_sample_time", DMatrix::from_element(1, 1, time));
+        }
+    }
+
     fn push(&mut self, name: &str, matrix: DMatrix<f64>) {
         self.blocks.push((name.to_owned(), matrix));
     }
@@ -152,6 +168,7 @@ impl Exchange {
 
     fn lfr<K: Clock>(&mut self, m: &Lfr<K>, points: usize) -> Result<(), PipelineError> {
         self.kind = "lfr".to_owned();
+        self.note = note(self.sample_time);
         let b = m.blocks();
         for (name, block) in [
             ("A", &b.a),
@@ -297,6 +314,18 @@ impl Exchange {
         let range = SchedulingRange::new(bounds).map_err(|e| e.to_string())?;
         Lfr::new(blocks, deltas, range, clock).map_err(|e| e.to_string())
     }
+}
+
+/// The equations of an LFR and the normalisation of its deltas.
+fn note(sample_time: f64) -> String {
+    let next = if sample_time > 0.0 { "x+" } else { "dx/dt" };
+    format!(
+        "{next} = A x + B1 w + B2 u,  z = C1 x + D11 w + D12 u,  y = C2 x + D21 w + D22 u,  w = Delta(p) z.  \
+         Delta(p) is diagonal: row by row of the matrix deltas (number of the parameter from 1, repetitions) \
+         delta = (p - centre) / half_width, repeated, with centre = (low + high) / 2 and \
+         half_width = (high - low) / 2 of that parameter's row (low, high) of the matrix range; \
+         so delta runs from -1 to 1."
+    )
 }
 
 fn column(values: &[f64]) -> DMatrix<f64> {

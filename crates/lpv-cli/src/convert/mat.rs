@@ -16,6 +16,9 @@ pub(super) fn write(e: &Exchange) -> Result<Vec<u8>, PipelineError> {
             matrix(&DMatrix::from_element(1, 1, e.sample_time)),
         ),
     ];
+    if !e.note.is_empty() {
+        fields.push(("note".to_owned(), Value::Text(e.note.clone())));
+    }
     for (name, names) in [("inputs", &e.inputs), ("outputs", &e.outputs)] {
         fields.push((name.to_owned(), Value::Text(names.join(", "))));
     }
@@ -96,6 +99,7 @@ pub(super) fn read(file: &Path) -> Result<Exchange, String> {
             sample_time: sample_time.iter().next().copied().unwrap_or(0.0),
             blocks: names.iter().map(ToString::to_string).zip(matrices).collect(),
             grid: Vec::new(),
+            note: String::new(),
             inputs: Vec::new(),
             outputs: Vec::new(),
         });

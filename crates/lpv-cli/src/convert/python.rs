@@ -32,6 +32,10 @@ pub(super) fn write(e: &Exchange) -> String {
         let _ = writeln!(out, "{name} = {}", array(m));
     }
     out.push('\n');
+    if !e.note.is_empty() {
+        let lines: Vec<String> = e.note.split(".  ").map(|l| format!("# {l}\n")).collect();
+        out += &lines.concat();
+    }
     out += match e.kind.as_str() {
         "lfr" => LFR,
         "grid" => GRID,
@@ -39,6 +43,9 @@ pub(super) fn write(e: &Exchange) -> String {
         "innovation" => INNOVATION,
         _ => STATE_SPACE,
     };
+    if matches!(e.kind.as_str(), "lfr" | "grid") && e.sample_time == 0.0 {
+        out += SAMPLED;
+    }
     if !e.grid.is_empty() {
         out += &grid(e);
     }
@@ -104,8 +111,7 @@ if inputs and outputs:
     model.input_labels, model.output_labels = inputs, outputs
 "#;
 
-const LFR: &str = r#"# x+ = A x + B1 w + B2 u,  z = C1 x + D11 w + D12 u,  y = C2 x + D21 w + D22 u,  w = Delta(p) z
-def delta(p):
+const LFR: &str = r#"def delta(p):
     """Delta(p): each parameter normalised to [-1, 1] over its range, repeated as `deltas` says."""
     p = np.atleast_1d(np.asarray(p, dtype=float))
     low, high = range[:, 0], range[:, 1]
@@ -124,6 +130,20 @@ def frozen(p):
     system = control.StateSpace(
         A + B1 @ state, B2 + B1 @ direct, C2 + D21 @ state, D22 + D21 @ direct, dt, remove_useless_states=False
     )
+    if inputs and outputs:
+        system.input_labels, system.output_labels = inputs, outputs
+    return system
+"#;
+
+const SAMPLED: &str = r#"
+
+def sampled(p, Ts=None):
+    """The model at constant p with the input held between samples Ts apart, by default those of its records."""
+    if Ts is None:
+        if "record_sample_time" not in globals():
+            raise ValueError("the sample time of the records is not known: give Ts")
+        Ts = record_sample_time[0, 0]
+    system = frozen(p).sample(Ts, method="zoh")
     if inputs and outputs:
         system.input_labels, system.output_labels = inputs, outputs
     return system

@@ -1,7 +1,9 @@
 //! Magnitude and phase of every channel, model and measurement.
 
 use super::Subject;
+use super::band::Known;
 use crate::PipelineError;
+use lpv_core::num_complex::Complex;
 use lpv_core::{Clock, Frf};
 use lpv_report::{Axis, Colour, Figure, Panel, Section, Series, Share, Style};
 
@@ -17,26 +19,48 @@ pub(super) fn section(s: &Subject) -> Result<Section, PipelineError> {
         .iter()
         .map(|m| Ok(m.frequency_response(&frequencies)?))
         .collect::<Result<Vec<Frf>, PipelineError>>()?;
-    let magnitude = figure(s, &responses, "Magnitude", Axis::log("Magnitude"), |v| v.norm()).caption(
-        if s.evidence.estimates.is_empty() {
-            "The model alone: there is no frequency response to compare with."
-        } else {
-            "Lines: the frozen model. Dots: the estimated frequency response at the same positions."
-        },
-    );
-    let phase = figure(
-        s,
-        &responses,
-        "Phase",
-        Axis::linear("Phase (degrees)").range(-180.0, 180.0).step(90.0),
-        |v| v.arg().to_degrees(),
-    )
-    .caption("The same, in degrees.");
+    let known = s
+        .positions
+        .iter()
+        .map(|p| p.first().map_or(Ok(None), |p| Known::new(s, *p)))
+        .collect::<Result<Vec<_>, _>>()?;
+    let lines = if s.evidence.estimates.is_empty() {
+        "The model alone: there is no frequency response to compare with."
+    } else {
+        "Lines: the frozen model. Dots: the estimated frequency response at the same positions."
+    };
+    let bands = if known.iter().any(Option::is_some) {
+        " Bands: two standard deviations of the frozen model on either side, as the noise of the responses leaves them; \
+         where none is seen, they are narrower than the line."
+    } else {
+        ""
+    };
+    let drawn = Drawn {
+        subject: s,
+        responses: &responses,
+        known: &known,
+    };
+    let magnitude = drawn
+        .figure(
+            "Magnitude",
+            Axis::log("Magnitude"),
+            |v| v.norm(),
+            |known, g, (i, j), n| vec![known.magnitude(g, i, j, n)],
+        )
+        .caption(format!("{lines}{bands}"));
+    let phase = drawn
+        .figure(
+            "Phase",
+            Axis::linear("Phase (degrees)").range(-180.0, 180.0).step(90.0),
+            |v| v.arg().to_degrees(),
+            |known, g, (i, j), n| known.phase(g, i, j, n),
+        )
+        .caption("The same, in degrees.");
     let mut section = Section::new("Frequency responses")
         .figure(magnitude)
         .figure(phase);
     if !s.evidence.estimates.is_empty() {
-        section = section.figure(residual(s));
+        section = section.figure(residual(s, &known));
     }
     Ok(section)
 }
@@ -62,51 +86,73 @@ fn frequencies(s: &Subject) -> Vec<f64> {
         .collect()
 }
 
-fn figure(
-    s: &Subject,
-    responses: &[Frf],
-    title: &str,
-    axis: Axis,
-    value: fn(lpv_core::num_complex::Complex<f64>) -> f64,
-) -> Figure {
-    let mut figure = Figure::new(title).columns(s.inputs.len().min(4)).share(Share::X);
-    let points = |frf: &Frf, i: usize, j: usize| -> Vec<(f64, f64)> {
-        frf.frequencies_hz()
-            .iter()
-            .copied()
-            .zip(frf.channel(i, j).map(value))
-            .collect()
-    };
-    for (i, output) in s.outputs.iter().enumerate() {
-        for (j, input) in s.inputs.iter().enumerate() {
-            let mut panel = Panel::new(Axis::log(FREQUENCY), axis.clone()).title(format!(
-                "{} to {}",
-                plain(input),
-                plain(output)
-            ));
-            for (n, (p, response)) in s.positions.iter().zip(responses).enumerate() {
-                if let Some(e) = s
-                    .evidence
-                    .estimates
-                    .iter()
-                    .find(|e| e.position() == p.first().copied())
-                {
+/// What all panels show.
+struct Drawn<'a> {
+    subject: &'a Subject,
+    /// By position.
+    responses: &'a [Frf],
+    known: &'a [Option<Known<'a>>],
+}
+
+/// The bands of a channel (output, input) at the position with this index.
+type Bands = fn(&Known<'_>, &Frf, (usize, usize), usize) -> Vec<Series>;
+
+impl Drawn<'_> {
+    fn figure(&self, title: &str, axis: Axis, value: fn(Complex<f64>) -> f64, bands: Bands) -> Figure {
+        let s = self.subject;
+        let mut figure = Figure::new(title).columns(s.inputs.len().min(4)).share(Share::X);
+        let points = |frf: &Frf, i: usize, j: usize| -> Vec<(f64, f64)> {
+            frf.frequencies_hz()
+                .iter()
+                .copied()
+                .zip(frf.channel(i, j).map(value))
+                .collect()
+        };
+        for (i, output) in s.outputs.iter().enumerate() {
+            for (j, input) in s.inputs.iter().enumerate() {
+                let mut panel = Panel::new(Axis::log(FREQUENCY), axis.clone()).title(format!(
+                    "{} to {}",
+                    plain(input),
+                    plain(output)
+                ));
+                for (n, (response, known)) in self.responses.iter().zip(self.known).enumerate() {
+                    if let Some(known) = known {
+                        panel = bands(known, response, (i, j), n)
+                            .into_iter()
+                            .fold(panel, Panel::series);
+                    }
+                }
+                for (n, (p, response)) in s.positions.iter().zip(self.responses).enumerate() {
+                    if let Some(e) = s
+                        .evidence
+                        .estimates
+                        .iter()
+                        .find(|e| e.position() == p.first().copied())
+                    {
+                        panel = panel.series(
+                            Series::new(points(e.frf(), i, j), Style::Dots)
+                                .colour(Colour::Index(n))
+                                .width(2.0),
+                        );
+                    }
+                    let line = Series::line(points(response, i, j)).colour(Colour::Index(n));
+                    panel = panel.series(match p.first() {
+                        Some(p) => line.label(format!("p = {p:.4}")),
+                        None => line.label("model"),
+                    });
+                }
+                if self.known.iter().any(Option::is_some) {
                     panel = panel.series(
-                        Series::new(points(e.frf(), i, j), Style::Dots)
-                            .colour(Colour::Index(n))
-                            .width(2.0),
+                        Series::band(&[])
+                            .colour(Colour::Bound)
+                            .label("two standard deviations"),
                     );
                 }
-                let line = Series::line(points(response, i, j)).colour(Colour::Index(n));
-                panel = panel.series(match p.first() {
-                    Some(p) => line.label(format!("p = {p:.4}")),
-                    None => line.label("model"),
-                });
+                figure = figure.panel(panel);
             }
-            figure = figure.panel(panel);
         }
+        figure
     }
-    figure
 }
 
 /// Column names are no mathematics.
@@ -114,7 +160,7 @@ pub(super) fn plain(name: &str) -> String {
     name.replace('_', " ")
 }
 
-fn residual(s: &Subject) -> Figure {
+fn residual(s: &Subject, known: &[Option<Known<'_>>]) -> Figure {
     let mut panel = Panel::new(Axis::log(FREQUENCY), Axis::log("Relative error"));
     let mut noise = Vec::new();
     for e in &s.evidence.estimates {
@@ -148,8 +194,23 @@ fn residual(s: &Subject) -> Figure {
             None => series.label("residual"),
         });
     }
-    Figure::new("Residual").panel(panel).caption(
-        "Difference between response and frozen model relative to the response, whole matrix at a line; grey: the stated \
-         deviation of the response.",
-    )
+    let mut caption =
+        "Difference between response and frozen model relative to the response, whole matrix at a line; \
+                       grey: the stated deviation of the response."
+            .to_owned();
+    for (n, known) in known.iter().enumerate() {
+        if let Some(known) = known {
+            panel = panel.series(Series::line(known.relative()).colour(Colour::Index(n)));
+        }
+    }
+    if known.iter().any(Option::is_some) {
+        panel = panel.series(
+            Series::line(Vec::new())
+                .colour(Colour::Bound)
+                .label("deviation of the model"),
+        );
+        caption += " Lines: what the noise leaves unknown of the model, which has far fewer parameters than the \
+                    responses have lines.";
+    }
+    Figure::new("Residual").panel(panel).caption(caption)
 }

@@ -4,6 +4,7 @@ use super::Subject;
 use crate::PipelineError;
 use crate::validation::Frozen;
 use lpv_core::nalgebra::DMatrix;
+use lpv_core::{Clock, Model, StateSpace};
 use lpv_report::{Axis, Colour, Figure, Panel, Section, Series};
 
 /// Points along the range.
@@ -27,22 +28,19 @@ pub(super) fn section(s: &Subject) -> Result<Option<Section>, PipelineError> {
     let grid: Vec<f64> = (0..POINTS)
         .map(|k| low + (high - low) * k as f64 / (POINTS - 1) as f64)
         .collect();
-    let frozen = grid
-        .iter()
-        .map(|&p| s.machine.at(&[p]))
-        .collect::<Result<Vec<_>, _>>()?;
+    // Sampling would make nearly every entry of a continuous model change.
+    let at = |p: f64| -> Result<[DMatrix<f64>; 4], PipelineError> {
+        Ok(match &s.file.model {
+            Model::ContinuousLfr(m) => matrices(&m.frozen(&[p])?),
+            Model::ContinuousLpv(m) => matrices(&m.frozen(&[p])?),
+            _ => matrices(&s.machine.at(&[p])?),
+        })
+    };
+    let frozen = grid.iter().map(|&p| at(p)).collect::<Result<Vec<_>, _>>()?;
     let mut figure = Figure::new("Coefficient functions").columns(2);
     let (mut drawn, mut changing) = (0, 0);
-    for (name, pick) in [("A", 0), ("B", 1), ("C", 2), ("D", 3)] {
-        let matrices: Vec<&DMatrix<f64>> = frozen
-            .iter()
-            .map(|f| match pick {
-                0 => f.a(),
-                1 => f.b(),
-                2 => f.c(),
-                _ => f.d(),
-            })
-            .collect();
+    for (pick, name) in ["A", "B", "C", "D"].into_iter().enumerate() {
+        let matrices: Vec<&DMatrix<f64>> = frozen.iter().map(|f| &f[pick]).collect();
         let found = functions(&grid, &matrices);
         changing += found.len();
         if found.is_empty() {
@@ -76,6 +74,10 @@ pub(super) fn section(s: &Subject) -> Result<Option<Section>, PipelineError> {
             "Entries of the frozen state space that depend on the scheduling variable.{more}"
         )),
     )))
+}
+
+fn matrices<K: Clock>(s: &StateSpace<K>) -> [DMatrix<f64>; 4] {
+    [s.a(), s.b(), s.c(), s.d()].map(Clone::clone)
 }
 
 /// An entry as a function of p: row, column, points.

@@ -3,6 +3,7 @@
 use super::{Subject, to_continuous};
 use crate::PipelineError;
 use crate::validation::Frozen;
+use lpv_core::Model;
 use lpv_core::num_complex::Complex;
 use lpv_report::{Axis, Colour, Figure, Panel, Section, Series, Style};
 use std::f64::consts::TAU;
@@ -48,6 +49,20 @@ fn map(s: &Subject) -> Result<Figure, PipelineError> {
         .panel(panel)
         .plot_height(420.0)
         .caption("Poles of the sampled model; the circle is the limit of stability."))
+}
+
+/// Whether the poles of the model are those of a basis, whatever p is: the exact LFR of a series expansion, or the
+/// expansion.
+fn has_basis(s: &Subject) -> bool {
+    let account = s.file.identification.as_ref();
+    let lpv = account
+        .and_then(|a| a.summary.frequency.as_ref())
+        .and_then(|f| f.lpv.as_ref());
+    match &s.file.model {
+        Model::SeriesExpansion(_) => true,
+        Model::DiscreteLfr(_) => lpv.is_some(),
+        _ => false,
+    }
 }
 
 /// Frequency and damping of the estimated modes and of the model's, over the range.
@@ -100,7 +115,15 @@ fn along(s: &Subject, low: f64, high: f64) -> Result<Figure, PipelineError> {
         }
     }
     let [a, b] = panels;
-    Ok(Figure::new("Modes along the scheduling range").columns(2).panel(a).panel(b).caption(
-        "A model in orthonormal basis functions has the poles of its basis everywhere; the functions between them move the response.",
-    ))
+    let figure = Figure::new("Modes along the scheduling range")
+        .columns(2)
+        .panel(a)
+        .panel(b);
+    Ok(if has_basis(s) {
+        figure.caption(
+            "A model in orthonormal basis functions has the poles of its basis everywhere; the functions between them move the response.",
+        )
+    } else {
+        figure
+    })
 }

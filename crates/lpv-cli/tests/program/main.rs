@@ -12,6 +12,7 @@ mod inspect;
 mod new;
 mod python;
 mod report;
+mod small;
 mod validate;
 
 #[path = "../common/mod.rs"]

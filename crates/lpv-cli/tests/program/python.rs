@@ -8,7 +8,7 @@ use std::process::Command;
 const LINES: [f64; 4] = [0.1, 1.0, 5.0, 14.0];
 
 /// Whether Python has these modules; else the test says that it is skipped.
-fn python_has(modules: &str) -> bool {
+pub(crate) fn python_has(modules: &str) -> bool {
     let found = Command::new("python3")
         .args(["-c", &format!("import {modules}")])
         .output();
@@ -20,7 +20,7 @@ fn python_has(modules: &str) -> bool {
 }
 
 /// Numbers that a script prints, one a line.
-fn numbers(desk: &Desk, script: &str) -> Vec<f64> {
+pub(crate) fn numbers(desk: &Desk, script: &str) -> Vec<f64> {
     desk.write("script.py", script);
     let out = Command::new("python3")
         .args(["-B", "script.py"])
@@ -33,7 +33,7 @@ fn numbers(desk: &Desk, script: &str) -> Vec<f64> {
 }
 
 /// Real and imaginary parts by line, output, input.
-fn flat(frf: &Frf) -> Vec<f64> {
+pub(crate) fn flat(frf: &Frf) -> Vec<f64> {
     let mut all = Vec::new();
     for k in 0..frf.len() {
         let line = frf.line(k);
@@ -46,7 +46,7 @@ fn flat(frf: &Frf) -> Vec<f64> {
     all
 }
 
-fn close(found: &[f64], expected: &[f64]) {
+pub(crate) fn close(found: &[f64], expected: &[f64]) {
     assert_eq!(found.len(), expected.len());
     let size = expected.iter().map(|v| v.abs()).fold(0.0, f64::max);
     for (a, b) in found.iter().zip(expected) {

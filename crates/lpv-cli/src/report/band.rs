@@ -6,6 +6,9 @@ use crate::{FrozenDeviation, PipelineError};
 use lpv_core::Frf;
 use lpv_report::{Colour, Series};
 
+/// A magnitude that is known no better than this has no lower edge: on its logarithmic axis that would lead nowhere.
+const UNKNOWN: f64 = 0.9;
+
 /// Deviations on either side of a curve.
 const WIDTH: f64 = 2.0;
 
@@ -72,7 +75,8 @@ impl<'a> Known<'a> {
             .zip(response.channel(i, j))
             .filter_map(|(&f, g)| {
                 let half = WIDTH * self.channel(i, j, f)?[0];
-                Some((f, g.norm() * (1.0 - half), g.norm() * (1.0 + half)))
+                let lower = if half > UNKNOWN { 0.0 } else { 1.0 - half };
+                Some((f, g.norm() * lower, g.norm() * (1.0 + half)))
             })
             .collect();
         Series::band(&edges).colour(Colour::Index(n))

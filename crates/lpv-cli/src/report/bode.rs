@@ -44,6 +44,7 @@ pub(super) fn section(s: &Subject) -> Result<Section, PipelineError> {
         .figure(
             "Magnitude",
             Axis::log("Magnitude"),
+            f64::INFINITY,
             |v| v.norm(),
             |known, g, (i, j), n| vec![known.magnitude(g, i, j, n)],
         )
@@ -52,6 +53,7 @@ pub(super) fn section(s: &Subject) -> Result<Section, PipelineError> {
         .figure(
             "Phase",
             Axis::linear("Phase (degrees)").range(-180.0, 180.0).step(90.0),
+            180.0,
             |v| v.arg().to_degrees(),
             |known, g, (i, j), n| known.phase(g, i, j, n),
         )
@@ -98,7 +100,15 @@ struct Drawn<'a> {
 type Bands = fn(&Known<'_>, &Frf, (usize, usize), usize) -> Vec<Series>;
 
 impl Drawn<'_> {
-    fn figure(&self, title: &str, axis: Axis, value: fn(Complex<f64>) -> f64, bands: Bands) -> Figure {
+    /// `jump`: points further apart are not joined.
+    fn figure(
+        &self,
+        title: &str,
+        axis: Axis,
+        jump: f64,
+        value: fn(Complex<f64>) -> f64,
+        bands: Bands,
+    ) -> Figure {
         let s = self.subject;
         let mut figure = Figure::new(title).columns(s.inputs.len().min(4)).share(Share::X);
         let points = |frf: &Frf, i: usize, j: usize| -> Vec<(f64, f64)> {
@@ -135,11 +145,15 @@ impl Drawn<'_> {
                                 .width(2.0),
                         );
                     }
-                    let line = Series::line(points(response, i, j)).colour(Colour::Index(n));
-                    panel = panel.series(match p.first() {
-                        Some(p) => line.label(format!("p = {p:.4}")),
-                        None => line.label("model"),
-                    });
+                    // A phase that passes 180 degrees goes on at -180.
+                    let points = points(response, i, j);
+                    for run in points.chunk_by(|a, b| (a.1 - b.1).abs() < jump) {
+                        let line = Series::line(run.to_vec()).colour(Colour::Index(n));
+                        panel = panel.series(match p.first() {
+                            Some(p) => line.label(format!("p = {p:.4}")),
+                            None => line.label("model"),
+                        });
+                    }
                 }
                 if self.known.iter().any(Option::is_some) {
                     panel = panel.series(

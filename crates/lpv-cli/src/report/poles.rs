@@ -8,6 +8,9 @@ use lpv_core::num_complex::Complex;
 use lpv_report::{Axis, Colour, Figure, Panel, Section, Series, Style};
 use std::f64::consts::TAU;
 
+/// Sampled poles nearer to 1 are integrators: rounding parts a double one into a pair.
+const INTEGRATOR: f64 = 1e-4;
+
 /// Points along the scheduling range.
 const POINTS: usize = 41;
 
@@ -68,9 +71,10 @@ fn has_basis(s: &Subject) -> bool {
 /// Frequency and damping of the estimated modes and of the model's, over the range.
 fn along(s: &Subject, low: f64, high: f64) -> Result<Figure, PipelineError> {
     let (mut frequency, mut damping) = (Vec::new(), Vec::new());
+    let mode = |z: &Complex<f64>| z.im > 1e-9 && (z - 1.0).norm() > INTEGRATOR;
     for k in 0..POINTS {
         let p = low + (high - low) * k as f64 / (POINTS - 1) as f64;
-        for z in s.machine.at(&[p])?.poles()?.into_iter().filter(|z| z.im > 1e-9) {
+        for z in s.machine.at(&[p])?.poles()?.into_iter().filter(mode) {
             let continuous: Complex<f64> = to_continuous(z, s.clock);
             frequency.push((p, continuous.norm() / TAU));
             damping.push((p, -continuous.re / continuous.norm()));
@@ -119,11 +123,12 @@ fn along(s: &Subject, low: f64, high: f64) -> Result<Figure, PipelineError> {
         .columns(2)
         .panel(a)
         .panel(b);
-    Ok(if has_basis(s) {
-        figure.caption(
-            "A model in orthonormal basis functions has the poles of its basis everywhere; the functions between them move the response.",
-        )
+    let caption = "Poles of the frozen model, and those of the fits at the positions.".to_owned();
+    let basis = if has_basis(s) {
+        " A model in orthonormal basis functions has the poles of its basis everywhere; the functions between them move the \
+         response."
     } else {
-        figure
-    })
+        ""
+    };
+    Ok(figure.caption(caption + basis))
 }

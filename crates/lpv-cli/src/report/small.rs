@@ -13,14 +13,18 @@ pub(super) fn section(s: &Subject) -> Option<Section> {
     } else {
         "relative rms residual"
     };
-    let section = Section::new("Small LFR").table(sizes(small, unit));
+    let mut section = Section::new("Small LFR");
+    if let Some([states, deltas]) = lpv.lfr {
+        section = section.paragraph(format!("The model has {states} states and {deltas} deltas."));
+    }
+    let section = section.table(sizes(small, unit));
     Some(match &small.moving {
         Some(moving) => section.table(along(moving)),
         None => section.note(slow_only(&lpv.modes)),
     })
 }
 
-/// One row a size; the best so far of each is a point of the Pareto front.
+/// One row a size.
 fn sizes(small: &SmallSummary, unit: &str) -> Table {
     let mut table = Table::new(
         "Sizes that were tried: residual of the frozen responses against states and deltas.",
@@ -41,8 +45,8 @@ fn along(moving: &MovingStage) -> Table {
     let [forces, outputs, accelerations] = moving.deltas;
     let mut table = Table::new(
         format!(
-            "Records along a moving p: rms error over the noise of a sample. The joint fit has {forces} deltas of forces, \
-             {outputs} of outputs and {accelerations} of accelerations; its rms residual of the frozen responses is {:.3}.",
+            "Records along a moving p: rms error over the noise of a sample. Deltas of forces, outputs and accelerations in \
+             the joint fit: {forces}, {outputs}, {accelerations}; its rms residual of the frozen responses: {:.3}.",
             moving.frozen_residual
         ),
         ["model", "error over the noise"],

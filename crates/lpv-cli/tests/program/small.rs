@@ -1,6 +1,6 @@
 //! Files of a small continuous-time LFR: its uncertainty, its page, and what other programs make of it.
 
-use crate::common::Desk;
+use crate::common::{Desk, MACHINE};
 use crate::python::{close, flat, numbers, python_has};
 use lpv_core::nalgebra::{DMatrix, dmatrix};
 use lpv_core::{Continuous, DeltaBlock, Discrete, Lfr, LfrBlocks, Model, SchedulingRange};
@@ -344,4 +344,55 @@ for p in [-0.3, 0.05, 0.4]:
     for (found, expected) in found.chunks(8).zip(expected.chunks(8)) {
         close(found, expected);
     }
+}
+
+/// The model file of a small simulated machine at rest, with noise of its own.
+fn identified(desk: &Desk, seed: usize) -> (Lfr<Continuous>, Value) {
+    let machine = MACHINE
+        .replace("seed = 11", &format!("seed = {seed}"))
+        .replace("estimation = 1", "estimation = 0");
+    desk.write("machine.toml", machine);
+    desk.done(&format!("simulate --machine machine.toml -o bundle{seed}"));
+    desk.write("small.toml", "lfr = \"small\"\n");
+    desk.done(&format!(
+        "identify bundle{seed} -o {seed}.json --config small.toml"
+    ));
+    let Model::ContinuousLfr(lfr) = desk.model(&format!("{seed}.json")) else {
+        panic!("no small LFR");
+    };
+    let whole: Value = serde_json::from_str(&desk.text(&format!("{seed}.json"))).unwrap();
+    (lfr, whole["identification"].clone())
+}
+
+/// Two models of one machine, from records with other noise, differ by what their files say, in every channel.
+#[test]
+fn the_deviation_in_the_file_is_the_scatter_of_models() {
+    let desk = Desk::new();
+    let (one, account) = identified(&desk, 21);
+    let (other, _) = identified(&desk, 23);
+    let clock = Discrete::new(account["sample_time"].as_f64().unwrap()).unwrap();
+    let table = &account["frozen_deviation"];
+    let list = |key: &str| -> Vec<f64> { serde_json::from_value(table[key].clone()).unwrap() };
+    let (positions, lines) = (list("positions"), list("frequencies_hz"));
+    assert_eq!(positions.len(), 5);
+    assert!(lines.len() > 30 && lines.len() <= 60, "{}", lines.len());
+    let mut ratios = DMatrix::<f64>::zeros(2, 2);
+    for (n, &p) in positions.iter().enumerate() {
+        let response = |m: &Lfr<Continuous>| {
+            let held = m.frozen(&[p]).unwrap().zero_order_hold(clock).unwrap();
+            held.frequency_response(&lines).unwrap()
+        };
+        let (f, g) = (response(&one), response(&other));
+        for k in 0..lines.len() {
+            let entry = |key: &str, i: usize, j: usize| table[key][n][k][i][j].as_f64().unwrap();
+            ratios += DMatrix::from_fn(2, 2, |i, j| {
+                // Both models have noise.
+                let variance = 2.0 * (entry("in_phase", i, j).powi(2) + entry("quadrature", i, j).powi(2));
+                (f.line(k)[(i, j)] - g.line(k)[(i, j)]).norm_sqr() / variance
+            });
+        }
+    }
+    // Neighbouring lines err together, so that the mean of a channel counts few errors.
+    let ratios = (ratios / (positions.len() * lines.len()) as f64).map(f64::sqrt);
+    assert!(ratios.iter().all(|r| (0.25..4.0).contains(r)), "{ratios}");
 }

@@ -59,13 +59,16 @@ pub struct MovingStage {
 const DELTAS: std::ops::RangeInclusive<usize> = 1..=6;
 
 /// Deltas of forces, outputs and accelerations that are tried, in this order, where p moves.
-const SPLITS: [[usize; 3]; 4] = [[1, 0, 1], [1, 1, 1], [1, 0, 2], [1, 1, 2]];
+const SPLITS: [[usize; 3]; 5] = [[1, 0, 1], [1, 1, 1], [1, 0, 2], [1, 1, 2], [2, 1, 2]];
 
 /// Residuals up to this many times what noise alone leaves are noise.
 const AT_NOISE: f64 = 1.1;
 
-/// Degree of the polynomials in which the state basis turns.
-const TURNING_DEGREE: usize = 3;
+/// A structure whose frozen responses miss by more than this many times what the free model leaves is too small.
+const NEAR: f64 = 2.0;
+
+/// Degree of the polynomials in which the state basis turns. Too low a degree leaves an error that no LFR can explain.
+const TURNING_DEGREE: usize = 4;
 
 /// Poles with more damping belong to no mode.
 const MOST_DAMPING: f64 = 0.5;
@@ -272,8 +275,8 @@ fn along(
     moves: &MovingData,
     seed: u64,
 ) -> Result<Option<Along>, RealizeError> {
-    const STARTS: usize = 4;
-    let [first_stage, .., data] = stages else {
+    const STARTS: usize = 2;
+    let Some(data) = stages.last() else {
         return Ok(None);
     };
     let rms = |errors: &[DMatrix<f64>]| {
@@ -286,13 +289,13 @@ fn along(
         (squares / moves.equations() as f64).sqrt()
     };
     let form = MechanicalForm::new(&fit.candidate, data)?;
-    let settings = RefineSettings::new().max_iterations(10).tolerance(1e-2).check()?;
+    let settings = RefineSettings::new().max_iterations(12).tolerance(0.1).check()?;
     let turned = turn(&form, moves, TURNING_DEGREE, &settings)?;
     let (first, last) = (
         turned.account.rms[0],
         *turned.account.rms.last().unwrap_or(&f64::NAN),
     );
-    let enough = AT_NOISE * fit.account.rms.max(f64::MIN_POSITIVE);
+    let enough = NEAR * fit.account.rms.max(f64::MIN_POSITIVE);
     let joint = RefineSettings::new().max_iterations(15).tolerance(1e-3).check()?;
     let frozen_only = RefineSettings::new().max_iterations(0).check()?;
     let mut best: Option<Along> = None;
@@ -302,20 +305,15 @@ fn along(
             outputs,
             accelerations,
         };
-        let settled = match settle(&form, &turned.turning, first_stage, split, STARTS, seed) {
+        let settled = match settle(&form, &turned, stages, split, STARTS, seed) {
             Ok(settled) => settled,
             Err(RealizeError::Start { .. }) => continue,
             Err(other) => return Err(other),
         };
-        let mut polished = refine(&settled.candidate, first_stage, &frozen_only)?;
-        for stage in stages {
-            let settings = RefineSettings::new().max_iterations(60).tolerance(1e-2).check()?;
-            polished = refine(&polished.candidate, stage, &settings)?;
-        }
-        if polished.account.rms > enough {
+        if settled.frozen_rms > enough {
             continue;
         }
-        let refined = match refine_with_moves(&polished.candidate, data, moves, &joint) {
+        let refined = match refine_with_moves(&settled.candidate, data, moves, &joint) {
             Ok(refined) => refined,
             Err(RealizeError::Moving { .. }) => continue,
             Err(other) => return Err(other),

@@ -135,6 +135,25 @@ impl MovingData {
     pub fn equations(&self) -> usize {
         self.records.iter().map(|r| r.outputs.len()).sum()
     }
+    /// The first samples of every record.
+    pub(crate) fn beginnings(&self, samples: usize) -> Self {
+        let records = self.records.iter().map(|record| {
+            let length = samples.min(record.len());
+            let first = |m: &DMatrix<f64>| m.columns(0, length).into_owned();
+            MovingRecord {
+                inputs: first(&record.inputs),
+                outputs: first(&record.outputs),
+                scheduling: first(&record.scheduling),
+                ..record.clone()
+            }
+        });
+        Self {
+            records: records.collect(),
+            noise: self.noise.clone(),
+            feedback: self.feedback.clone(),
+            ..*self
+        }
+    }
     pub(crate) fn records(&self) -> &[MovingRecord] {
         &self.records
     }

@@ -249,7 +249,8 @@ pub struct TurningFit {
 pub struct TurningAccount {
     /// Why the search ended.
     pub stop: StopReason,
-    /// Rms error over all records and outputs in units of the noise, with `G = 0` and after every iteration.
+    /// Rms error over all records and outputs in units of the noise: with `G = 0`, with the G that the beginnings of the
+    /// records ask for, and after every iteration.
     pub rms: Vec<f64>,
 }
 
@@ -271,19 +272,36 @@ pub fn turn(
         });
     }
     let frozen = freeze(form, data)?;
+    let set = settings.get();
+    let fit = |data: &MovingData, start: Option<DVector<f64>>, iterations: usize| {
+        let objective = TurningObjective {
+            zero: Turning::of_pairs(form.states(), degree),
+            frozen: &frozen,
+            data,
+        };
+        let limits = Limits {
+            max_iterations: iterations,
+            tolerance: set.tolerance,
+            target: set.target.powi(2) * data.equations() as f64,
+            damping: 1e-3,
+        };
+        search(
+            &objective,
+            start.unwrap_or_else(|| objective.zero.theta()),
+            &limits,
+        )
+    };
     let objective = TurningObjective {
         zero: Turning::of_pairs(form.states(), degree),
         frozen: &frozen,
         data,
     };
-    let set = settings.get();
-    let limits = Limits {
-        max_iterations: set.max_iterations,
-        tolerance: set.tolerance,
-        target: set.target.powi(2) * data.equations() as f64,
-        damping: 1e-3,
-    };
-    let found = search(&objective, objective.zero.theta(), &limits)?;
+    let first = objective
+        .cost(&objective.zero.theta())
+        .ok_or_else(|| objective.no_start())?;
+    // The way is long at first, and short records show it.
+    let near = fit(&data.beginnings(BEGINNING), None, set.max_iterations)?;
+    let found = fit(data, Some(near.theta), THEN).or_else(|_| fit(data, None, set.max_iterations))?;
     let equations = data.equations() as f64;
     let linear = objective
         .linearise(&found.theta)
@@ -300,14 +318,19 @@ pub fn turn(
         turning: objective.zero.with(&found.theta),
         account: TurningAccount {
             stop: found.stop,
-            rms: found
-                .history
-                .iter()
+            rms: std::iter::once(&first.total)
+                .chain(&found.history)
                 .map(|cost| (cost / equations).sqrt())
                 .collect(),
         },
     })
 }
+
+/// Samples of each record that are fitted first.
+const BEGINNING: usize = 1000;
+
+/// Iterations on whole records that follow: the error is nearly linear in G.
+const THEN: usize = 3;
 
 struct TurningObjective<'a> {
     zero: Turning,
@@ -375,19 +398,4 @@ impl Objective for TurningObjective<'_> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn basis_turns_by_g() {
-        let mut turning = Turning::of_pairs(4, 2);
-        turning
-            .coefficients
-            .copy_from_slice(&[0.3, -0.2, 0.5, 0.1, 0.0, 0.4, -0.3, 0.2, 0.1, 0.1, 0.0, -0.2]);
-        assert_eq!(turning.basis(0.0), DMatrix::identity(4, 4));
-        let h = 1e-4;
-        let slope = (turning.basis(0.6 + h) - turning.basis(0.6 - h)) / (2.0 * h);
-        let expected = -turning.basis(0.6) * turning.at(0.6);
-        assert!((slope - expected).amax() < 1e-7);
-    }
-}
+mod tests;

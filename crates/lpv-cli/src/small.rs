@@ -5,8 +5,8 @@ use crate::config::IdentifyConfig;
 use crate::poles::PoleStage;
 use lfr_realize::moving::{MovingData, refine_with_moves, settle, simulate_errors, turn};
 use lfr_realize::{
-    Candidate, DeltaSplit, FrozenData, GrowSettings, Grown, LocalSettings, MechanicalForm, RealizeError,
-    RefineSettings, Refined, ResidualUnit, grow, local_model, refine,
+    Candidate, DeltaSplit, FrozenData, GainFit, GrowSettings, Grown, LocalSettings, MechanicalForm,
+    RealizeError, RefineSettings, Refined, ResidualUnit, grow, local_model, refine,
 };
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::num_complex::Complex;
@@ -134,7 +134,11 @@ fn attempt(
     let mut sizes = Vec::new();
     let mut best: Option<Grown<Continuous>> = None;
     for deltas in DELTAS {
-        let mut settings = GrowSettings::new().seed(config.seed).restarts(2);
+        // The gain of the rigid body comes from the middle position; the others know it better together.
+        let mut settings = GrowSettings::new()
+            .seed(config.seed)
+            .restarts(2)
+            .gain(GainFit::Free);
         if data.unit() == ResidualUnit::StandardDeviation {
             settings = settings.target(AT_NOISE * expected_residual(estimates));
         }

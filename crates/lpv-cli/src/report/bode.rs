@@ -58,13 +58,10 @@ pub(super) fn section(s: &Subject) -> Result<Section, PipelineError> {
             |known, g, (i, j), n| known.phase(g, i, j, n),
         )
         .caption("The same, in degrees.");
-    let mut section = Section::new("Frequency responses")
+    let section = Section::new("Frequency responses")
         .figure(magnitude)
         .figure(phase);
-    if !s.evidence.estimates.is_empty() {
-        section = section.figure(residual(s, &known));
-    }
-    Ok(section)
+    Ok(residual(s, &known).into_iter().fold(section, Section::figure))
 }
 
 /// Where the measurement is, else three decades below Nyquist; rounded so that no line lies outside the model's domain.
@@ -174,15 +171,56 @@ pub(super) fn plain(name: &str) -> String {
     name.replace('_', " ")
 }
 
-fn residual(s: &Subject, known: &[Option<Known<'_>>]) -> Figure {
+/// What is left of the responses, beside what is known of them and of the model.
+fn residual(s: &Subject, known: &[Option<Known<'_>>]) -> Option<Figure> {
+    let measured = !s.evidence.estimates.is_empty();
+    let deviation = known.iter().any(Option::is_some);
+    if !measured && !deviation {
+        return None;
+    }
     let mut panel = Panel::new(Axis::log(FREQUENCY), Axis::log("Relative error"));
+    if measured {
+        panel = measured_errors(s, panel);
+    }
+    for (n, known) in known.iter().enumerate() {
+        if let Some(known) = known {
+            panel = panel.series(Series::line(known.relative()).colour(Colour::Index(n)));
+        }
+    }
+    let mut captions = Vec::new();
+    if measured {
+        captions.push(
+            "Difference between response and frozen model relative to the response, whole matrix at a line; grey: the \
+             stated deviation of the response.",
+        );
+    }
+    if deviation {
+        panel = panel.series(
+            Series::line(Vec::new())
+                .colour(Colour::Bound)
+                .label("deviation of the model"),
+        );
+        captions.push(
+            "Lines: what the noise leaves unknown of the model, which has far fewer parameters than the responses have \
+             lines, relative to its response, whole matrix at a line.",
+        );
+    }
+    let title = if measured {
+        "Residual"
+    } else {
+        "Deviation of the model"
+    };
+    Some(Figure::new(title).panel(panel).caption(captions.join(" ")))
+}
+
+fn measured_errors(s: &Subject, panel: Panel) -> Panel {
     let mut noise = Vec::new();
     for e in &s.evidence.estimates {
         for (k, f) in e.frf().frequencies_hz().iter().enumerate() {
             noise.push((*f, e.relative_deviation(k)));
         }
     }
-    panel = panel.series(
+    let mut panel = panel.series(
         Series::new(noise, Style::Dots)
             .label("noise of the responses")
             .colour(Colour::Bound)
@@ -208,23 +246,5 @@ fn residual(s: &Subject, known: &[Option<Known<'_>>]) -> Figure {
             None => series.label("residual"),
         });
     }
-    let mut caption =
-        "Difference between response and frozen model relative to the response, whole matrix at a line; \
-                       grey: the stated deviation of the response."
-            .to_owned();
-    for (n, known) in known.iter().enumerate() {
-        if let Some(known) = known {
-            panel = panel.series(Series::line(known.relative()).colour(Colour::Index(n)));
-        }
-    }
-    if known.iter().any(Option::is_some) {
-        panel = panel.series(
-            Series::line(Vec::new())
-                .colour(Colour::Bound)
-                .label("deviation of the model"),
-        );
-        caption += " Lines: what the noise leaves unknown of the model, which has far fewer parameters than the \
-                    responses have lines.";
-    }
-    Figure::new("Residual").panel(panel).caption(caption)
+    panel
 }

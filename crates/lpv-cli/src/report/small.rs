@@ -78,6 +78,7 @@ fn slow_only(modes: &[Vec<[f64; 2]>]) -> String {
     format!(
         "This model is known for slow p only. No records along a moving p decided its state coordinates, and constant \
          positions cannot: while p moves fast against the machine{against}, the simulated output may be far off, although \
-         every frozen response is met. Records in closed loop along a moving p, use = \"estimation\", remove this limit."
+         every frozen response is met. If there are none, records in closed loop along a moving p with use = \"estimation\" can \
+         remove this limit."
     )
 }

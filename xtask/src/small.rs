@@ -329,7 +329,7 @@ impl Subject {
         let turned = turn(
             &form,
             moves,
-            4,
+            5,
             &RefineSettings::new().max_iterations(12).tolerance(0.1).check()?,
         )?;
         let split = DeltaSplit {

@@ -211,8 +211,8 @@ const END: &str = "
 - Frozen responses do not fix the state coordinates. The model from constant positions alone is wrong by tens of micrometres along a fast
   back-and-forth, and right to less than the noise once the records along a moving p have said how its basis turns. Coordinates that stand still
   need a fourth delta: one between state and forces, one at the outputs, two at the accelerations.
-- What turns must be given enough freedom: with polynomials of degree 3 in G(p) the records seem explained to within twice the noise, and no LFR of
-  the right structure is found from there; with degree 4 it is found from every start.
+- What turns must be given enough freedom: with polynomials of degree 3 in G(p) the records of machine-plain seem explained to within 1.3
+  times the noise, and no LFR of the right structure is found from there; with degree 5 it is found, on all machines tried.
 - Along a fast back-and-forth such a machine is unstable in open loop (its stiffness is modulated near twice a mode); compare models there in closed
   loop. The machine's own model with noisy inputs runs away alike.
 ";

@@ -69,7 +69,7 @@ const AT_NOISE: f64 = 1.1;
 const NEAR: f64 = 2.0;
 
 /// Degree of the polynomials in which the state basis turns. Too low a degree leaves an error that no LFR can explain.
-const TURNING_DEGREE: usize = 4;
+const TURNING_DEGREE: usize = 5;
 
 /// Poles with more damping belong to no mode.
 const MOST_DAMPING: f64 = 0.5;

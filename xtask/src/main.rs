@@ -9,6 +9,8 @@ mod measured_page;
 mod page;
 mod reproduce;
 mod size;
+mod small;
+mod small_page;
 mod time;
 
 use clap::{Parser, Subcommand};
@@ -30,12 +32,32 @@ enum Task {
     Reproduce(Reproduce),
     /// Identify the measured bundles of ../shared/data with default settings, and write the table of docs/measured-data.md.
     #[command(after_help = "Example:\n  cargo xtask measured")]
-    Measured(Measured),
+    Measured(Pages),
+    /// Fit small LFRs to the experiments of the paper and to three other machines, and write docs/small-lfr.md.
+    #[command(after_help = "Example:\n  cargo xtask small")]
+    Small(Small),
+}
+
+/// Options of the small LFRs.
+#[derive(clap::Args)]
+pub(crate) struct Small {
+    /// Write the page and the figures to docs/ instead of the output folder.
+    #[arg(long)]
+    bless: bool,
+    /// Shorter experiments and fewer seeds, same code.
+    #[arg(long, conflicts_with = "bless")]
+    quick: bool,
+    /// Seed of the experiments.
+    #[arg(long, default_value_t = 2011)]
+    seed: u64,
+    /// Where the results go.
+    #[arg(long, value_name = "FOLDER", default_value = "target/small")]
+    output: PathBuf,
 }
 
 /// Options of the measured bundles.
 #[derive(clap::Args)]
-pub(crate) struct Measured {
+pub(crate) struct Pages {
     /// Write the page to docs/ instead of the output folder.
     #[arg(long)]
     bless: bool,
@@ -71,6 +93,7 @@ fn main() -> ExitCode {
     let done = match Arguments::parse().command {
         Task::Reproduce(options) => reproduce::run(&options),
         Task::Measured(options) => run_measured(&options).map(|()| true),
+        Task::Small(options) => run_small(&options).map(|()| true),
     };
     match done {
         Ok(true) => ExitCode::SUCCESS,
@@ -82,7 +105,7 @@ fn main() -> ExitCode {
     }
 }
 
-fn run_measured(options: &Measured) -> Result<(), TaskError> {
+fn run_measured(options: &Pages) -> Result<(), TaskError> {
     let data = root().join("../shared/data");
     if !data.exists() {
         println!("skipped: there is no ../shared/data beside the project");
@@ -102,6 +125,28 @@ fn run_measured(options: &Measured) -> Result<(), TaskError> {
         &options.output.join("measured.json"),
         &serde_json::to_value(&found)?,
     )?;
+    println!("page: {}", page.display());
+    Ok(())
+}
+
+fn run_small(options: &Small) -> Result<(), TaskError> {
+    let size = if options.quick {
+        size::Size::quick()
+    } else {
+        size::Size::full()
+    };
+    let found = small::run(size, options.seed)?;
+    let metrics = serde_json::json!({ "lfr_small": found, "seed": options.seed });
+    let docs = root().join("docs");
+    let (pages, figures) = if options.bless {
+        (&docs, docs.join("metrics/small.json"))
+    } else {
+        (&options.output, options.output.join("metrics.json"))
+    };
+    std::fs::create_dir_all(pages)?;
+    reproduce::write_json(&figures, &metrics)?;
+    let page = pages.join("small-lfr.md");
+    std::fs::write(&page, small_page::page(&metrics))?;
     println!("page: {}", page.display());
     Ok(())
 }

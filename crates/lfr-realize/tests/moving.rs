@@ -128,7 +128,7 @@ fn coordinates_that_stand_still_are_found_from_records() {
 
     let form = MechanicalForm::new(&frozen, &bench.data).unwrap();
     let settings = RefineSettings::new().max_iterations(12).tolerance(1e-2);
-    let turned = turn(&form, &fitted, 4, &settings.check().unwrap()).unwrap();
+    let turned = turn(&form, &fitted, 5, &settings.check().unwrap()).unwrap();
     let rms = &turned.account.rms;
     assert!(rms[rms.len() - 1] < 0.02 * rms[0], "{rms:?}");
 

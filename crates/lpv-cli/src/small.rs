@@ -5,8 +5,9 @@ use crate::config::IdentifyConfig;
 use crate::poles::PoleStage;
 use lfr_realize::moving::{MovingData, refine_with_moves, settle, simulate_errors, turn};
 use lfr_realize::{
-    Candidate, DeltaSplit, FrozenData, GainFit, GrowSettings, Grown, LocalSettings, MechanicalForm,
-    RealizeError, RefineSettings, Refined, ResidualUnit, grow, local_model, refine,
+    BetweenWarning, BoundSettings, Candidate, DeltaSplit, FrozenData, GainFit, GrowSettings, Grown,
+    LocalSettings, MechanicalForm, RealizeError, RefineSettings, Refined, ResidualUnit, StartKind,
+    bound_between, grow_sizes, local_model, refine,
 };
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::num_complex::Complex;
@@ -68,7 +69,7 @@ const AT_NOISE: f64 = 1.1;
 const NEAR: f64 = 2.0;
 
 /// Degree of the polynomials in which the state basis turns. Too low a degree leaves an error that no LFR can explain.
-const TURNING_DEGREE: usize = 4;
+const TURNING_DEGREE: usize = 5;
 
 /// Poles with more damping belong to no mode.
 const MOST_DAMPING: f64 = 0.5;
@@ -131,66 +132,32 @@ fn attempt(
     }
     let local = local_model(Continuous, &middle, &modes, &LocalSettings::new().check()?)?;
     let mut reasons = Vec::new();
-    let mut sizes = Vec::new();
-    let mut best: Option<Grown<Continuous>> = None;
-    for deltas in DELTAS {
-        // The gain of the rigid body comes from the middle position; the others know it better together.
-        let mut settings = GrowSettings::new()
-            .seed(config.seed)
-            .restarts(2)
-            .gain(GainFit::Free);
-        if data.unit() == ResidualUnit::StandardDeviation {
-            settings = settings.target(AT_NOISE * expected_residual(estimates));
-        }
-        let settings = settings.check()?;
-        let blocks = [DeltaBlock {
-            parameter: 0,
-            repetitions: deltas,
-        }];
-        let grown = match grow(
-            &local.flexible,
-            local.gamma.as_ref(),
-            data,
-            &blocks,
-            &range,
-            &settings,
-        ) {
-            Ok(grown) => grown,
-            // Another number of deltas may have a start.
-            Err(RealizeError::Start { .. }) => continue,
-            Err(other) => return Err(other.into()),
-        };
-        sizes.push(SizeRow {
-            states: grown.refined.candidate.states(),
-            deltas,
-            residual: grown.refined.account.rms,
-            starts: grown.starts.len(),
-        });
-        let reached = grown.reached;
-        if best
-            .as_ref()
-            .is_none_or(|b| grown.refined.account.rms < b.refined.account.rms)
-        {
-            best = Some(grown);
-        }
-        if reached {
-            break;
-        }
+    // The gain of the rigid body comes from the middle position; the others know it better together.
+    let mut settings = GrowSettings::new().seed(config.seed).gain(GainFit::Free);
+    if data.unit() == ResidualUnit::StandardDeviation {
+        settings = settings.target(AT_NOISE * expected_residual(estimates));
     }
-    let Some(best) = best else {
-        return Err(RealizeError::Empty {
-            what: "sizes with a start that has a response at every position",
-        }
-        .into());
-    };
-    let tried: Vec<String> = sizes
+    let deltas: Vec<Vec<DeltaBlock>> = DELTAS
+        .map(|repetitions| {
+            vec![DeltaBlock {
+                parameter: 0,
+                repetitions,
+            }]
+        })
+        .collect();
+    let gamma = local.gamma.as_ref();
+    let mut tried = grow_sizes(&local.flexible, gamma, data, &deltas, &range, &settings.check()?)?;
+    let sizes: Vec<SizeRow> = tried.grown.iter().map(SizeRow::new).collect();
+    let best = tried.grown.swap_remove(tried.chosen);
+    let residuals: Vec<String> = sizes
         .iter()
         .map(|s| format!("{}: {:.3}", s.deltas, s.residual))
         .collect();
+    let won = best.starts.get(best.winner).map_or("", |s| start_name(&s.kind));
     reasons.push(format!(
-        "small LFR: {} states with the rigid body exact, residual over the noise of the responses by deltas ({}){}",
+        "small LFR: {} states with the rigid body exact, residual over the noise of the responses by deltas ({}); the {won} start won{}",
         best.refined.candidate.states(),
-        tried.join(", "),
+        residuals.join(", "),
         if best.reached { "" } else { "; the noise is not reached" }
     ));
     let mut stage = SmallStage {
@@ -219,16 +186,101 @@ fn attempt(
                 stage.moving = Some(account);
             }
             Ok(None) => reasons.push(
-                "moving records: no LFR of the mechanical structure explains the responses and the records; the model holds for slow p only".to_owned(),
+                format!("moving records: no LFR of the mechanical structure explains the responses and the records; {}", slow(&modes, &range, clock)),
             ),
-            Err(refused) => reasons.push(format!("{refused}; the model holds for slow p only")),
+            Err(refused) => reasons.push(format!("{refused}; {}", slow(&modes, &range, clock))),
         },
-        _ => reasons.push(
-            "no records along a moving p in a known loop: the state coordinates are not the machine's, so the model holds while p moves slowly against the modes".to_owned(),
-        ),
+        _ => reasons.push(format!(
+            "no records along a moving p in a known loop: {}",
+            slow(&modes, &range, clock)
+        )),
+    }
+    if positions.len() >= 4 {
+        between(&stage.fit.candidate, data, &mut reasons)?;
     }
     stage.reasons = reasons;
     Ok(stage)
+}
+
+/// What the positions support between them.
+fn between(
+    candidate: &Candidate<Continuous>,
+    data: &FrozenData,
+    reasons: &mut Vec<String>,
+) -> Result<(), RealizeError> {
+    let found = bound_between(candidate, data, &BoundSettings::new().check()?)?;
+    let positions: Vec<f64> = data.scheduling().map(|p| p[0]).collect();
+    let worst = found
+        .intervals
+        .iter()
+        .filter(|i| i.bound.is_finite())
+        .max_by(|a, b| a.bound.total_cmp(&b.bound));
+    if let Some(worst) = worst {
+        reasons.push(format!(
+            "between positions: models fitted to half of them differ from this one by at most {:.1} dB at every p (bounded, the largest between {} and {})",
+            20.0 * worst.bound.log10(),
+            worst.from[0],
+            worst.to[0]
+        ));
+    }
+    for warning in &found.warnings {
+        reasons.push(match warning {
+            BetweenWarning::Coarse {
+                interval,
+                frequency_hz,
+                shift,
+            } => format!(
+                "warning: the mode at {frequency_hz:.3} shifts by {shift:.1} half-widths between {} and {}; measure between them",
+                found.intervals[*interval].from[0], found.intervals[*interval].to[0]
+            ),
+            BetweenWarning::NotPredicted {
+                position,
+                left_out,
+                fitted,
+            } => format!(
+                "warning: without position {} a model misses it by {left_out:.3}, against {fitted:.3} with it; what it says between positions is not supported there",
+                positions[*position]
+            ),
+            BetweenWarning::Unbounded { interval } => format!(
+                "warning: no bound between {} and {}",
+                found.intervals[*interval].from[0], found.intervals[*interval].to[0]
+            ),
+        });
+    }
+    Ok(())
+}
+
+/// What a model in the coordinates of frozen responses is good for. A basis that turns by about its own size over half the
+/// range adds `(dp/dt) / half-width` to the state matrix; that should be small against the decay of the modes.
+fn slow(modes: &[Complex<f64>], range: &SchedulingRange, clock: Discrete) -> String {
+    const SMALL: f64 = 0.1;
+    let decay = modes
+        .iter()
+        .map(|z| -z.ln().re / clock.sample_time())
+        .fold(f64::INFINITY, f64::min);
+    format!(
+        "the state coordinates are not the machine's, and the model is known for slow p only, |dp/dt| well below {:.2e} a second (a tenth of the decay of the modes over half the range)",
+        SMALL * decay * range.half_width()[0]
+    )
+}
+
+fn start_name(kind: &StartKind) -> &'static str {
+    match kind {
+        StartKind::Coherent { .. } => "coherent",
+        StartKind::Random { .. } => "random",
+        _ => "smaller model's",
+    }
+}
+
+impl SizeRow {
+    fn new(grown: &Grown<Continuous>) -> Self {
+        Self {
+            states: grown.refined.candidate.states(),
+            deltas: grown.refined.candidate.delta_count(),
+            residual: grown.refined.account.rms,
+            starts: grown.starts.len(),
+        }
+    }
 }
 
 /// Rms residual that noise alone leaves, where its covariance is estimated from `nu` degrees of freedom: the inverse of

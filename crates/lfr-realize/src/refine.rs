@@ -118,12 +118,9 @@ pub(crate) fn account<K: Sampling>(
     let (values, vectors) = right_singular(&scaled.r)?;
     let largest = values.get(0).copied().unwrap_or(0.0);
     let rank = values.iter().filter(|v| **v > UNDETERMINED * largest).count();
-    let equations = data.equations();
-    if equations < rank {
-        return Err(RealizeError::TooFewEquations {
-            equations,
-            unknowns: rank,
-        });
+    let (equations, unknowns) = (data.equations(), scaled.map.ncols());
+    if equations < unknowns {
+        return Err(RealizeError::TooFewEquations { equations, unknowns });
     }
     let total: f64 = found.cost.lines.iter().flatten().sum();
     let variance = match data.unit() {

@@ -135,6 +135,14 @@ impl FrozenData {
         Self::joined(self.clock, self.unit, kept.cloned().collect())
     }
 
+    /// One position.
+    pub(crate) fn at(&self, index: usize) -> Self {
+        Self {
+            positions: vec![self.positions[index].clone()],
+            ..*self
+        }
+    }
+
     /// At most `lines` lines at each position, closer together where the response changes: half of them follow the
     /// length of its path, `sum ||G_(k+1) - G_k|| / ||G_k||`, half the index.
     #[must_use]

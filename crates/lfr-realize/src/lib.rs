@@ -108,8 +108,8 @@ pub use data::{FrozenData, ResidualUnit};
 pub use direct::{Realization, realize};
 pub use error::RealizeError;
 pub use grow::{
-    CheckedGrowSettings, DeltaReach, GainFit, GrowSettings, Grown, StartAccount, StartKind, StartOutcome,
-    StartSearch, grow,
+    CheckedGrowSettings, DeltaReach, GainFit, GrowSettings, Grown, SizeChoice, Sizes, StartAccount,
+    StartKind, StartOutcome, StartSearch, grow, grow_sizes,
 };
 pub use local::{CheckedLocalSettings, LocalMode, LocalModel, LocalSettings, RigidGain, local_model};
 pub use mechanical::{DeltaSplit, MechanicalForm};

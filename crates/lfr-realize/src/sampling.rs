@@ -219,6 +219,10 @@ impl Held {
                         let mut column = chain.column_mut(m * n + k);
                         for l in 0..all {
                             let factor = weight * before[(m, l)];
+                            // The rows of B are those of the identity.
+                            if factor == 0.0 {
+                                continue;
+                            }
                             for i in 0..n {
                                 column[l * n + i] += factor * after[(i, k)];
                             }

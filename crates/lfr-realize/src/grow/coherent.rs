@@ -10,7 +10,7 @@ use crate::{
     Candidate, CheckedRefineSettings, FrozenData, RandomChannels, RealizeError, RefineSettings, ResidualUnit,
     refine,
 };
-use lpv_core::{Continuous, CoreError, DeltaBlock, SchedulingRange, StateSpace};
+use lpv_core::{Continuous, CoreError, SchedulingRange, StateSpace};
 use nalgebra::{DMatrix, DVector};
 
 /// Lines a position of the damped responses, at least; twice the states if that is more.
@@ -21,7 +21,6 @@ const DAMPED_LINES: usize = 20;
 pub(super) struct Coherent<K: Sampling> {
     clock: K,
     pub(super) shape: Shape,
-    reach: DeltaReach,
     pub(super) range: SchedulingRange,
     /// Normalised scheduling values, and S there.
     pub(super) models: Vec<(Vec<f64>, DMatrix<f64>)>,
@@ -100,7 +99,6 @@ impl<K: Sampling> Coherent<K> {
         Ok(Self {
             clock: local.clock(),
             shape,
-            reach,
             range: range.clone(),
             damped: FrozenData::relative(data.clock(), &responses)?,
             models,
@@ -128,20 +126,6 @@ impl<K: Sampling> Coherent<K> {
         let fitted = refine(&moved(start, self.damping), &self.damped, settings)?;
         let iterations = fitted.account.iterations();
         Ok((moved(fitted.candidate, -self.damping), iterations))
-    }
-
-    /// Small random channels on a local model.
-    pub(super) fn random(
-        &self,
-        local: &StateSpace<K>,
-        deltas: &[DeltaBlock],
-        random: RandomChannels,
-    ) -> Result<Candidate<K>, RealizeError> {
-        let start = Candidate::flexible(local, None, deltas, self.range.clone(), random)?;
-        match self.reach {
-            DeltaReach::States => Ok(start),
-            DeltaReach::Outputs => start.with_free_outputs(),
-        }
     }
 }
 

@@ -1,0 +1,227 @@
+//! What all starts share, and one growth after the other.
+
+use super::coherent::Coherent;
+use super::{
+    CheckedGrowSettings, DeltaReach, GainFit, Grown, StartAccount, StartKind, StartOutcome, StartSearch,
+};
+use crate::sampling::Sampling;
+use crate::{
+    Candidate, CheckedRefineSettings, FrozenData, RandomChannels, RealizeError, RefineSettings, Refined,
+    refine,
+};
+use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
+use nalgebra::DMatrix;
+use std::time::Instant;
+
+/// The damped fit ends at this relative rms: the fit to the data goes on from there.
+const NEAR: f64 = 1e-3;
+
+/// A start that wins less than this part of its cost in eight iterations is stuck.
+const STUCK: f64 = 1e-2;
+
+/// What does not depend on the number of deltas.
+pub(super) struct Field<'a, K: Sampling> {
+    local: &'a StateSpace<K>,
+    gamma: Option<&'a DMatrix<f64>>,
+    data: &'a FrozenData,
+    scheduling: &'a SchedulingRange,
+    settings: &'a CheckedGrowSettings,
+    coherent: Coherent<K>,
+    thinned: FrozenData,
+}
+
+impl<'a, K: Sampling> Field<'a, K> {
+    pub(super) fn new(
+        local: &'a StateSpace<K>,
+        gamma: Option<&'a DMatrix<f64>>,
+        data: &'a FrozenData,
+        scheduling: &'a SchedulingRange,
+        settings: &'a CheckedGrowSettings,
+    ) -> Result<Self, RealizeError> {
+        let set = settings.get();
+        let thinned = data.thinned(set.lines);
+        Ok(Self {
+            coherent: Coherent::new(local, gamma, &thinned, scheduling, set.reach)?,
+            local,
+            gamma,
+            data,
+            scheduling,
+            settings,
+            thinned,
+        })
+    }
+
+    /// The best model with these deltas; `smaller` has fewer.
+    pub(super) fn grow(
+        &self,
+        deltas: &[DeltaBlock],
+        smaller: Option<&Candidate<K>>,
+    ) -> Result<Grown<K>, RealizeError> {
+        if deltas.iter().all(|d| d.repetitions == 0) {
+            return Err(RealizeError::Empty { what: "deltas" });
+        }
+        let set = self.settings.get();
+        let target = self.target();
+        let random = (0..set.restarts as u64).map(|at| StartKind::Random {
+            seed: set.seed.wrapping_add(at),
+        });
+        let kinds = [StartKind::Coherent].into_iter();
+        let kinds = kinds.chain(smaller.map(|_| StartKind::Smaller)).chain(random);
+        let mut starts: Vec<StartAccount> = Vec::new();
+        // The best of the starts that missed the target on few lines, and of those that were fitted to all.
+        let mut waiting: Option<(usize, Candidate<K>)> = None;
+        let mut best: Option<(usize, Refined<K>)> = None;
+        let mut failure = None;
+        for (at, kind) in kinds.enumerate() {
+            let began = Instant::now();
+            let mut account = StartAccount {
+                kind,
+                iterations: 0,
+                seconds: 0.0,
+                thinned_rms: f64::INFINITY,
+                outcome: StartOutcome::Failed,
+            };
+            match self.start(deltas, smaller, &mut account) {
+                Ok(candidate) => {
+                    account.outcome = StartOutcome::Abandoned;
+                    if account.thinned_rms <= target || set.search == StartSearch::All {
+                        let refined = self.long_fit(candidate, &mut account)?;
+                        if best
+                            .as_ref()
+                            .is_none_or(|(_, b)| refined.account.rms < b.account.rms)
+                        {
+                            best = Some((at, refined));
+                        }
+                    } else if waiting
+                        .as_ref()
+                        .is_none_or(|(other, _)| account.thinned_rms < starts[*other].thinned_rms)
+                    {
+                        waiting = Some((at, candidate));
+                    }
+                }
+                Err(error @ RealizeError::Start { .. }) => failure = Some(error),
+                Err(error) => return Err(error),
+            }
+            account.seconds = began.elapsed().as_secs_f64();
+            starts.push(account);
+            let reached = best.as_ref().is_some_and(|(_, b)| b.account.rms <= target);
+            if reached && set.search == StartSearch::UntilReached {
+                break;
+            }
+        }
+        if let (None, Some((at, candidate))) = (&best, waiting) {
+            let began = Instant::now();
+            best = Some((at, self.long_fit(candidate, &mut starts[at])?));
+            starts[at].seconds += began.elapsed().as_secs_f64();
+        }
+        let none = RealizeError::Start {
+            p: self.scheduling.centre(),
+            problem: "no start could be made",
+        };
+        let (winner, refined) = best.ok_or_else(|| failure.unwrap_or(none))?;
+        Ok(Grown {
+            reached: refined.account.rms <= target,
+            refined,
+            starts,
+            winner,
+        })
+    }
+
+    fn target(&self) -> f64 {
+        self.settings.target(self.data.unit())
+    }
+
+    /// A start, fitted to the damped responses and to the thinned data.
+    fn start(
+        &self,
+        deltas: &[DeltaBlock],
+        smaller: Option<&Candidate<K>>,
+        account: &mut StartAccount,
+    ) -> Result<Candidate<K>, RealizeError> {
+        let set = self.settings.get();
+        let quick = |target: f64| -> Result<CheckedRefineSettings, RealizeError> {
+            RefineSettings::new()
+                .max_iterations(set.start_iterations)
+                .tolerance(STUCK)
+                .target(target)
+                .check()
+        };
+        let start = |gamma: Option<&DMatrix<f64>>, seed: u64| {
+            let random = RandomChannels { seed, size: set.size };
+            let start = Candidate::flexible(self.local, gamma, deltas, self.scheduling.clone(), random)?;
+            match set.reach {
+                DeltaReach::States => Ok(start),
+                DeltaReach::Outputs => start.with_free_outputs(),
+            }
+        };
+        let flexible = match (account.kind, smaller) {
+            (StartKind::Coherent, _) => self.coherent.factorised(start(None, set.seed)?)?,
+            (StartKind::Smaller, Some(smaller)) => extended(start(None, set.seed)?, smaller),
+            (StartKind::Smaller, None) => start(None, set.seed)?,
+            (StartKind::Random { seed }, _) => start(None, seed)?,
+        };
+        let (flexible, iterations) = self.coherent.fit(flexible, &quick(NEAR)?)?;
+        account.iterations += iterations;
+        let whole = start(self.gamma, set.seed)?;
+        let rigid = whole.states() - flexible.states();
+        let mut m = whole.matrix().clone();
+        let part = flexible.matrix();
+        m.view_mut((rigid, rigid), part.shape()).copy_from(part);
+        let refined = refine(&whole.with_matrix(m), &self.thinned, &quick(self.target())?)?;
+        account.iterations += refined.account.iterations();
+        account.thinned_rms = refined.account.rms;
+        Ok(refined.candidate)
+    }
+
+    fn long_fit(
+        &self,
+        candidate: Candidate<K>,
+        account: &mut StartAccount,
+    ) -> Result<Refined<K>, RealizeError> {
+        let candidate = match (self.settings.get().gain, self.gamma) {
+            (GainFit::Free, Some(_)) => candidate.with_free_gain()?,
+            _ => candidate,
+        };
+        let refined = refine(&candidate, self.data, &self.settings.refine)?;
+        account.iterations += refined.account.iterations();
+        account.outcome = StartOutcome::Refined {
+            rms: refined.account.rms,
+        };
+        Ok(refined)
+    }
+}
+
+/// The flexible part of a model with fewer deltas in the channels of another candidate; its other channels do not feed
+/// those.
+fn extended<K: Sampling>(base: Candidate<K>, smaller: &Candidate<K>) -> Candidate<K> {
+    let (shape, nc) = (base.shape(), base.channels().len());
+    let rigid = smaller.states() - shape.states;
+    // The k-th channel of a parameter becomes the k-th of that parameter.
+    let mut taken = vec![false; nc];
+    let places: Vec<Option<usize>> = smaller
+        .channels()
+        .iter()
+        .map(|channel| {
+            let place = (0..nc).find(|&j| !taken[j] && base.channels()[j] == *channel)?;
+            taken[place] = true;
+            Some(place)
+        })
+        .collect();
+    let all = |inner: usize| {
+        (0..inner)
+            .map(Some)
+            .chain(places.iter().map(move |p| p.map(|p| inner + p)))
+    };
+    let (old, mut m) = (smaller.matrix(), base.matrix().clone());
+    for place in places.iter().flatten() {
+        m.row_mut(shape.rows() + place).fill(0.0);
+    }
+    for (i, row) in all(shape.rows()).enumerate() {
+        for (j, column) in all(shape.columns()).enumerate() {
+            if let (Some(row), Some(column)) = (row, column) {
+                m[(row, column)] = old[(rigid + i, rigid + j)];
+            }
+        }
+    }
+    base.with_matrix(m)
+}

@@ -12,7 +12,7 @@
 //!   continuous time (held between samples, exactly) or in discrete time, to the least
 //!   `sum_(i,k) ||W_y (F(p_i, f_k) - G(p_i, f_k)) W_u||_F^2`, relative or whitened by the covariance of the data
 //!   ([`FrozenData`]). [`local_model`] makes a start at one position from the poles there, and [`grow`] gets from it to
-//!   the whole range. The error is part of the result, as is the covariance of every frozen response.
+//!   the whole range, [`grow_sizes`] with as few deltas as do. The error is part of the result, as is the covariance of every frozen response.
 //!
 //! # How the small one is found
 //! The frozen system is `S(p) = M_aa + M_ab K M_ba` with `K = Delta (I - M_bb Delta)^-1`, all nine matrices being blocks of one
@@ -34,9 +34,9 @@
 //! # What it does not do
 //! [`realize`] approximates nothing: splines and Gaussian processes are refused, since no finite LFR equals them; a
 //! Chebyshev interpolant is the way round. A fit approximates, and always says by how much: residuals of each position,
-//! rank and condition, why it stopped. It does not choose the number of deltas or find poles, makes no stable model
-//! unstable, and promises no global minimum: [`grow`] tries several starts and accounts for each. Frozen responses do not
-//! determine what the model does while p moves.
+//! rank and condition, why it stopped. It does not find poles, makes no stable model unstable, and promises no global
+//! minimum: [`grow`] tries several starts and accounts for each, [`grow_sizes`] several numbers of deltas. Frozen
+//! responses do not determine what the model does while p moves.
 //!
 //! # Examples
 //! ```

@@ -105,7 +105,7 @@ impl<'a, K: Sampling> Field<'a, K> {
             account.seconds = began.elapsed().as_secs_f64();
             starts.push(account);
             let reached = best.as_ref().is_some_and(|(_, b)| b.account.rms <= target);
-            if reached && set.search == StartSearch::UntilReached {
+            if set.search == StartSearch::UntilReached && (reached || agree(&starts)) {
                 break;
             }
         }
@@ -189,6 +189,15 @@ impl<'a, K: Sampling> Field<'a, K> {
         };
         Ok(refined)
     }
+}
+
+/// So many starts that end at the same residual, the least of all, leave little hope for a better one.
+const AGREE: usize = 3;
+
+fn agree(starts: &[StartAccount]) -> bool {
+    let least = starts.iter().map(|s| s.thinned_rms).fold(f64::INFINITY, f64::min);
+    let same = |s: &&StartAccount| s.thinned_rms.is_finite() && s.thinned_rms <= 1.01 * least;
+    starts.iter().filter(same).count() >= AGREE
 }
 
 /// The flexible part of a model with fewer deltas in the channels of another candidate; its other channels do not feed

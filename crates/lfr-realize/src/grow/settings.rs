@@ -26,7 +26,8 @@ pub enum DeltaReach {
 /// When the search for a start ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum StartSearch {
-    /// With the first model that reaches the target.
+    /// With the first model that reaches the target, or when three starts have ended at the same residual, the least of
+    /// all.
     #[default]
     UntilReached,
     /// After all starts, each with its long fit: to compare them.

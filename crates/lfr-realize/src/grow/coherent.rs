@@ -19,7 +19,7 @@ const DAMPED_LINES: usize = 20;
 /// One frozen model a position, `S = [A B; C D]` of the flexible part. Each was fitted from that of its nearest
 /// neighbour towards the centre, by steps that move no coordinates, so that the entries of S are smooth in p.
 pub(super) struct Coherent<K: Sampling> {
-    clock: K,
+    pub(super) clock: K,
     pub(super) shape: Shape,
     pub(super) range: SchedulingRange,
     /// Normalised scheduling values, and S there.
@@ -27,8 +27,8 @@ pub(super) struct Coherent<K: Sampling> {
     /// How far a row or a column of S moves the response at the position where the search began.
     pub(super) row_weight: DVector<f64>,
     pub(super) column_weight: DVector<f64>,
-    damped: FrozenData,
-    damping: f64,
+    pub(super) damped: FrozenData,
+    pub(super) damping: f64,
 }
 
 impl<K: Sampling> Coherent<K> {

@@ -172,3 +172,6 @@ fn means(size: usize, values: impl Iterator<Item = (usize, f64)>) -> DVector<f64
     }
     DVector::from_fn(size, |i, _| sum[i] / count[i].max(1.0))
 }
+
+#[cfg(test)]
+mod tests;

@@ -135,6 +135,12 @@ impl FrozenData {
         Self::joined(self.clock, self.unit, kept.cloned().collect())
     }
 
+    /// One of the positions.
+    pub(crate) fn only(&self, index: usize) -> Result<Self, RealizeError> {
+        let kept = self.positions.get(index).cloned();
+        Self::joined(self.clock, self.unit, kept.into_iter().collect())
+    }
+
     /// At most `lines` lines at each position, closer together where the response changes: half of them follow the
     /// length of its path, `sum ||G_(k+1) - G_k|| / ||G_k||`, half the index.
     #[must_use]

@@ -93,6 +93,7 @@ mod mechanical;
 mod minimax;
 pub mod moving;
 mod problem;
+mod reduce;
 mod refine;
 mod sampling;
 mod search;
@@ -112,6 +113,7 @@ pub use grow::{
 };
 pub use local::{CheckedLocalSettings, LocalMode, LocalModel, LocalSettings, RigidGain, local_model};
 pub use mechanical::{DeltaSplit, MechanicalForm};
+pub use reduce::coherent_start;
 pub use refine::{RefineAccount, Refined, refine};
 pub use sampling::Sampling;
 pub use search::StopReason;

@@ -1,0 +1,128 @@
+//! Local models in one state basis, and the LFR of few deltas that is nearest to how they move with p.
+
+use super::hankel::Expansion;
+use super::weights::Weights;
+use crate::sampling::Sampling;
+use crate::{Candidate, FrozenData, RandomChannels, RealizeError, RefineSettings, refine};
+use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
+use nalgebra::DMatrix;
+
+/// Local models of all positions in one state basis.
+///
+/// C is that of the first model. From there each position begins at the model of the nearest one that is done, and is
+/// fitted with steps that turn no basis, so that neighbours share theirs.
+pub(crate) struct LocalModels<K: Sampling> {
+    /// `[A B]` of the flexible states, in the order of the data.
+    pub(crate) matrices: Vec<DMatrix<f64>>,
+    /// Rms residual of each position.
+    pub(crate) rms: Vec<f64>,
+    local: StateSpace<K>,
+    gamma: Option<DMatrix<f64>>,
+}
+
+/// Lines of a position that a local fit uses.
+const LINES: usize = 60;
+
+impl<K: Sampling> LocalModels<K> {
+    /// `local` and `gamma` are the flexible part and the gain of the rigid body at the position nearest to the centre.
+    pub(crate) fn new(
+        local: &StateSpace<K>,
+        gamma: Option<&DMatrix<f64>>,
+        data: &FrozenData,
+        scheduling: &SchedulingRange,
+    ) -> Result<Self, RealizeError> {
+        let deltas: Vec<Vec<f64>> = data.scheduling().map(|p| scheduling.normalise(p)).collect();
+        let distance = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| (x - y).powi(2)).sum::<f64>();
+        let centre = vec![0.0; scheduling.parameters()];
+        let mut order: Vec<usize> = (0..deltas.len()).collect();
+        order.sort_by(|&i, &j| distance(&deltas[i], &centre).total_cmp(&distance(&deltas[j], &centre)));
+        let settings = RefineSettings::new()
+            .max_iterations(40)
+            .tolerance(1e-3)
+            .target(super::LOCAL_TARGET)
+            .check()?;
+        let thinned = data.thinned(LINES);
+        let mut all = Self {
+            matrices: vec![DMatrix::zeros(0, 0); deltas.len()],
+            rms: vec![f64::INFINITY; deltas.len()],
+            local: local.clone(),
+            gamma: gamma.cloned(),
+        };
+        for (done, &i) in order.iter().enumerate() {
+            let nearest = order[..done]
+                .iter()
+                .min_by(|&&j, &&k| {
+                    distance(&deltas[i], &deltas[j]).total_cmp(&distance(&deltas[i], &deltas[k]))
+                })
+                .copied();
+            let start = match nearest {
+                Some(j) => all.with_matrix(&all.matrices[j])?,
+                None => local.clone(),
+            };
+            let candidate = all.candidate(&start, &[], scheduling, RandomChannels::default())?;
+            let fitted = refine(&candidate, &thinned.only(i)?, &settings)?;
+            let (rigid, nf) = (candidate.states() - local.states(), local.states());
+            let m = fitted.candidate.matrix();
+            all.matrices[i] = m.view((rigid, rigid), (nf, nf + local.inputs())).into_owned();
+            all.rms[i] = fitted.account.rms;
+        }
+        Ok(all)
+    }
+
+    /// A candidate with fixed C.
+    fn candidate(
+        &self,
+        local: &StateSpace<K>,
+        deltas: &[DeltaBlock],
+        scheduling: &SchedulingRange,
+        random: RandomChannels,
+    ) -> Result<Candidate<K>, RealizeError> {
+        let all = Candidate::flexible(local, self.gamma.as_ref(), deltas, scheduling.clone(), random)?;
+        let mut free = all.free().clone();
+        free.rows_mut(all.states(), all.outputs()).fill(false);
+        all.with_free(free)
+    }
+
+    fn with_matrix(&self, ab: &DMatrix<f64>) -> Result<StateSpace<K>, RealizeError> {
+        let (nf, nu) = (self.local.states(), self.local.inputs());
+        let (a, b) = (ab.columns(0, nf).into_owned(), ab.columns(nf, nu).into_owned());
+        let (c, d) = (self.local.c().clone(), self.local.d().clone());
+        Ok(StateSpace::new(a, b, c, d, self.local.clock())?)
+    }
+
+    /// The LFR with these deltas whose `[A B](p)` is nearest to that of the local models, in the weights of their
+    /// responses: a polynomial of this degree through them, the Hankel matrix of its coefficients cut to rank.
+    pub(crate) fn factorised(
+        &self,
+        data: &FrozenData,
+        deltas: &[DeltaBlock],
+        scheduling: &SchedulingRange,
+        degree: usize,
+        seed: u64,
+    ) -> Result<Candidate<K>, RealizeError> {
+        let places: Vec<Vec<f64>> = data.scheduling().map(|p| scheduling.normalise(p)).collect();
+        let mut weights = Weights::new(self.local.states(), self.local.inputs());
+        for (ab, frf) in self.matrices.iter().zip(data.responses()) {
+            weights.add(&self.with_matrix(ab)?, frf);
+        }
+        let expansion = Expansion::new(&places, &self.matrices, degree)?;
+        let centre = self.with_matrix(expansion.constant())?;
+        let random = RandomChannels { seed, size: 1e-3 };
+        let whole = Candidate::flexible(&centre, self.gamma.as_ref(), deltas, scheduling.clone(), random)?;
+        let channels = expansion.channels(&weights, whole.channels())?;
+        let (n, nf, nu) = (whole.states(), self.local.states(), self.local.inputs());
+        let (rigid, first_w, first_z) = (n - nf, n + nu, n + whole.outputs());
+        let mut m = whole.matrix().clone();
+        for (j, found) in channels.found.iter().enumerate() {
+            if *found {
+                m.view_mut((rigid, first_w + j), (nf, 1))
+                    .copy_from(&channels.left.column(j));
+                m.view_mut((first_z + j, rigid), (1, nf + nu))
+                    .copy_from(&channels.right.row(j));
+            }
+        }
+        m.view_mut((first_z, first_w), channels.inner.shape())
+            .copy_from(&channels.inner);
+        Ok(whole.with_matrix(m))
+    }
+}

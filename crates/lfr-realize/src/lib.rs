@@ -113,7 +113,10 @@ pub use grow::{
 };
 pub use local::{CheckedLocalSettings, LocalMode, LocalModel, LocalSettings, RigidGain, local_model};
 pub use mechanical::{DeltaSplit, MechanicalForm};
-pub use reduce::coherent_start;
+pub use reduce::{
+    CheckedCoherentSettings, CheckedReduceSettings, Coherent, CoherentSettings, FactorAccount, ReduceSettings,
+    Reduced, StartKind, coherent, reduce, reduce_to_continuous,
+};
 pub use refine::{RefineAccount, Refined, refine};
 pub use sampling::Sampling;
 pub use search::StopReason;

@@ -1,11 +1,86 @@
 //! Local models in one state basis, and the LFR of few deltas that is nearest to how they move with p.
 
 use super::hankel::Expansion;
+use super::select::{FactorAccount, Selection, StartKind};
+use super::settings::CheckedCoherentSettings;
 use super::weights::Weights;
 use crate::sampling::Sampling;
-use crate::{Candidate, FrozenData, RandomChannels, RealizeError, RefineSettings, refine};
+use crate::{
+    Candidate, DeltaReach, FrozenData, GainFit, RandomChannels, RealizeError, RefineSettings, Refined,
+    ResidualUnit, refine,
+};
 use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
+
+/// An LFR from coherent local models, with the account of its making.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Coherent<K: Sampling> {
+    /// The model.
+    pub refined: Refined<K>,
+    /// Rms residual of the local model of each position, in the order of the data: what the deltas could reach at best.
+    pub local_rms: Vec<f64>,
+    /// One entry a start, in their order.
+    pub starts: Vec<FactorAccount>,
+    /// Index of the start that won.
+    pub winner: usize,
+    /// Whether the target was reached.
+    pub reached: bool,
+}
+
+/// Fits an LFR with the given deltas to responses over the whole range, from local models at all positions.
+///
+/// `local` and `gamma` are the flexible part and the gain of the rigid body at the position nearest to the centre, as
+/// [`crate::local_model`] gives them. From there each position begins at the model of the nearest one that is done, with
+/// C held and steps that turn no basis, so that all share one state basis. A polynomial through their matrices, its
+/// Hankel matrix weighted by what a change does to the relative response and cut to rank, gives the deltas. There is no
+/// chance in it; polynomials of several degrees are tried.
+///
+/// # Errors
+/// [`RealizeError::Empty`] without deltas, [`RealizeError::Start`] if no start has a response at all positions, and those
+/// of [`refine`]. A target that is not reached is a result.
+pub fn coherent<K: Sampling>(
+    local: &StateSpace<K>,
+    gamma: Option<&DMatrix<f64>>,
+    data: &FrozenData,
+    deltas: &[DeltaBlock],
+    scheduling: &SchedulingRange,
+    settings: &CheckedCoherentSettings,
+) -> Result<Coherent<K>, RealizeError> {
+    if deltas.iter().all(|d| d.repetitions == 0) {
+        return Err(RealizeError::Empty { what: "deltas" });
+    }
+    let set = settings.get();
+    let models = LocalModels::new(local, gamma, data, scheduling)?;
+    let mut starts = models.starts(data, deltas, scheduling)?;
+    for (_, candidate) in &mut starts {
+        if set.reach == DeltaReach::Outputs {
+            *candidate = candidate.clone().with_free_outputs()?;
+        }
+        if set.gain == GainFit::Free && gamma.is_some() {
+            *candidate = candidate.clone().with_free_gain()?;
+        }
+    }
+    let selection = Selection {
+        lines: set.lines,
+        iterations: set.start_iterations,
+        target: settings.target(data.unit()),
+        refine: settings.refine,
+    };
+    let (refined, starts, winner) = selection.best(starts, data, scheduling)?;
+    Ok(Coherent {
+        reached: refined.account.rms <= selection.target,
+        refined,
+        local_rms: models.rms,
+        starts,
+        winner,
+    })
+}
+
+/// Degrees of the polynomials through the local models, in the order in which they are tried.
+const DEGREES: [usize; 6] = [4, 2, 6, 3, 5, 1];
+
+/// Rms residual at which a local fit is good enough to align the others by.
+const LOCAL_TARGET: f64 = 1e-7;
 
 /// Local models of all positions in one state basis.
 ///
@@ -20,8 +95,8 @@ pub(crate) struct LocalModels<K: Sampling> {
     gamma: Option<DMatrix<f64>>,
 }
 
-/// Lines of a position that a local fit uses.
-const LINES: usize = 60;
+/// Lines of a position that a local fit uses, of exact responses and of noisy ones.
+const LINES: [usize; 2] = [60, 400];
 
 impl<K: Sampling> LocalModels<K> {
     /// `local` and `gamma` are the flexible part and the gain of the rigid body at the position nearest to the centre.
@@ -39,9 +114,9 @@ impl<K: Sampling> LocalModels<K> {
         let settings = RefineSettings::new()
             .max_iterations(40)
             .tolerance(1e-3)
-            .target(super::LOCAL_TARGET)
+            .target(LOCAL_TARGET)
             .check()?;
-        let thinned = data.thinned(LINES);
+        let thinned = data.thinned(LINES[usize::from(data.unit() == ResidualUnit::StandardDeviation)]);
         let mut all = Self {
             matrices: vec![DMatrix::zeros(0, 0); deltas.len()],
             rms: vec![f64::INFINITY; deltas.len()],
@@ -92,13 +167,12 @@ impl<K: Sampling> LocalModels<K> {
 
     /// The LFR with these deltas whose `[A B](p)` is nearest to that of the local models, in the weights of their
     /// responses: a polynomial of this degree through them, the Hankel matrix of its coefficients cut to rank.
-    pub(crate) fn factorised(
+    fn factorised(
         &self,
         data: &FrozenData,
         deltas: &[DeltaBlock],
         scheduling: &SchedulingRange,
         degree: usize,
-        seed: u64,
     ) -> Result<Candidate<K>, RealizeError> {
         let places: Vec<Vec<f64>> = data.scheduling().map(|p| scheduling.normalise(p)).collect();
         let mut weights = Weights::new(self.local.states(), self.local.inputs());
@@ -107,7 +181,7 @@ impl<K: Sampling> LocalModels<K> {
         }
         let expansion = Expansion::new(&places, &self.matrices, degree)?;
         let centre = self.with_matrix(expansion.constant())?;
-        let random = RandomChannels { seed, size: 1e-3 };
+        let random = RandomChannels { seed: 0, size: 1e-3 };
         let whole = Candidate::flexible(&centre, self.gamma.as_ref(), deltas, scheduling.clone(), random)?;
         let channels = expansion.channels(&weights, whole.channels())?;
         let (n, nf, nu) = (whole.states(), self.local.states(), self.local.inputs());
@@ -124,5 +198,21 @@ impl<K: Sampling> LocalModels<K> {
         m.view_mut((first_z, first_w), channels.inner.shape())
             .copy_from(&channels.inner);
         Ok(whole.with_matrix(m))
+    }
+
+    /// One candidate for each degree that the positions determine, all different.
+    pub(crate) fn starts(
+        &self,
+        data: &FrozenData,
+        deltas: &[DeltaBlock],
+        scheduling: &SchedulingRange,
+    ) -> Result<Vec<(StartKind, Candidate<K>)>, RealizeError> {
+        let most = Expansion::largest_degree(scheduling.parameters(), data.len());
+        let mut starts = Vec::new();
+        for degree in DEGREES.into_iter().filter(|d| *d <= most.max(1)) {
+            let candidate = self.factorised(data, deltas, scheduling, degree)?;
+            starts.push((StartKind::Coherent { degree }, candidate));
+        }
+        Ok(starts)
     }
 }

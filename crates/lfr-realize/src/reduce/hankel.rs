@@ -24,7 +24,13 @@ pub(crate) struct Channels {
 const NOTHING: f64 = 1e-9;
 
 impl Expansion {
-    /// The degree is lowered until there are as many samples as monomials.
+    /// The largest degree for which this many samples are at least as many as the monomials.
+    pub(crate) fn largest_degree(parameters: usize, samples: usize) -> usize {
+        let fits = |degree: &usize| monomials(parameters, *degree).len() <= samples;
+        (1..samples).take_while(fits).last().unwrap_or(0)
+    }
+
+    /// Of at most this degree.
     pub(crate) fn new(
         places: &[Vec<f64>],
         samples: &[DMatrix<f64>],
@@ -32,12 +38,8 @@ impl Expansion {
     ) -> Result<Self, RealizeError> {
         let first = samples.first().ok_or(RealizeError::Empty { what: "positions" })?;
         let parameters = places.first().map_or(0, Vec::len);
-        let mut degree = degree;
-        let mut monomials = monomials(parameters, degree);
-        while monomials.len() > places.len() && degree > 0 {
-            degree -= 1;
-            monomials = self::monomials(parameters, degree);
-        }
+        let degree = degree.min(Self::largest_degree(parameters, places.len()));
+        let monomials = monomials(parameters, degree);
         let value = |place: &[f64], powers: &[usize]| -> f64 {
             place.iter().zip(powers).map(|(d, &k)| d.powi(k as i32)).product()
         };

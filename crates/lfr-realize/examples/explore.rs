@@ -1,15 +1,26 @@
 #![allow(missing_docs)]
 use lfr_realize::*;
 use lpv_core::{Continuous, DeltaBlock, Discrete, Frf, FrfEstimate};
-use std::time::Instant;
-use xytable_plant::{Machine, MachineParameters};
 use lpv_ident::{Interpolation, RegressionSettings, Weighting, regress};
 use obf_basis::{FkcmSettings, OrthonormalBasis, PoleSet, fkcm};
-fn strict(c: &Candidate<Continuous>, truth: &[(Vec<f64>, Frf)], clock: Discrete, lines: &[f64]) -> (f64, f64) {
+use std::time::Instant;
+use xytable_plant::{Machine, MachineParameters};
+fn strict(
+    c: &Candidate<Continuous>,
+    truth: &[(Vec<f64>, Frf)],
+    clock: Discrete,
+    lines: &[f64],
+) -> (f64, f64) {
     let mut errors = Vec::new();
     for (p, g) in truth {
         let frozen = c.frozen(p).unwrap().zero_order_hold(clock).unwrap();
-        errors.extend(frozen.frequency_response(lines).unwrap().relative_error(g).unwrap());
+        errors.extend(
+            frozen
+                .frequency_response(lines)
+                .unwrap()
+                .relative_error(g)
+                .unwrap(),
+        );
     }
     errors.sort_by(f64::total_cmp);
     let d = |e: f64| 20.0 * e.log10();
@@ -23,52 +34,155 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let truth = responses(&machine, clock, machine.positions(81), &lines)?;
     // OBF
     let mut poles = Vec::new();
-    for p in machine.positions(41) { poles.extend(machine.sampled_flexible_poles(p, clock)?.into_iter().filter(|z| z.im > 0.0)); }
-    let found = fkcm(&PoleSet::from_upper_half(&poles)?, &FkcmSettings::new(16).check()?)?;
+    for p in machine.positions(41) {
+        poles.extend(
+            machine
+                .sampled_flexible_poles(p, clock)?
+                .into_iter()
+                .filter(|z| z.im > 0.0),
+        );
+    }
+    let found = fkcm(
+        &PoleSet::from_upper_half(&poles)?,
+        &FkcmSettings::new(16).check()?,
+    )?;
     let basis = OrthonormalBasis::takenaka_malmquist(&found.poles, clock)?;
     let half = 0.5 * (truth[80].0[0] - truth[0].0[0]);
-    let lobatto: Vec<f64> = (0..21).map(|k| -half * (std::f64::consts::PI * f64::from(k) / 20.0).cos()).collect();
-    let est: Vec<FrfEstimate> = responses(&machine, clock, lobatto, &lines)?.into_iter().map(|(p, g)| FrfEstimate::with_unit_covariance(g, Some(p[0])).unwrap()).collect();
-    let fits = regress(&est, basis.state_space(), &RegressionSettings::new().diagonal_rigid_body(2).weighting(Weighting::Relative).check()?)?;
+    let lobatto: Vec<f64> = (0..21)
+        .map(|k| -half * (std::f64::consts::PI * f64::from(k) / 20.0).cos())
+        .collect();
+    let est: Vec<FrfEstimate> = responses(&machine, clock, lobatto, &lines)?
+        .into_iter()
+        .map(|(p, g)| FrfEstimate::with_unit_covariance(g, Some(p[0])).unwrap())
+        .collect();
+    let fits = regress(
+        &est,
+        basis.state_space(),
+        &RegressionSettings::new()
+            .diagonal_rigid_body(2)
+            .weighting(Weighting::Relative)
+            .check()?,
+    )?;
     let model = fits.interpolate(Interpolation::Polynomial { order: 17 })?;
     let made = realize(&model.series()?)?;
-    println!("cost {:.1} dB, OBF LFR {} {}", found.cost_db, made.lfr.states(), made.lfr.delta_count());
+    println!(
+        "cost {:.1} dB, OBF LFR {} {}",
+        found.cost_db,
+        made.lfr.states(),
+        made.lfr.delta_count()
+    );
     let mut errors = Vec::new();
-    for (p, g) in &truth { errors.extend(made.lfr.frozen(p)?.frequency_response(&lines)?.relative_error(g)?); }
+    for (p, g) in &truth {
+        errors.extend(
+            made.lfr
+                .frozen(p)?
+                .frequency_response(&lines)?
+                .relative_error(g)?,
+        );
+    }
     errors.sort_by(f64::total_cmp);
-    println!("OBF strict {:.1} median {:.1}", 20.0 * errors[errors.len() - 1].log10(), 20.0 * errors[errors.len() / 2].log10());
+    println!(
+        "OBF strict {:.1} median {:.1}",
+        20.0 * errors[errors.len() - 1].log10(),
+        20.0 * errors[errors.len() / 2].log10()
+    );
     for nd in [4, 5, 6] {
-        let deltas = [DeltaBlock { parameter: 0, repetitions: nd }];
+        let deltas = [DeltaBlock {
+            parameter: 0,
+            repetitions: nd,
+        }];
         let t = Instant::now();
         let red = reduce_to_continuous(&made.lfr, 8, &deltas, &ReduceSettings::new().check()?)?;
-        println!("nd {nd} reduced in {:.2} s: {:?} winner {}, {:.1} {:.1} dB vs OBF at {:?}; {:?} {} it", t.elapsed().as_secs_f64(), red.gamma, red.winner, 20.0 * red.largest.log10(), 20.0 * red.median.log10(), red.worst, red.refined.account.stop, red.refined.account.iterations());
-        for s in &red.starts { println!("   {s:?}"); }
-        println!("   vs plant {:.1?}", strict(&red.refined.candidate, &truth, clock, &lines));
+        println!(
+            "nd {nd} reduced in {:.2} s: {:?} winner {}, {:.1} {:.1} dB vs OBF at {:?}; {:?} {} it",
+            t.elapsed().as_secs_f64(),
+            red.gamma,
+            red.winner,
+            20.0 * red.largest.log10(),
+            20.0 * red.median.log10(),
+            red.worst,
+            red.refined.account.stop,
+            red.refined.account.iterations()
+        );
+        for s in &red.starts {
+            println!("   {s:?}");
+        }
+        println!(
+            "   vs plant {:.1?}",
+            strict(&red.refined.candidate, &truth, clock, &lines)
+        );
         for target in [3e-5, 1e-6] {
-        let t = Instant::now();
-        let r = refine(&red.refined.candidate.clone().with_free_gain()?, &data, &RefineSettings::new().target(target).check()?)?;
-        println!("   refined {:.1e} {:.1?} {} it {:?} {:.2} s", r.account.rms, strict(&r.candidate, &truth, clock, &lines), r.account.iterations(), r.account.stop, t.elapsed().as_secs_f64());
+            let t = Instant::now();
+            let r = refine(
+                &red.refined.candidate.clone().with_free_gain()?,
+                &data,
+                &RefineSettings::new().target(target).check()?,
+            )?;
+            println!(
+                "   refined {:.1e} {:.1?} {} it {:?} {:.2} s",
+                r.account.rms,
+                strict(&r.candidate, &truth, clock, &lines),
+                r.account.iterations(),
+                r.account.stop,
+                t.elapsed().as_secs_f64()
+            );
         }
         if nd == 5 {
             let t = Instant::now();
-            match reduce(&made.lfr, clock, 8, &deltas, &ReduceSettings::new().check()?) { Ok(red) => {
-                println!("discrete {:.2} s winner {} {:.1} {:.1}", t.elapsed().as_secs_f64(), red.winner, 20.0 * red.largest.log10(), 20.0 * red.median.log10());
-                for s in &red.starts { println!("   {s:?}"); } }
-                Err(e) => println!("discrete: {e}") }
+            match reduce(&made.lfr, clock, 8, &deltas, &ReduceSettings::new().check()?) {
+                Ok(red) => {
+                    println!(
+                        "discrete {:.2} s winner {} {:.1} {:.1}",
+                        t.elapsed().as_secs_f64(),
+                        red.winner,
+                        20.0 * red.largest.log10(),
+                        20.0 * red.median.log10()
+                    );
+                    for s in &red.starts {
+                        println!("   {s:?}");
+                    }
+                }
+                Err(e) => println!("discrete: {e}"),
+            }
         }
     }
     let centre = data.subset(|p| p[0] == 0.0)?;
     let poles = machine.sampled_flexible_poles(0.0, clock)?;
     let local = local_model(Continuous, &centre, &poles, &LocalSettings::new().check()?)?;
     for nd in [3, 4, 5, 6] {
-            let t = Instant::now();
-            let deltas = [DeltaBlock { parameter: 0, repetitions: nd }];
-            let c = coherent(&local.flexible, local.gamma.as_ref(), &data, &deltas, &machine.scheduling_range()?, &CoherentSettings::new().refine(RefineSettings::new().target(1e-9)).check()?)?;
-            let e = strict(&c.refined.candidate, &truth, clock, &lines);
-            println!("nd {nd} coherent reached {} {:.1e} {e:.1?} {:.2} s {:?}", c.reached, c.refined.account.rms, t.elapsed().as_secs_f64(), c.starts);
+        let t = Instant::now();
+        let deltas = [DeltaBlock {
+            parameter: 0,
+            repetitions: nd,
+        }];
+        let c = coherent(
+            &local.flexible,
+            local.gamma.as_ref(),
+            &data,
+            &deltas,
+            &machine.scheduling_range()?,
+            &CoherentSettings::new()
+                .refine(RefineSettings::new().target(1e-9))
+                .check()?,
+        )?;
+        let e = strict(&c.refined.candidate, &truth, clock, &lines);
+        println!(
+            "nd {nd} coherent reached {} {:.1e} {e:.1?} {:.2} s {:?}",
+            c.reached,
+            c.refined.account.rms,
+            t.elapsed().as_secs_f64(),
+            c.starts
+        );
     }
     Ok(())
 }
-fn responses(machine: &Machine, clock: Discrete, at: Vec<f64>, lines: &[f64]) -> Result<Vec<(Vec<f64>, Frf)>, Box<dyn std::error::Error>> {
-    at.into_iter().map(|p| Ok((vec![p], machine.sampled(p, clock)?.frequency_response(lines)?))).collect()
+fn responses(
+    machine: &Machine,
+    clock: Discrete,
+    at: Vec<f64>,
+    lines: &[f64],
+) -> Result<Vec<(Vec<f64>, Frf)>, Box<dyn std::error::Error>> {
+    at.into_iter()
+        .map(|p| Ok((vec![p], machine.sampled(p, clock)?.frequency_response(lines)?)))
+        .collect()
 }

@@ -135,10 +135,14 @@ impl FrozenData {
         Self::joined(self.clock, self.unit, kept.cloned().collect())
     }
 
-    /// One of the positions.
-    pub(crate) fn only(&self, index: usize) -> Result<Self, RealizeError> {
-        let kept = self.positions.get(index).cloned();
-        Self::joined(self.clock, self.unit, kept.into_iter().collect())
+    /// The positions whose index `keep` accepts.
+    pub(crate) fn at(&self, keep: impl Fn(usize) -> bool) -> Result<Self, RealizeError> {
+        let kept = self.positions.iter().enumerate().filter(|(i, _)| keep(*i));
+        Self::joined(
+            self.clock,
+            self.unit,
+            kept.map(|(_, position)| position.clone()).collect(),
+        )
     }
 
     /// At most `lines` lines at each position, closer together where the response changes: half of them follow the

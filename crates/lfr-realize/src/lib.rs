@@ -78,6 +78,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod bound;
 mod candidate;
 mod covariance;
 mod data;
@@ -104,6 +105,10 @@ mod structure;
 mod test_kit;
 mod whiten;
 
+pub use bound::{
+    Between, BetweenWarning, BoundSettings, CheckedBoundSettings, DifferenceBound, Interval, bound_between,
+    difference_bound,
+};
 pub use candidate::{Candidate, Channel};
 pub use data::{FrozenData, ResidualUnit};
 pub use direct::{Realization, realize};
@@ -114,8 +119,8 @@ pub use grow::{
 pub use local::{CheckedLocalSettings, LocalMode, LocalModel, LocalSettings, RigidGain, local_model};
 pub use mechanical::{DeltaSplit, MechanicalForm};
 pub use reduce::{
-    CheckedCoherentSettings, CheckedReduceSettings, Coherent, CoherentSettings, FactorAccount, ReduceSettings,
-    Reduced, StartKind, coherent, reduce, reduce_to_continuous,
+    CheckedCoherentSettings, CheckedReduceSettings, Coherent, CoherentSettings, FactorAccount,
+    ReduceSettings, Reduced, StartKind, coherent, reduce, reduce_to_continuous,
 };
 pub use refine::{RefineAccount, Refined, refine};
 pub use sampling::Sampling;

@@ -12,17 +12,17 @@ use crate::candidate::Shape;
 use crate::sampling::Sampling;
 use crate::sampling::hold::Derivative;
 use crate::{
-    Candidate, FrozenData, LocalSettings, RealizeError, Refined, RigidGain, local_model,
+    Candidate, DeltaReach, FrozenData, LocalSettings, RealizeError, Refined, RigidGain, local_model,
 };
 use balance::{dominant_poles, truncated};
 use coherent::LocalModels;
+pub use coherent::{Coherent, coherent};
 use lpv_core::linalg::from_blocks;
 use lpv_core::{Clock, Continuous, DeltaBlock, Discrete, Frf, Lfr, StateSpace};
 use nalgebra::DMatrix;
 use rigid::Split;
-pub use coherent::{Coherent, coherent};
-pub use select::{FactorAccount, StartKind};
 use select::Selection;
+pub use select::{FactorAccount, StartKind};
 pub use settings::{CheckedCoherentSettings, CheckedReduceSettings, CoherentSettings, ReduceSettings};
 
 /// A reduced LFR, with its error.
@@ -66,7 +66,14 @@ pub fn reduce<K: Sampling>(
     settings: &CheckedReduceSettings,
 ) -> Result<Reduced<K>, RealizeError> {
     let large = Large::new(lfr, clock, states, settings)?;
-    let balanced = truncated(lfr, clock, large.gamma.as_ref(), large.flexible_states, deltas, &large.responses);
+    let balanced = truncated(
+        lfr,
+        clock,
+        large.gamma.as_ref(),
+        large.flexible_states,
+        deltas,
+        &large.responses,
+    );
     large.reduce(lfr.clock(), balanced, deltas, settings)
 }
 
@@ -156,7 +163,12 @@ impl<'a, K: Sampling> Large<'a, K> {
         }
         let data = FrozenData::relative(self.clock, &self.responses)?;
         let range = self.lfr.range();
-        let models = LocalModels::new(&self.local(target)?, self.gamma.as_ref(), &data, range)?;
+        let reach = if self.direct {
+            DeltaReach::Outputs
+        } else {
+            DeltaReach::States
+        };
+        let models = LocalModels::new(&self.local(target)?, self.gamma.as_ref(), reach, &data, range)?;
         let mut starts = models.starts(&data, deltas, range)?;
         starts.extend(balanced.map(|candidate| (StartKind::Balanced, candidate)));
         for (_, candidate) in &mut starts {
@@ -197,12 +209,21 @@ impl<'a, K: Sampling> Large<'a, K> {
             self.clock,
         )?;
         let lines = lines(flexible, 160)?;
-        let responses = [(self.lfr.range().centre(), strictly_proper.frequency_response(&lines)?)];
+        let responses = [(
+            self.lfr.range().centre(),
+            strictly_proper.frequency_response(&lines)?,
+        )];
         let data = FrozenData::relative(self.clock, &responses)?;
         let settings = LocalSettings::new().rigid(RigidGain::Absent).check()?;
         let local = local_model(target, &data, &poles, &settings)?.flexible;
         let d = flexible.d().clone();
-        Ok(StateSpace::new(local.a().clone(), local.b().clone(), local.c().clone(), d, target)?)
+        Ok(StateSpace::new(
+            local.a().clone(),
+            local.b().clone(),
+            local.c().clone(),
+            d,
+            target,
+        )?)
     }
 
     /// The error over a grid with points between those of the fit.
@@ -219,7 +240,8 @@ impl<'a, K: Sampling> Large<'a, K> {
         for p in self.lfr.range().grid(points) {
             let truth = frozen(self.lfr, self.clock, &p)?;
             let lines = lines(&Split::new(&truth, &p)?.flexible, settings.get().lines)?;
-            let own = sampled(&reduced.refined.candidate.frozen(&p)?, self.clock).ok_or_else(|| too_fast(&p))?;
+            let own =
+                sampled(&reduced.refined.candidate.frozen(&p)?, self.clock).ok_or_else(|| too_fast(&p))?;
             let relative = own
                 .frequency_response(&lines)?
                 .relative_error(&truth.frequency_response(&lines)?)?;
@@ -256,7 +278,11 @@ fn too_fast(p: &[f64]) -> RealizeError {
     }
 }
 
-fn frozen<K: Sampling>(lfr: &Lfr<K>, clock: Discrete, p: &[f64]) -> Result<StateSpace<Discrete>, RealizeError> {
+fn frozen<K: Sampling>(
+    lfr: &Lfr<K>,
+    clock: Discrete,
+    p: &[f64],
+) -> Result<StateSpace<Discrete>, RealizeError> {
     sampled(&lfr.frozen(p)?, clock).ok_or_else(|| too_fast(p))
 }
 
@@ -283,7 +309,10 @@ fn lines(model: &StateSpace<Discrete>, count: usize) -> Result<Vec<f64>, Realize
         .map(|k| nyquist * (k as f64 + 0.5) / count as f64)
         .collect();
     for z in model.poles()? {
-        let (centre, width) = (z.arg() / std::f64::consts::PI, -z.norm().ln() / std::f64::consts::PI);
+        let (centre, width) = (
+            z.arg() / std::f64::consts::PI,
+            -z.norm().ln() / std::f64::consts::PI,
+        );
         if z.im > 0.0 && width < 2.0 / count as f64 {
             let near = [-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0].map(|k| nyquist * (centre + k * width));
             all.extend(near.into_iter().filter(|f| *f > 0.0 && *f < nyquist));

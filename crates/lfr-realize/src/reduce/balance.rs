@@ -49,11 +49,12 @@ fn factor(m: &DMatrix<f64>) -> DMatrix<f64> {
 pub(crate) fn dominant_poles(model: &StateSpace<Discrete>, order: usize) -> Result<Vec<C64>, RealizeError> {
     let reachable = discrete_gramian(model.a(), model.b())?;
     let observable = discrete_gramian(&model.a().transpose(), &model.c().transpose())?;
-    let projection =
-        Projection::new(&reachable, &observable, order).ok_or(RealizeError::NoConvergence {
-            operation: "the balancing of the model at the centre",
-        })?;
-    Ok(eigenvalues(&(projection.left.transpose() * model.a() * projection.right))?)
+    let projection = Projection::new(&reachable, &observable, order).ok_or(RealizeError::NoConvergence {
+        operation: "the balancing of the model at the centre",
+    })?;
+    Ok(eigenvalues(
+        &(projection.left.transpose() * model.a() * projection.right),
+    )?)
 }
 
 /// An LFR cut to some flexible states and deltas by one projection of each that does not depend on p: their Gramians
@@ -71,6 +72,9 @@ pub(crate) fn truncated<K: Sampling>(
 ) -> Option<Candidate<K>> {
     let m = flexible_blocks(lfr, clock, gamma.is_some())?;
     let (n, nu, ny, nc) = (m.a.nrows(), m.b2.ncols(), m.c2.nrows(), m.d11.nrows());
+    if n == 0 || nc == 0 {
+        return None;
+    }
     let complex = |m: &DMatrix<f64>| m.map(|v| C64::new(v, 0.0));
     let mut gramians = [n, n, nc, nc].map(|size| DMatrix::<f64>::zeros(size, size));
     let parameter: Vec<usize> = lfr
@@ -81,7 +85,9 @@ pub(crate) fn truncated<K: Sampling>(
     for (p, frf) in samples {
         let normal = lfr.range().normalise(p);
         let delta: Vec<f64> = parameter.iter().map(|&j| normal[j]).collect();
-        let gap = DMatrix::from_fn(nc, nc, |i, j| f64::from(u8::from(i == j)) - m.d11[(i, j)] * delta[j]);
+        let gap = DMatrix::from_fn(nc, nc, |i, j| {
+            f64::from(u8::from(i == j)) - m.d11[(i, j)] * delta[j]
+        });
         let loops = gap.try_inverse()?;
         let mut k = loops.clone();
         for (mut row, d) in k.row_iter_mut().zip(&delta) {
@@ -130,7 +136,14 @@ pub(crate) fn truncated<K: Sampling>(
         at += block.repetitions;
     }
     let (sl, sr) = (state.left.transpose(), &state.right);
-    let local = StateSpace::new(&sl * &m.a * sr, &sl * &m.b2, &m.c2 * sr, m.d22.clone(), lfr.clock()).ok()?;
+    let local = StateSpace::new(
+        &sl * &m.a * sr,
+        &sl * &m.b2,
+        &m.c2 * sr,
+        m.d22.clone(),
+        lfr.clock(),
+    )
+    .ok()?;
     let random = RandomChannels { seed: 0, size: 1e-3 };
     let start = Candidate::flexible(&local, gamma, deltas, lfr.range().clone(), random).ok()?;
     let mut whole = start.matrix().clone();
@@ -140,11 +153,15 @@ pub(crate) fn truncated<K: Sampling>(
     let (c1, d12) = (left.transpose() * &m.c1 * sr, left.transpose() * &m.d12);
     let d11 = left.transpose() * &m.d11 * &right;
     for j in (0..wanted).filter(|&j| found[j]) {
-        whole.view_mut((rigid, first_w + j), (kept, 1)).copy_from(&b1.column(j));
+        whole
+            .view_mut((rigid, first_w + j), (kept, 1))
+            .copy_from(&b1.column(j));
         whole
             .view_mut((start.states(), first_w + j), (ny, 1))
             .copy_from(&d21.column(j));
-        whole.view_mut((first_z + j, rigid), (1, kept)).copy_from(&c1.row(j));
+        whole
+            .view_mut((first_z + j, rigid), (1, kept))
+            .copy_from(&c1.row(j));
         whole
             .view_mut((first_z + j, start.states()), (1, nu))
             .copy_from(&d12.row(j));
@@ -160,7 +177,14 @@ fn flexible_blocks<K: Sampling>(lfr: &Lfr<K>, clock: Discrete, has_rigid: bool) 
         return Some(m.clone());
     }
     // The projections are those of the sampled A, which has the invariant subspaces of A.
-    let nominal = StateSpace::new(m.a.clone(), m.b2.clone(), m.c2.clone(), m.d22.clone(), lfr.clock()).ok()?;
+    let nominal = StateSpace::new(
+        m.a.clone(),
+        m.b2.clone(),
+        m.c2.clone(),
+        m.d22.clone(),
+        lfr.clock(),
+    )
+    .ok()?;
     let bases = Split::bases(&super::sampled(&nominal, clock)?)?;
     let touched = (bases.left.transpose() * &m.b1).amax() > 1e-9 * m.b1.amax()
         || (&m.c1 * &bases.right).amax() > 1e-9 * m.c1.amax();

@@ -11,6 +11,9 @@ use crate::{
 };
 use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 
 /// An LFR from coherent local models, with the account of its making.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,9 +34,10 @@ pub struct Coherent<K: Sampling> {
 ///
 /// `local` and `gamma` are the flexible part and the gain of the rigid body at the position nearest to the centre, as
 /// [`crate::local_model`] gives them. From there each position begins at the model of the nearest one that is done, with
-/// C held and steps that turn no basis, so that all share one state basis. A polynomial through their matrices, its
+/// C held and steps that turn no basis, so that all share one state basis. (With fewer states than outputs C can be held
+/// at all positions only if it does not depend on p.) A polynomial through their matrices, its
 /// Hankel matrix weighted by what a change does to the relative response and cut to rank, gives the deltas. There is no
-/// chance in it; polynomials of several degrees are tried.
+/// chance in it; polynomials of several degrees are tried. Only if none of them reaches the target, D11 is perturbed.
 ///
 /// # Errors
 /// [`RealizeError::Empty`] without deltas, [`RealizeError::Start`] if no start has a response at all positions, and those
@@ -50,7 +54,7 @@ pub fn coherent<K: Sampling>(
         return Err(RealizeError::Empty { what: "deltas" });
     }
     let set = settings.get();
-    let models = LocalModels::new(local, gamma, data, scheduling)?;
+    let models = LocalModels::new(local, gamma, set.reach, data, scheduling)?;
     let mut starts = models.starts(data, deltas, scheduling)?;
     for (_, candidate) in &mut starts {
         if set.reach == DeltaReach::Outputs {
@@ -76,6 +80,27 @@ pub fn coherent<K: Sampling>(
     })
 }
 
+/// Starts with other products of deltas, for when the polynomials lead to local minima.
+const PERTURBED: u64 = 4;
+
+/// M with random numbers added to D11.
+fn perturbed<K: Sampling>(candidate: &Candidate<K>, seed: u64) -> DMatrix<f64> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut m = candidate.matrix().clone();
+    let shape = candidate.shape();
+    let (rows, columns) = (m.nrows() - shape.rows(), m.ncols() - shape.columns());
+    // Far from singular for any number of deltas.
+    let size = 0.5 / (rows.max(1) as f64).sqrt();
+    for v in m
+        .view_mut((shape.rows(), shape.columns()), (rows, columns))
+        .iter_mut()
+    {
+        let normal: f64 = StandardNormal.sample(&mut rng);
+        *v += size * normal;
+    }
+    m
+}
+
 /// Degrees of the polynomials through the local models, in the order in which they are tried.
 const DEGREES: [usize; 6] = [4, 2, 6, 3, 5, 1];
 
@@ -87,12 +112,14 @@ const LOCAL_TARGET: f64 = 1e-7;
 /// C is that of the first model. From there each position begins at the model of the nearest one that is done, and is
 /// fitted with steps that turn no basis, so that neighbours share theirs.
 pub(crate) struct LocalModels<K: Sampling> {
-    /// `[A B]` of the flexible states, in the order of the data.
-    pub(crate) matrices: Vec<DMatrix<f64>>,
+    /// `[A B]` of the flexible states, with `[C D]` below if the deltas reach the outputs, in the order of the data.
+    matrices: Vec<DMatrix<f64>>,
     /// Rms residual of each position.
     pub(crate) rms: Vec<f64>,
     local: StateSpace<K>,
     gamma: Option<DMatrix<f64>>,
+    /// Rows of each matrix.
+    rows: usize,
 }
 
 /// Lines of a position that a local fit uses, of exact responses and of noisy ones.
@@ -103,6 +130,7 @@ impl<K: Sampling> LocalModels<K> {
     pub(crate) fn new(
         local: &StateSpace<K>,
         gamma: Option<&DMatrix<f64>>,
+        reach: DeltaReach,
         data: &FrozenData,
         scheduling: &SchedulingRange,
     ) -> Result<Self, RealizeError> {
@@ -122,6 +150,10 @@ impl<K: Sampling> LocalModels<K> {
             rms: vec![f64::INFINITY; deltas.len()],
             local: local.clone(),
             gamma: gamma.cloned(),
+            rows: match reach {
+                DeltaReach::States => local.states(),
+                DeltaReach::Outputs => local.states() + local.outputs(),
+            },
         };
         for (done, &i) in order.iter().enumerate() {
             let nearest = order[..done]
@@ -134,38 +166,54 @@ impl<K: Sampling> LocalModels<K> {
                 Some(j) => all.with_matrix(&all.matrices[j])?,
                 None => local.clone(),
             };
-            let candidate = all.candidate(&start, &[], scheduling, RandomChannels::default())?;
-            let fitted = refine(&candidate, &thinned.only(i)?, &settings)?;
+            let candidate = all.candidate(&start, scheduling)?;
+            let fitted = refine(&candidate, &thinned.at(|j| j == i)?, &settings)?;
             let (rigid, nf) = (candidate.states() - local.states(), local.states());
             let m = fitted.candidate.matrix();
-            all.matrices[i] = m.view((rigid, rigid), (nf, nf + local.inputs())).into_owned();
+            all.matrices[i] = m
+                .view((rigid, rigid), (all.rows, nf + local.inputs()))
+                .into_owned();
             all.rms[i] = fitted.account.rms;
         }
         Ok(all)
     }
 
-    /// A candidate with fixed C.
+    /// A candidate without deltas and with fixed C.
     fn candidate(
         &self,
         local: &StateSpace<K>,
-        deltas: &[DeltaBlock],
         scheduling: &SchedulingRange,
-        random: RandomChannels,
     ) -> Result<Candidate<K>, RealizeError> {
-        let all = Candidate::flexible(local, self.gamma.as_ref(), deltas, scheduling.clone(), random)?;
+        let none = RandomChannels::default();
+        let all = Candidate::flexible(local, self.gamma.as_ref(), &[], scheduling.clone(), none)?;
+        let (n, nu, ny) = (all.states(), all.inputs(), all.outputs());
         let mut free = all.free().clone();
-        free.rows_mut(all.states(), all.outputs()).fill(false);
+        free.rows_mut(n, ny).fill(false);
+        free.view_mut((n, n), (ny, nu)).fill(self.rows > local.states());
         all.with_free(free)
     }
 
-    fn with_matrix(&self, ab: &DMatrix<f64>) -> Result<StateSpace<K>, RealizeError> {
-        let (nf, nu) = (self.local.states(), self.local.inputs());
-        let (a, b) = (ab.columns(0, nf).into_owned(), ab.columns(nf, nu).into_owned());
-        let (c, d) = (self.local.c().clone(), self.local.d().clone());
-        Ok(StateSpace::new(a, b, c, d, self.local.clock())?)
+    fn with_matrix(&self, s: &DMatrix<f64>) -> Result<StateSpace<K>, RealizeError> {
+        let (n, nu, ny) = (self.local.states(), self.local.inputs(), self.local.outputs());
+        let (a, b) = (s.view((0, 0), (n, n)), s.view((0, n), (n, nu)));
+        let (c, d) = if self.rows > n {
+            (
+                s.view((n, 0), (ny, n)).into_owned(),
+                s.view((n, n), (ny, nu)).into_owned(),
+            )
+        } else {
+            (self.local.c().clone(), self.local.d().clone())
+        };
+        Ok(StateSpace::new(
+            a.into_owned(),
+            b.into_owned(),
+            c,
+            d,
+            self.local.clock(),
+        )?)
     }
 
-    /// The LFR with these deltas whose `[A B](p)` is nearest to that of the local models, in the weights of their
+    /// The LFR with these deltas whose frozen matrices are nearest to that of the local models, in the weights of their
     /// responses: a polynomial of this degree through them, the Hankel matrix of its coefficients cut to rank.
     fn factorised(
         &self,
@@ -174,22 +222,30 @@ impl<K: Sampling> LocalModels<K> {
         scheduling: &SchedulingRange,
         degree: usize,
     ) -> Result<Candidate<K>, RealizeError> {
+        let (nf, nu) = (self.local.states(), self.local.inputs());
         let places: Vec<Vec<f64>> = data.scheduling().map(|p| scheduling.normalise(p)).collect();
-        let mut weights = Weights::new(self.local.states(), self.local.inputs());
+        let mut weights = Weights::new(self.local.states(), self.local.inputs(), self.rows);
         for (ab, frf) in self.matrices.iter().zip(data.responses()) {
             weights.add(&self.with_matrix(ab)?, frf);
         }
         let expansion = Expansion::new(&places, &self.matrices, degree)?;
-        let centre = self.with_matrix(expansion.constant())?;
+        // D at the centre stays as given: a refinement does not move it.
+        let mut constant = expansion.constant().clone();
+        if self.rows > nf {
+            constant
+                .view_mut((nf, nf), self.local.d().shape())
+                .copy_from(self.local.d());
+        }
+        let centre = self.with_matrix(&constant)?;
         let random = RandomChannels { seed: 0, size: 1e-3 };
         let whole = Candidate::flexible(&centre, self.gamma.as_ref(), deltas, scheduling.clone(), random)?;
         let channels = expansion.channels(&weights, whole.channels())?;
-        let (n, nf, nu) = (whole.states(), self.local.states(), self.local.inputs());
+        let n = whole.states();
         let (rigid, first_w, first_z) = (n - nf, n + nu, n + whole.outputs());
         let mut m = whole.matrix().clone();
         for (j, found) in channels.found.iter().enumerate() {
             if *found {
-                m.view_mut((rigid, first_w + j), (nf, 1))
+                m.view_mut((rigid, first_w + j), (self.rows, 1))
                     .copy_from(&channels.left.column(j));
                 m.view_mut((first_z + j, rigid), (1, nf + nu))
                     .copy_from(&channels.right.row(j));
@@ -212,6 +268,12 @@ impl<K: Sampling> LocalModels<K> {
         for degree in DEGREES.into_iter().filter(|d| *d <= most.max(1)) {
             let candidate = self.factorised(data, deltas, scheduling, degree)?;
             starts.push((StartKind::Coherent { degree }, candidate));
+        }
+        if let Some((StartKind::Coherent { degree }, first)) = starts.first().cloned() {
+            for seed in 0..PERTURBED {
+                let kind = StartKind::Perturbed { degree, seed };
+                starts.push((kind, first.with_matrix(perturbed(&first, seed))));
+            }
         }
         Ok(starts)
     }

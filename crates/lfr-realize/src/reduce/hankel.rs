@@ -47,16 +47,16 @@ impl Expansion {
             value(&places[i], &monomials[m])
         });
         let targets = DMatrix::from_fn(places.len(), first.len(), |i, j| samples[i][j]);
-        let solved = design
-            .svd(true, true)
-            .solve(&targets, 1e-10)
-            .map_err(|_| RealizeError::NoConvergence {
-                operation: "the polynomial through the local models",
-            })?;
+        let solved =
+            design
+                .svd(true, true)
+                .solve(&targets, 1e-10)
+                .map_err(|_| RealizeError::NoConvergence {
+                    operation: "the polynomial through the local models",
+                })?;
         let shape = first.shape();
-        let coefficients = (0..monomials.len()).map(|m| {
-            DMatrix::from_iterator(shape.0, shape.1, solved.row(m).iter().copied())
-        });
+        let coefficients = (0..monomials.len())
+            .map(|m| DMatrix::from_iterator(shape.0, shape.1, solved.row(m).iter().copied()));
         Ok(Self {
             coefficients: coefficients.collect(),
             monomials,
@@ -124,7 +124,9 @@ impl Expansion {
             for (a, &i) in own.iter().take(rank).enumerate() {
                 let root = values[a].sqrt();
                 all.found[i] = true;
-                all.left.column_mut(i).copy_from(&(u.view((0, a), (rows, 1)) * root));
+                all.left
+                    .column_mut(i)
+                    .copy_from(&(u.view((0, a), (rows, 1)) * root));
                 all.right
                     .row_mut(i)
                     .copy_from(&(v.view((a, 0), (1, columns)) * root));

@@ -36,7 +36,10 @@ impl Split {
     /// [`RealizeError::Reduction`] for poles on or outside the unit circle other than the double integrators of a rigid
     /// body.
     pub(crate) fn new(model: &StateSpace<Discrete>, p: &[f64]) -> Result<Self, RealizeError> {
-        let refused = |problem| RealizeError::Reduction { p: p.to_vec(), problem };
+        let refused = |problem| RealizeError::Reduction {
+            p: p.to_vec(),
+            problem,
+        };
         let poles = model.poles()?;
         if poles.iter().any(|z| (z - 1.0).norm() >= NEAR && z.norm() >= 1.0) {
             return Err(refused(UNSTABLE));
@@ -62,8 +65,7 @@ impl Split {
             return Err(refused(NO_RIGID_BODY));
         }
         let rounding = 1e-12 * gamma.amax();
-        let (a, b, c) =
-            part(&bases.left_rest, &bases.right_rest).ok_or_else(|| refused(NO_RIGID_BODY))?;
+        let (a, b, c) = part(&bases.left_rest, &bases.right_rest).ok_or_else(|| refused(NO_RIGID_BODY))?;
         Ok(Self {
             gamma: Some(gamma.map(|v| if v.abs() > rounding { v } else { 0.0 })),
             flexible: StateSpace::new(a, b, c, model.d().clone(), model.clock())?,

@@ -15,6 +15,13 @@ pub enum StartKind {
         /// Degree of the polynomial in the deltas.
         degree: usize,
     },
+    /// The same with random numbers added to D11.
+    Perturbed {
+        /// Degree of the polynomial in the deltas.
+        degree: usize,
+        /// Same seed, same numbers.
+        seed: u64,
+    },
 }
 
 /// How a start went.
@@ -79,7 +86,10 @@ impl Selection {
                     if account.after <= self.target {
                         let long = refine(&fitted.candidate, data, &self.refine)?;
                         account.iterations += long.account.iterations();
-                        if best.as_ref().is_none_or(|(_, b)| long.account.rms < b.account.rms) {
+                        if best
+                            .as_ref()
+                            .is_none_or(|(_, b)| long.account.rms < b.account.rms)
+                        {
                             best = Some((index, long));
                         }
                     } else if waiting

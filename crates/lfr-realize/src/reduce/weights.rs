@@ -1,11 +1,12 @@
-//! How much a change of `[A B]` moves the relative response, on average.
+//! How much a change of `[A B; C D]` moves the relative response, on average.
 
 use lpv_core::{Clock, Frf, StateSpace};
 use nalgebra::{DMatrix, SymmetricEigen};
 use num_complex::Complex;
 
-/// Averages over positions and lines of `l^H l / |G|` and `r r^H / |G|`, where `dF = l d[A B] r` with
-/// `l = C (zI - A)^-1` and `r = [(zI - A)^-1 B; I]`: the observability and controllability of a change, relative.
+/// Averages over positions and lines of `l^H l / |G|` and `r r^H / |G|`, where `dF = l dS r` with
+/// `l = [C (zI - A)^-1, I]` and `r = [(zI - A)^-1 B; I]`: the observability and controllability of a change, relative.
+/// Without the rows of the outputs if only those of the states change.
 pub(crate) struct Weights {
     left: DMatrix<f64>,
     right: DMatrix<f64>,
@@ -16,11 +17,12 @@ pub(crate) struct Weights {
 const FLOOR: f64 = 1e-8;
 
 impl Weights {
-    pub(crate) fn new(states: usize, inputs: usize) -> Self {
-        let both = states + inputs;
+    /// `rows` of S change: those of the states, or all.
+    pub(crate) fn new(states: usize, inputs: usize, rows: usize) -> Self {
+        let columns = states + inputs;
         Self {
-            left: DMatrix::zeros(states, states),
-            right: DMatrix::zeros(both, both),
+            left: DMatrix::zeros(rows, rows),
+            right: DMatrix::zeros(columns, columns),
             states,
         }
     }
@@ -42,11 +44,14 @@ impl Weights {
             if !scale.is_finite() {
                 continue;
             }
-            let l = &c * &inverse;
+            let mut l = DMatrix::zeros(model.outputs(), self.left.nrows());
+            l.columns_mut(0, n).copy_from(&(&c * &inverse));
+            for i in n..l.ncols() {
+                l[(i - n, i)] = Complex::new(1.0, 0.0);
+            }
             let mut r = DMatrix::identity(n + nu, nu);
             r.rows_mut(0, n).copy_from(&(inverse * &b));
-            r.view_mut((n, 0), (nu, nu))
-                .copy_from(&DMatrix::identity(nu, nu));
+            r.view_mut((n, 0), (nu, nu)).copy_from(&DMatrix::identity(nu, nu));
             self.left += (l.adjoint() * l).map(|v| v.re * scale);
             self.right += (&r * r.adjoint()).map(|v| v.re * scale);
         }

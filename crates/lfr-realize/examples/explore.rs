@@ -86,94 +86,83 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         20.0 * errors[errors.len() - 1].log10(),
         20.0 * errors[errors.len() / 2].log10()
     );
-    for nd in [4, 5, 6] {
-        let deltas = [DeltaBlock {
-            parameter: 0,
-            repetitions: nd,
-        }];
+    let deltas = [DeltaBlock {
+        parameter: 0,
+        repetitions: 5,
+    }];
+    let red = reduce(&made.lfr, clock, 8, &deltas, &ReduceSettings::new().check()?)?;
+    println!(
+        "discrete winner {} {:.1} {:.1} {:?}",
+        red.winner,
+        20.0 * red.largest.log10(),
+        20.0 * red.median.log10(),
+        red.starts
+    );
+    let red = reduce_to_continuous(&made.lfr, 8, &deltas, &ReduceSettings::new().check()?)?;
+    let centre = red.refined.candidate.frozen(&[0.0])?;
+    let (n, m) = (centre.states(), red.gamma.as_ref().unwrap());
+    let part = lpv_core::StateSpace::new(
+        centre.a().view((4, 4), (n - 4, n - 4)).into_owned(),
+        centre.b().rows(4, n - 4).into_owned(),
+        centre.c().columns(4, n - 4).into_owned(),
+        centre.d().clone(),
+        Continuous,
+    )?;
+    for target in [3e-5, 1e-9] {
         let t = Instant::now();
-        let red = reduce_to_continuous(&made.lfr, 8, &deltas, &ReduceSettings::new().check()?)?;
-        println!(
-            "nd {nd} reduced in {:.2} s: {:?} winner {}, {:.1} {:.1} dB vs OBF at {:?}; {:?} {} it",
-            t.elapsed().as_secs_f64(),
-            red.gamma,
-            red.winner,
-            20.0 * red.largest.log10(),
-            20.0 * red.median.log10(),
-            red.worst,
-            red.refined.account.stop,
-            red.refined.account.iterations()
-        );
-        for s in &red.starts {
-            println!("   {s:?}");
-        }
-        println!(
-            "   vs plant {:.1?}",
-            strict(&red.refined.candidate, &truth, clock, &lines)
-        );
-        for target in [3e-5, 1e-6] {
-            let t = Instant::now();
-            let r = refine(
-                &red.refined.candidate.clone().with_free_gain()?,
-                &data,
-                &RefineSettings::new().target(target).check()?,
-            )?;
-            println!(
-                "   refined {:.1e} {:.1?} {} it {:?} {:.2} s",
-                r.account.rms,
-                strict(&r.candidate, &truth, clock, &lines),
-                r.account.iterations(),
-                r.account.stop,
-                t.elapsed().as_secs_f64()
-            );
-        }
-        if nd == 5 {
-            let t = Instant::now();
-            match reduce(&made.lfr, clock, 8, &deltas, &ReduceSettings::new().check()?) {
-                Ok(red) => {
-                    println!(
-                        "discrete {:.2} s winner {} {:.1} {:.1}",
-                        t.elapsed().as_secs_f64(),
-                        red.winner,
-                        20.0 * red.largest.log10(),
-                        20.0 * red.median.log10()
-                    );
-                    for s in &red.starts {
-                        println!("   {s:?}");
-                    }
-                }
-                Err(e) => println!("discrete: {e}"),
-            }
-        }
-    }
-    let centre = data.subset(|p| p[0] == 0.0)?;
-    let poles = machine.sampled_flexible_poles(0.0, clock)?;
-    let local = local_model(Continuous, &centre, &poles, &LocalSettings::new().check()?)?;
-    for nd in [3, 4, 5, 6] {
-        let t = Instant::now();
-        let deltas = [DeltaBlock {
-            parameter: 0,
-            repetitions: nd,
-        }];
         let c = coherent(
-            &local.flexible,
-            local.gamma.as_ref(),
+            &part,
+            Some(m),
             &data,
             &deltas,
             &machine.scheduling_range()?,
             &CoherentSettings::new()
-                .refine(RefineSettings::new().target(1e-9))
+                .target(target)
+                .gain(GainFit::Free)
+                .refine(RefineSettings::new().target(target))
                 .check()?,
         )?;
-        let e = strict(&c.refined.candidate, &truth, clock, &lines);
         println!(
-            "nd {nd} coherent reached {} {:.1e} {e:.1?} {:.2} s {:?}",
-            c.reached,
-            c.refined.account.rms,
+            "reduced centre, then coherent on the data: {:.1?} {:.2} s {:?}",
+            strict(&c.refined.candidate, &truth, clock, &lines),
             t.elapsed().as_secs_f64(),
             c.starts
         );
     }
+    let t = Instant::now();
+    let c = refine(
+        &red.refined.candidate.clone().with_free_gain()?,
+        &data,
+        &RefineSettings::new().target(3e-5).check()?,
+    )?;
+    println!(
+        "plain {:?} {}",
+        strict(&c.candidate, &truth, clock, &lines),
+        t.elapsed().as_secs_f64()
+    );
+    let t = Instant::now();
+    let b = bound_between(&c.candidate, &data, &BoundSettings::new().check()?)?;
+    println!(
+        "between {:.2} s, bound {:.1e}, warnings {:?}",
+        t.elapsed().as_secs_f64(),
+        b.intervals.iter().map(|i| i.bound).fold(0.0, f64::max),
+        b.warnings.iter().take(3).collect::<Vec<_>>()
+    );
+    println!(
+        "{:?}",
+        b.intervals
+            .iter()
+            .map(|i| (i.bound * 1e6).round() / 1e6)
+            .collect::<Vec<_>>()
+    );
+    println!(
+        "{:?}",
+        b.intervals
+            .iter()
+            .map(|i| (i.shift * 1e2).round() / 1e2)
+            .collect::<Vec<_>>()
+    );
+    println!("{:?}", b.left_out_rms);
     Ok(())
 }
 fn responses(

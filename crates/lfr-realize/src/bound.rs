@@ -29,7 +29,7 @@ pub struct DifferenceBound {
 /// Bounds `||F(p) - G(p)||_F / ||G(p)||_F` over the whole range and all lines, F the response of `model` and G that of
 /// `reference`: not at samples only, but at every p.
 ///
-/// Both are rational in p. On a cell around `p_0` the response is its value and slope at `p_0`, exactly known, and a rest
+/// Both are rational in p. On a cell around `p_0` the response is a power series whose first terms are known, and a rest
 /// that the matrices of the LFR bound; cells are halved until the bound is near the largest value met. The responses are
 /// those of the LFRs themselves, for continuous time those at `s = 2 pi i f` and not behind a hold.
 ///
@@ -125,9 +125,9 @@ fn judge(own: &Line, other: &Line, cell: &Cell) -> Option<(f64, f64)> {
     let (f, g) = (own.expand(cell)?, other.expand(cell)?);
     let size = g.value.norm();
     let difference = (&f.value - &g.value).norm();
-    let slopes: f64 = f.slopes.iter().zip(&g.slopes).map(|(f, g)| (f - g).norm()).sum();
-    let least = size - g.slopes.iter().map(|s| s.norm()).sum::<f64>() - g.rest;
-    let most = difference + slopes + f.rest + g.rest;
+    let terms: f64 = f.terms.iter().zip(&g.terms).map(|(f, g)| (f - g).norm()).sum();
+    let least = size - g.terms.iter().map(|s| s.norm()).sum::<f64>() - g.rest;
+    let most = difference + terms + f.rest + g.rest;
     let value = difference / size;
     let bound = if most == 0.0 {
         0.0

@@ -46,6 +46,27 @@ pub struct Reduced<K: Sampling> {
     pub judged: usize,
 }
 
+impl<K: Sampling> Reduced<K> {
+    /// The flexible part at the centre of the range: a local model from which [`coherent`] or [`crate::grow`] can begin on
+    /// the data themselves, with `gamma` as the gain of the rigid body.
+    ///
+    /// # Errors
+    /// None for a model that [`reduce`] made.
+    pub fn local(&self) -> Result<StateSpace<K>, RealizeError> {
+        let model = &self.refined.candidate;
+        let centre = model.frozen(&model.range().centre())?;
+        let rigid = self.gamma.as_ref().map_or(0, |_| 2 * model.outputs());
+        let nf = model.states() - rigid;
+        Ok(StateSpace::new(
+            centre.a().view((rigid, rigid), (nf, nf)).into_owned(),
+            centre.b().rows(rigid, nf).into_owned(),
+            centre.c().columns(rigid, nf).into_owned(),
+            centre.d().clone(),
+            model.clock(),
+        )?)
+    }
+}
+
 /// Reduces an LFR to some states and deltas in the same time, by its frozen responses.
 ///
 /// What is minimised is the relative error over lines and positions. The double integrators of a rigid body are held
@@ -170,6 +191,8 @@ impl<'a, K: Sampling> Large<'a, K> {
         };
         let models = LocalModels::new(&self.local(target)?, self.gamma.as_ref(), reach, &data, range)?;
         let mut starts = models.starts(&data, deltas, range)?;
+        // Perturbed starts are for data that a small LFR fits; here a residual is the rule.
+        starts.retain(|(kind, _)| matches!(kind, StartKind::Coherent { .. }));
         starts.extend(balanced.map(|candidate| (StartKind::Balanced, candidate)));
         for (_, candidate) in &mut starts {
             if self.direct || has_direct_channels(candidate) {

@@ -23,11 +23,23 @@ pub(super) struct Cell {
     pub(super) directions: Vec<Vec<f64>>,
 }
 
-/// The response at the centre of a cell, its derivative along each direction, and a bound on what both leave out.
+/// The response at the centre of a cell, the terms of its power series, and a bound on what both leave out.
 pub(super) struct Local {
     pub(super) value: DMatrix<C64>,
-    pub(super) slopes: Vec<DMatrix<C64>>,
+    /// One matrix a product of `tau_j`, in the same order for every model.
+    pub(super) terms: Vec<DMatrix<C64>>,
     pub(super) rest: f64,
+}
+
+/// Order up to which terms are known, by the number of directions: few dozens of terms.
+fn order(directions: usize) -> i32 {
+    match directions {
+        0 | 1 => 8,
+        2 => 4,
+        3 => 3,
+        4..=6 => 2,
+        _ => 1,
+    }
 }
 
 impl Line {
@@ -64,16 +76,16 @@ impl Line {
     }
 
     /// With `P = (I - n11 D)^-1`, `L = n21 (I - D n11)^-1`, `R = P n12` and `G = P n11`, D being Delta at the centre,
-    /// `F(D + H) - F(D) = L H (I - G H)^-1 R`. So the slope along H is `L H R`, and the rest is at most
-    /// `|L| |H|^2 |G| |R| / (1 - |H| |G|)`, infinite where the cell is too large for that. Any diagonal scaling of the
-    /// channels leaves F alone; the one that makes columns of L as long as rows of R is used.
+    /// `F(D + H) - F(D) = L H (I - G H)^-1 R = L H R + L H G H R + ...`. The terms up to order m are computed; the rest is at
+    /// most `|L| |H| |R| (|H| |G|)^m / (1 - |H| |G|)`, infinite where the cell is too large for that. Any diagonal scaling
+    /// of the channels leaves F alone; the one that makes columns of L as long as rows of R is used.
     pub(super) fn expand(&self, cell: &Cell) -> Option<Local> {
         let nd = self.parameter.len();
         if nd == 0 {
             let flat = DMatrix::zeros(self.n22.nrows(), self.n22.ncols());
             return Some(Local {
                 value: self.n22.clone(),
-                slopes: vec![flat; cell.directions.len()],
+                terms: vec![flat],
                 rest: 0.0,
             });
         }
@@ -90,7 +102,25 @@ impl Line {
         let at_centre = scaled(&self.n21, &cell.centre);
         let value = &self.n22 + &at_centre * &r;
         let l = &self.n21 + at_centre * &g;
-        let slopes: Vec<DMatrix<C64>> = cell.directions.iter().map(|v| scaled(&l, v) * &r).collect();
+        let order = order(cell.directions.len());
+        let steps: Vec<_> = cell
+            .directions
+            .iter()
+            .map(|v| (scaled(&l, v), scaled(&g, v)))
+            .collect();
+        let (mut terms, mut tails) = (Vec::new(), vec![r.clone()]);
+        for k in 1..=order {
+            let mut longer = Vec::new();
+            for tail in &tails {
+                for (out, on) in &steps {
+                    terms.push(out * tail);
+                    if k < order {
+                        longer.push(on * tail);
+                    }
+                }
+            }
+            tails = longer;
+        }
         let radius = (0..nd)
             .map(|j| {
                 cell.directions
@@ -120,11 +150,11 @@ impl Line {
         let [norm_l, norm_r, norm_g] = [norm_l, norm_r, norm_g].map(f64::sqrt);
         let room = 1.0 - radius * norm_g;
         let rest = if room > 0.0 {
-            norm_l * radius * radius * norm_g * norm_r / room
+            norm_l * radius * norm_r * (radius * norm_g).powi(order) / room
         } else {
             f64::INFINITY
         };
-        Some(Local { value, slopes, rest })
+        Some(Local { value, terms, rest })
     }
 }
 

@@ -186,8 +186,10 @@ fn flexible_blocks<K: Sampling>(lfr: &Lfr<K>, clock: Discrete, has_rigid: bool) 
     )
     .ok()?;
     let bases = Split::bases(&super::sampled(&nominal, clock)?)?;
-    let touched = (bases.left.transpose() * &m.b1).amax() > 1e-9 * m.b1.amax()
-        || (&m.c1 * &bases.right).amax() > 1e-9 * m.c1.amax();
+    // A B1 or C1 of rounding alone touches nothing.
+    let small =
+        |part: DMatrix<f64>, of: &DMatrix<f64>| part.amax() <= 1e-9 * of.amax().max(1e-6 * m.a.amax());
+    let touched = !small(bases.left.transpose() * &m.b1, &m.b1) || !small(&m.c1 * &bases.right, &m.c1);
     if touched {
         return None;
     }

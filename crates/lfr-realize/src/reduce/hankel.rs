@@ -24,9 +24,10 @@ pub(crate) struct Channels {
 const NOTHING: f64 = 1e-9;
 
 impl Expansion {
-    /// The largest degree for which this many samples are at least as many as the monomials.
+    /// The largest degree that this many samples determine with a third of them to spare: a polynomial through all of
+    /// them swings between them.
     pub(crate) fn largest_degree(parameters: usize, samples: usize) -> usize {
-        let fits = |degree: &usize| monomials(parameters, *degree).len() <= samples;
+        let fits = |degree: &usize| 3 * monomials(parameters, *degree).len() <= 2 * samples;
         (1..samples).take_while(fits).last().unwrap_or(0)
     }
 

@@ -1,4 +1,4 @@
-//! Reduction of an LFR: states and deltas together, to the sizes wanted.
+//! Reduction of an LFR, states and deltas together, and the starts that it shares with fits to data.
 
 mod balance;
 mod coherent;
@@ -191,7 +191,7 @@ impl<'a, K: Sampling> Large<'a, K> {
         };
         let models = LocalModels::new(&self.local(target)?, self.gamma.as_ref(), reach, &data, range)?;
         let mut starts = models.starts(&data, deltas, range)?;
-        // Perturbed starts are for data that a small LFR fits; here a residual is the rule.
+        // Random channels are for targets that can be reached; here a residual is the rule.
         starts.retain(|(kind, _)| matches!(kind, StartKind::Coherent { .. }));
         starts.extend(balanced.map(|candidate| (StartKind::Balanced, candidate)));
         for (_, candidate) in &mut starts {

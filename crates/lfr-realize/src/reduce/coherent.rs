@@ -11,9 +11,6 @@ use crate::{
 };
 use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 
 /// An LFR from coherent local models, with the account of its making.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,8 +33,8 @@ pub struct Coherent<K: Sampling> {
 /// [`crate::local_model`] gives them. From there each position begins at the model of the nearest one that is done, with
 /// C held and steps that turn no basis, so that all share one state basis. (With fewer states than outputs C can be held
 /// at all positions only if it does not depend on p.) A polynomial through their matrices, its
-/// Hankel matrix weighted by what a change does to the relative response and cut to rank, gives the deltas. There is no
-/// chance in it; polynomials of several degrees are tried. Only if none of them reaches the target, D11 is perturbed.
+/// Hankel matrix weighted by what a change does to the relative response and cut to rank, gives the deltas. Polynomials of
+/// several degrees are tried; random channels as those of [`crate::grow`] only if none of them reaches the target.
 ///
 /// # Errors
 /// [`RealizeError::Empty`] without deltas, [`RealizeError::Start`] if no start has a response at all positions, and those
@@ -80,26 +77,8 @@ pub fn coherent<K: Sampling>(
     })
 }
 
-/// Starts with other products of deltas, for when the polynomials lead to local minima.
-const PERTURBED: u64 = 4;
-
-/// M with random numbers added to D11.
-fn perturbed<K: Sampling>(candidate: &Candidate<K>, seed: u64) -> DMatrix<f64> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut m = candidate.matrix().clone();
-    let shape = candidate.shape();
-    let (rows, columns) = (m.nrows() - shape.rows(), m.ncols() - shape.columns());
-    // Far from singular for any number of deltas.
-    let size = 0.5 / (rows.max(1) as f64).sqrt();
-    for v in m
-        .view_mut((shape.rows(), shape.columns()), (rows, columns))
-        .iter_mut()
-    {
-        let normal: f64 = StandardNormal.sample(&mut rng);
-        *v += size * normal;
-    }
-    m
-}
+/// Starts from random channels, for when the polynomials lead to local minima.
+const RANDOM: u64 = 4;
 
 /// Degrees of the polynomials through the local models, in the order in which they are tried.
 const DEGREES: [usize; 6] = [4, 2, 6, 3, 5, 1];
@@ -256,7 +235,7 @@ impl<K: Sampling> LocalModels<K> {
         Ok(whole.with_matrix(m))
     }
 
-    /// One candidate for each degree that the positions determine, all different.
+    /// One candidate for each degree that the positions determine, then random ones.
     pub(crate) fn starts(
         &self,
         data: &FrozenData,
@@ -269,11 +248,11 @@ impl<K: Sampling> LocalModels<K> {
             let candidate = self.factorised(data, deltas, scheduling, degree)?;
             starts.push((StartKind::Coherent { degree }, candidate));
         }
-        if let Some((StartKind::Coherent { degree }, first)) = starts.first().cloned() {
-            for seed in 0..PERTURBED {
-                let kind = StartKind::Perturbed { degree, seed };
-                starts.push((kind, first.with_matrix(perturbed(&first, seed))));
-            }
+        for seed in 0..RANDOM {
+            let random = RandomChannels { seed, size: 1e-3 };
+            let gamma = self.gamma.as_ref();
+            let candidate = Candidate::flexible(&self.local, gamma, deltas, scheduling.clone(), random)?;
+            starts.push((StartKind::Random { seed }, candidate));
         }
         Ok(starts)
     }

@@ -15,11 +15,9 @@ pub enum StartKind {
         /// Degree of the polynomial in the deltas.
         degree: usize,
     },
-    /// The same with random numbers added to D11.
-    Perturbed {
-        /// Degree of the polynomial in the deltas.
-        degree: usize,
-        /// Same seed, same numbers.
+    /// The local model at the centre with small random channels, see [`crate::RandomChannels`].
+    Random {
+        /// Same seed, same channels.
         seed: u64,
     },
 }

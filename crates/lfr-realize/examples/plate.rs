@@ -40,9 +40,9 @@ const PAYLOAD: f64 = 0.02;
 const ACTUATORS: [(f64, f64); 4] = [(0.13, 0.11), (0.81, 0.17), (0.27, 0.66), (0.89, 0.61)];
 
 /// The plate with its lowest modes.
-pub struct Plate {
+pub(crate) struct Plate {
     /// How many.
-    pub modes: usize,
+    pub(crate) modes: usize,
 }
 
 impl Plate {
@@ -81,22 +81,22 @@ impl Plate {
 }
 
 /// What came out.
-pub struct Outcome {
+pub(crate) struct Outcome {
     /// States of the LFR.
-    pub states: usize,
+    pub(crate) states: usize,
     /// Its deltas.
-    pub deltas: usize,
+    pub(crate) deltas: usize,
     /// Rms relative error at the positions of the fit.
-    pub rms: f64,
+    pub(crate) rms: f64,
     /// Largest and median relative error of a line at positions that were not fitted, decibels.
-    pub unseen_db: [f64; 2],
+    pub(crate) unseen_db: [f64; 2],
 }
 
 /// Responses on a grid, local model, LFR with `each` deltas a parameter, error between.
 ///
 /// # Errors
 /// Those of the library.
-pub fn fit(plate: &Plate, each: usize, target: f64) -> Result<Outcome, Box<dyn std::error::Error>> {
+pub(crate) fn fit(plate: &Plate, each: usize, target: f64) -> Result<Outcome, Box<dyn std::error::Error>> {
     let highest = plate.omega().max() / (2.0 * PI);
     let clock = Discrete::from_rate(2.5 * highest)?;
     let range = SchedulingRange::new(vec![[0.43, 0.49], [0.32, 0.38]])?;

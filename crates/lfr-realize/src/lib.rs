@@ -23,6 +23,15 @@
 //! steps are taken in the complement of their tangents, by Levenberg-Marquardt with columns of equal length. States that
 //! nothing free touches, like those of an exactly known rigid body, have their response computed once.
 //!
+//! # Starts, reductions, bounds
+//! [`coherent`] needs no luck: local models at all positions in one state basis, a polynomial through their matrices, and
+//! its Hankel matrix in powers of delta cut to rank, which is Ho and Kalman's realisation with delta in the place of the
+//! shift. [`reduce`] cuts states and deltas of any LFR together, from such a start or from Gramians averaged over the range,
+//! with the integrators of a rigid body held, and says how far the result is from what it was given.
+//! [`difference_bound`] bounds the relative difference of two LFRs at every p, not at samples: both are power series in
+//! delta around any point, with a rest that their matrices bound. [`bound_between`] uses it to say what the data support
+//! between their positions.
+//!
 //! # Words
 //! - *delta*: one entry of the diagonal of `Delta(p)`; their number is the size of w and z.
 //! - *channel*: one entry of w and z; a *direct* channel has delta 1 and serves to give M a structure.
@@ -78,6 +87,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod bound;
 mod candidate;
 mod covariance;
 mod data;
@@ -93,6 +103,7 @@ mod mechanical;
 mod minimax;
 pub mod moving;
 mod problem;
+mod reduce;
 mod refine;
 mod sampling;
 mod search;
@@ -103,6 +114,10 @@ mod structure;
 mod test_kit;
 mod whiten;
 
+pub use bound::{
+    Between, BetweenWarning, BoundSettings, CheckedBoundSettings, DifferenceBound, Interval, bound_between,
+    difference_bound,
+};
 pub use candidate::{Candidate, Channel};
 pub use data::{FrozenData, ResidualUnit};
 pub use direct::{Realization, realize};
@@ -113,6 +128,10 @@ pub use grow::{
 };
 pub use local::{CheckedLocalSettings, LocalMode, LocalModel, LocalSettings, RigidGain, local_model};
 pub use mechanical::{DeltaSplit, MechanicalForm};
+pub use reduce::{
+    CheckedCoherentSettings, CheckedReduceSettings, Coherent, CoherentSettings, FactorAccount, FactorStart,
+    ReduceSettings, Reduced, coherent, reduce, reduce_to_continuous,
+};
 pub use refine::{RefineAccount, Refined, refine};
 pub use sampling::Sampling;
 pub use search::StopReason;

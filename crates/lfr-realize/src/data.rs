@@ -135,6 +135,24 @@ impl FrozenData {
         Self::joined(self.clock, self.unit, kept.cloned().collect())
     }
 
+    /// One position.
+    pub(crate) fn at(&self, index: usize) -> Self {
+        Self {
+            positions: vec![self.positions[index].clone()],
+            ..*self
+        }
+    }
+
+    /// The positions whose index `keep` accepts.
+    pub(crate) fn some(&self, keep: impl Fn(usize) -> bool) -> Result<Self, RealizeError> {
+        let kept = self.positions.iter().enumerate().filter(|(i, _)| keep(*i));
+        Self::joined(
+            self.clock,
+            self.unit,
+            kept.map(|(_, position)| position.clone()).collect(),
+        )
+    }
+
     /// At most `lines` lines at each position, closer together where the response changes: half of them follow the
     /// length of its path, `sum ||G_(k+1) - G_k|| / ||G_k||`, half the index.
     #[must_use]

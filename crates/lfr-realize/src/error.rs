@@ -78,6 +78,14 @@ pub enum RealizeError {
         /// What is wrong.
         problem: &'static str,
     },
+    /// An LFR that cannot be reduced.
+    #[error("no reduction, at p = {p:?}: {problem}")]
+    Reduction {
+        /// Scheduling value.
+        p: Vec<f64>,
+        /// Why.
+        problem: &'static str,
+    },
     /// Poles that a local model cannot have.
     #[error("pole {index} = {pole}: {problem}")]
     Pole {

@@ -12,7 +12,7 @@
 //!   continuous time (held between samples, exactly) or in discrete time, to the least
 //!   `sum_(i,k) ||W_y (F(p_i, f_k) - G(p_i, f_k)) W_u||_F^2`, relative or whitened by the covariance of the data
 //!   ([`FrozenData`]). [`local_model`] makes a start at one position from the poles there, and [`grow`] gets from it to
-//!   the whole range. The error is part of the result, as is the covariance of every frozen response.
+//!   the whole range, [`grow_sizes`] with as few deltas as do. The error is part of the result, as is the covariance of every frozen response.
 //!
 //! # How the small one is found
 //! The frozen system is `S(p) = M_aa + M_ab K M_ba` with `K = Delta (I - M_bb Delta)^-1`, all nine matrices being blocks of one
@@ -22,6 +22,15 @@
 //! memory than a few. Changes of coordinates (of the states, and of the deltas of one parameter) do not change a response;
 //! steps are taken in the complement of their tangents, by Levenberg-Marquardt with columns of equal length. States that
 //! nothing free touches, like those of an exactly known rigid body, have their response computed once.
+//!
+//! # Starts, reductions, bounds
+//! [`coherent`] needs no luck: local models at all positions in one state basis, a polynomial through their matrices, and
+//! its Hankel matrix in powers of delta cut to rank, which is Ho and Kalman's realisation with delta in the place of the
+//! shift. [`reduce`] cuts states and deltas of any LFR together, from such a start or from Gramians averaged over the range,
+//! with the integrators of a rigid body held, and says how far the result is from what it was given.
+//! [`difference_bound`] bounds the relative difference of two LFRs at every p, not at samples: both are power series in
+//! delta around any point, with a rest that their matrices bound. [`bound_between`] uses it to say what the data support
+//! between their positions.
 //!
 //! # Words
 //! - *delta*: one entry of the diagonal of `Delta(p)`; their number is the size of w and z.
@@ -34,9 +43,9 @@
 //! # What it does not do
 //! [`realize`] approximates nothing: splines and Gaussian processes are refused, since no finite LFR equals them; a
 //! Chebyshev interpolant is the way round. A fit approximates, and always says by how much: residuals of each position,
-//! rank and condition, why it stopped. It does not choose the number of deltas or find poles, makes no stable model
-//! unstable, and promises no global minimum: [`grow`] tries several starts and accounts for each. Frozen responses do not
-//! determine what the model does while p moves.
+//! rank and condition, why it stopped. It does not find poles, makes no stable model unstable, and promises no global
+//! minimum: [`grow`] tries several starts and accounts for each, [`grow_sizes`] several numbers of deltas. Frozen
+//! responses do not determine what the model does while p moves.
 //!
 //! # Examples
 //! ```
@@ -78,6 +87,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod bound;
 mod candidate;
 mod covariance;
 mod data;
@@ -93,6 +103,7 @@ mod mechanical;
 mod minimax;
 pub mod moving;
 mod problem;
+mod reduce;
 mod refine;
 mod sampling;
 mod search;
@@ -103,15 +114,21 @@ mod structure;
 mod test_kit;
 mod whiten;
 
+pub use bound::{
+    Between, BetweenWarning, BoundSettings, CheckedBoundSettings, DifferenceBound, Interval, bound_between,
+    difference_bound,
+};
 pub use candidate::{Candidate, Channel};
 pub use data::{FrozenData, ResidualUnit};
 pub use direct::{Realization, realize};
 pub use error::RealizeError;
 pub use grow::{
-    CheckedGrowSettings, DeltaReach, GainFit, GrowSettings, Grown, StartAccount, StartOutcome, grow,
+    CheckedGrowSettings, DeltaReach, GainFit, GrowSettings, Grown, SizeChoice, Sizes, StartAccount,
+    StartKind, StartOutcome, StartSearch, grow, grow_sizes,
 };
 pub use local::{CheckedLocalSettings, LocalMode, LocalModel, LocalSettings, RigidGain, local_model};
 pub use mechanical::{DeltaSplit, MechanicalForm};
+pub use reduce::{CheckedReduceSettings, ReduceSettings, Reduced, reduce, reduce_to_continuous};
 pub use refine::{RefineAccount, Refined, refine};
 pub use sampling::Sampling;
 pub use search::StopReason;

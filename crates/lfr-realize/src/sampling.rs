@@ -37,6 +37,10 @@ pub(crate) mod hold {
         /// The response of `1 / (pole of the model)`, sampled.
         fn partial_fraction(self, pole: Complex<f64>, z: Complex<f64>, data: Discrete) -> Complex<f64>;
 
+        /// Turns `F(s)` into `F(s + rate)`: what every pole loses in damping or gains. `m` begins with the rows of
+        /// `[A B]`; more columns that move the state may follow.
+        fn shift(self, m: &mut DMatrix<f64>, states: usize, rate: f64, data: Discrete);
+
         /// How fast A moves the state: the unit of random channels.
         fn rate(self, a: &DMatrix<f64>) -> f64;
     }
@@ -93,6 +97,11 @@ impl Hold for Discrete {
     fn partial_fraction(self, pole: Complex<f64>, z: Complex<f64>, _: Discrete) -> Complex<f64> {
         (z - pole).inv()
     }
+    fn shift(self, m: &mut DMatrix<f64>, states: usize, rate: f64, data: Discrete) {
+        // C (e^(rate T) z I - A)^-1 B.
+        let mut state = m.rows_mut(0, states);
+        state *= (-rate * data.sample_time()).exp();
+    }
     fn rate(self, a: &DMatrix<f64>) -> f64 {
         (a - DMatrix::identity(a.nrows(), a.nrows())).norm() / (a.nrows().max(1) as f64).sqrt()
     }
@@ -137,6 +146,9 @@ impl Hold for Continuous {
             half.sinh() / half
         };
         half.exp() * ratio * data.sample_time() / (z - (half * 2.0).exp())
+    }
+    fn shift(self, m: &mut DMatrix<f64>, states: usize, rate: f64, _: Discrete) {
+        (0..states).for_each(|i| m[(i, i)] -= rate);
     }
     fn rate(self, a: &DMatrix<f64>) -> f64 {
         a.norm() / (a.nrows().max(1) as f64).sqrt()
@@ -207,6 +219,10 @@ impl Held {
                         let mut column = chain.column_mut(m * n + k);
                         for l in 0..all {
                             let factor = weight * before[(m, l)];
+                            // The rows of B are those of the identity.
+                            if factor == 0.0 {
+                                continue;
+                            }
                             for i in 0..n {
                                 column[l * n + i] += factor * after[(i, k)];
                             }

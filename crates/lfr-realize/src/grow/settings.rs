@@ -23,14 +23,25 @@ pub enum DeltaReach {
     Outputs,
 }
 
+/// When the search for a start ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum StartSearch {
+    /// With the first model that reaches the target, or when three starts have ended at the same residual, the least of
+    /// all.
+    #[default]
+    UntilReached,
+    /// After all starts, each with its long fit: to compare them.
+    All,
+}
+
 /// How to grow. Fields are unchecked; [`GrowSettings::check`] gives what [`crate::grow`] accepts.
 ///
 /// | field | default | meaning | range |
 /// |---|---|---|---|
-/// | `seed` | 0 | of the first start; the next ones count on | |
+/// | `seed` | 0 | of the first random start; the next ones count on | |
 /// | `size` | 1e-3 | size of the random channels, see [`crate::RandomChannels`] | above 0 |
-/// | `restarts` | 8 | further starts if the target is not reached | 0 to 1000 |
-/// | `rings` | 1 | stages in which positions enter, from the centre of the range outward; 1: all at once | 1 to 1000 |
+/// | `restarts` | 8 | random starts, if the first one does not reach the target | 0 to 1000 |
+/// | `search` | `UntilReached` | whether starts that are not needed are made too | |
 /// | `lines` | 40 | lines a position before the long fit | 1 or more |
 /// | `start_iterations` | 100 | most iterations of a stage before the long fit | 1 to 100000 |
 /// | `reach` | `States` | whether D21 is free | |
@@ -39,14 +50,14 @@ pub enum DeltaReach {
 /// | `refine` | those of [`RefineSettings`] | the long fit | |
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GrowSettings {
-    /// Seed of the first start.
+    /// Seed of the first random start.
     pub seed: u64,
     /// Size of the random channels.
     pub size: f64,
-    /// Further starts if the target is not reached.
+    /// Random starts, if the first one does not reach the target.
     pub restarts: usize,
-    /// Stages in which positions enter.
-    pub rings: usize,
+    /// Whether starts that are not needed are made too.
+    pub search: StartSearch,
     /// Lines a position before the long fit.
     pub lines: usize,
     /// Most iterations of a stage before the long fit.
@@ -67,7 +78,7 @@ impl Default for GrowSettings {
             seed: 0,
             size: 1e-3,
             restarts: 8,
-            rings: 1,
+            search: StartSearch::default(),
             lines: 40,
             start_iterations: 100,
             reach: DeltaReach::default(),
@@ -84,7 +95,7 @@ impl GrowSettings {
     pub fn new() -> Self {
         Self::default()
     }
-    /// Sets the seed of the first start.
+    /// Sets the seed of the first random start.
     #[must_use]
     pub fn seed(mut self, seed: u64) -> Self {
         self.seed = seed;
@@ -96,16 +107,16 @@ impl GrowSettings {
         self.size = size;
         self
     }
-    /// Sets the number of further starts.
+    /// Sets the number of random starts.
     #[must_use]
     pub fn restarts(mut self, restarts: usize) -> Self {
         self.restarts = restarts;
         self
     }
-    /// Sets the stages in which positions enter.
+    /// Sets whether starts that are not needed are made too.
     #[must_use]
-    pub fn rings(mut self, rings: usize) -> Self {
-        self.rings = rings;
+    pub fn search(mut self, search: StartSearch) -> Self {
+        self.search = search;
         self
     }
     /// Sets the lines a position before the long fit.
@@ -159,13 +170,6 @@ impl GrowSettings {
         )?;
         let restarts = self.restarts;
         range("restarts", restarts as f64, restarts <= 1000, "give 0 to 1000")?;
-        let rings = self.rings;
-        range(
-            "rings",
-            rings as f64,
-            (1..=1000).contains(&rings),
-            "give 1 to 1000",
-        )?;
         range("lines", self.lines as f64, self.lines > 0, "give 1 or more")?;
         let most = self.start_iterations;
         let good = (1..=100_000).contains(&most);

@@ -129,3 +129,17 @@ fn fractions_and_integrators_are_those_of_the_hold() {
         assert!((found - expected).norm() < 1e-13 * expected.norm());
     }
 }
+
+/// `F(s + rate)`, in discrete time `F(e^(rate T) z)`: 1 / (s + 2 + rate), 3 / (r z - 0.5) with r = e^(rate T).
+#[test]
+fn shifts_move_every_pole() {
+    let clock = Discrete::new(0.5).unwrap();
+    let mut m = DMatrix::from_row_slice(2, 3, &[-2.0, 1.0, 4.0, 1.0, 0.0, 5.0]);
+    Continuous.shift(&mut m, 1, 0.7, clock);
+    assert_eq!(m.as_slice(), [-2.7, 1.0, 1.0, 0.0, 4.0, 5.0]);
+    let mut m = DMatrix::from_row_slice(2, 2, &[0.5, 3.0, 1.0, 0.0]);
+    Discrete::shift(clock, &mut m, 1, 0.7, clock);
+    let (r, z) = (0.35_f64.exp(), Complex::new(0.3, 0.8));
+    let found = Complex::from(m[(0, 1)]) / (z - m[(0, 0)]);
+    assert!((found - 3.0 / (r * z - 0.5)).norm() < 1e-14);
+}

@@ -1,0 +1,111 @@
+//! Settings of a bound: unchecked as written, checked once.
+
+use crate::RealizeError;
+use crate::settings::range;
+
+/// How to bound. Fields are unchecked; [`BoundSettings::check`] gives what [`crate::difference_bound`] and
+/// [`crate::bound_between`] accept.
+///
+/// | field | default | meaning | range |
+/// |---|---|---|---|
+/// | `tolerance` | 0.25 | how far the bound may lie above the largest difference met, relative | above 0, at most 10 |
+/// | `floor` | 1e-6 | a relative difference that is small enough in any case | 0 or more |
+/// | `max_cells` | 2000 | most halvings a line | 1 to 1000000 |
+/// | `lines` | 40 | lines of a position that [`crate::bound_between`] looks at | 1 or more |
+/// | `iterations` | 10 | most iterations of each of its two fits | 1 to 1000 |
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BoundSettings {
+    /// How far the bound may lie above the largest difference met.
+    pub tolerance: f64,
+    /// A difference that is small enough.
+    pub floor: f64,
+    /// Most halvings a line.
+    pub max_cells: usize,
+    /// Lines of a position.
+    pub lines: usize,
+    /// Most iterations of a fit to a part of the positions.
+    pub iterations: usize,
+}
+
+impl Default for BoundSettings {
+    fn default() -> Self {
+        Self {
+            tolerance: 0.25,
+            floor: 1e-6,
+            max_cells: 2000,
+            lines: 40,
+            iterations: 10,
+        }
+    }
+}
+
+impl BoundSettings {
+    /// The defaults.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+    /// Sets how far the bound may lie above the largest difference met.
+    #[must_use]
+    pub fn tolerance(mut self, tolerance: f64) -> Self {
+        self.tolerance = tolerance;
+        self
+    }
+    /// Sets the difference that is small enough.
+    #[must_use]
+    pub fn floor(mut self, floor: f64) -> Self {
+        self.floor = floor;
+        self
+    }
+    /// Sets the most halvings a line.
+    #[must_use]
+    pub fn max_cells(mut self, cells: usize) -> Self {
+        self.max_cells = cells;
+        self
+    }
+    /// Sets the lines of a position.
+    #[must_use]
+    pub fn lines(mut self, lines: usize) -> Self {
+        self.lines = lines;
+        self
+    }
+    /// Sets the most iterations of a fit to a part of the positions.
+    #[must_use]
+    pub fn iterations(mut self, iterations: usize) -> Self {
+        self.iterations = iterations;
+        self
+    }
+    /// Checks every field against the table above.
+    ///
+    /// # Errors
+    /// [`RealizeError::Setting`].
+    pub fn check(self) -> Result<CheckedBoundSettings, RealizeError> {
+        let tolerance = self.tolerance;
+        let good = tolerance > 0.0 && tolerance <= 10.0;
+        range("tolerance", tolerance, good, "give above 0, at most 10")?;
+        let good = self.floor.is_finite() && self.floor >= 0.0;
+        range("floor", self.floor, good, "give a finite number, not negative")?;
+        let cells = self.max_cells;
+        let good = (1..=1_000_000).contains(&cells);
+        range("max_cells", cells as f64, good, "give 1 to 1000000")?;
+        range("lines", self.lines as f64, self.lines > 0, "give 1 or more")?;
+        let iterations = self.iterations;
+        let good = (1..=1000).contains(&iterations);
+        range("iterations", iterations as f64, good, "give 1 to 1000")?;
+        Ok(CheckedBoundSettings { settings: self })
+    }
+}
+
+/// Settings that passed [`BoundSettings::check`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CheckedBoundSettings {
+    settings: BoundSettings,
+}
+
+impl CheckedBoundSettings {
+    /// The settings, to be read.
+    #[must_use]
+    pub fn get(&self) -> &BoundSettings {
+        &self.settings
+    }
+}

@@ -1,0 +1,72 @@
+//! One model for each number of deltas, and which one to take.
+
+use super::field::Field;
+use super::{CheckedGrowSettings, Grown, StartSearch};
+use crate::sampling::Sampling;
+use crate::{FrozenData, RealizeError};
+use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
+use nalgebra::DMatrix;
+
+/// Why a size was chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SizeChoice {
+    /// The smallest that reaches the target.
+    TargetReached,
+    /// None reaches it; this is the smallest whose rms is within a factor of two of the best of all.
+    Knee,
+}
+
+/// The models of a table over the number of deltas.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sizes<K: Sampling> {
+    /// One entry a size, in the order given. After a size that reaches the target there are no more, unless all are
+    /// asked for.
+    pub grown: Vec<Grown<K>>,
+    /// The entry to take.
+    pub chosen: usize,
+    /// Why.
+    pub choice: SizeChoice,
+}
+
+/// [`super::grow`] for one set of deltas after the other, smallest first. The model of one is among the starts of the
+/// next.
+///
+/// The smallest that reaches the target is chosen: with noisy data one more delta has nothing left to explain. If none
+/// reaches it, the residual is what the models cannot represent, and the smallest is chosen that no larger one betters
+/// by a factor of two (6 dB).
+///
+/// # Errors
+/// [`RealizeError::Empty`] without sizes, and those of [`super::grow`].
+pub fn grow_sizes<K: Sampling>(
+    local: &StateSpace<K>,
+    gamma: Option<&DMatrix<f64>>,
+    data: &FrozenData,
+    sizes: &[Vec<DeltaBlock>],
+    scheduling: &SchedulingRange,
+    settings: &CheckedGrowSettings,
+) -> Result<Sizes<K>, RealizeError> {
+    let field = Field::new(local, gamma, data, scheduling, settings)?;
+    let mut grown: Vec<Grown<K>> = Vec::new();
+    for deltas in sizes {
+        let smaller = grown.last().map(|g| &g.refined.candidate);
+        let model = field.grow(deltas, smaller)?;
+        let reached = model.reached;
+        grown.push(model);
+        if reached && settings.get().search == StartSearch::UntilReached {
+            break;
+        }
+    }
+    let rms = |g: &Grown<K>| g.refined.account.rms;
+    let best = grown.iter().map(rms).fold(f64::INFINITY, f64::min);
+    let reached = grown.iter().position(|g| g.reached);
+    let choice = reached.map_or(SizeChoice::Knee, |_| SizeChoice::TargetReached);
+    let chosen = reached.or_else(|| grown.iter().position(|g| rms(g) <= KNEE * best));
+    Ok(Sizes {
+        chosen: chosen.ok_or(RealizeError::Empty { what: "sizes" })?,
+        choice,
+        grown,
+    })
+}
+
+/// A residual larger than the best by no more than this is no reason for more deltas.
+const KNEE: f64 = 2.0;

@@ -1,0 +1,92 @@
+//! Settings of a reduction: unchecked as written, checked once.
+
+use crate::settings::range;
+use crate::{RealizeError, RefineSettings};
+
+/// How to reduce. Fields are unchecked; [`ReduceSettings::check`] gives what [`crate::reduce`] accepts.
+///
+/// | field | default | meaning | range |
+/// |---|---|---|---|
+/// | `positions` | `None` | grid points a parameter of the fit; `None`: 21 for one parameter, 7 for two, 5 for three, 3 beyond | 2 to 1001 |
+/// | `lines` | 160 | equidistant lines up to Nyquist; more are set around the poles of each position | 1 or more |
+/// | `refine` | those of [`RefineSettings`] | the last fit, on all lines | |
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReduceSettings {
+    /// Grid points a parameter.
+    pub positions: Option<usize>,
+    /// Equidistant lines.
+    pub lines: usize,
+    /// The last fit.
+    pub refine: RefineSettings,
+}
+
+impl Default for ReduceSettings {
+    fn default() -> Self {
+        Self {
+            positions: None,
+            lines: 160,
+            refine: RefineSettings::default(),
+        }
+    }
+}
+
+impl ReduceSettings {
+    /// The defaults.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+    /// Sets the grid points a parameter.
+    #[must_use]
+    pub fn positions(mut self, positions: usize) -> Self {
+        self.positions = Some(positions);
+        self
+    }
+    /// Sets the equidistant lines.
+    #[must_use]
+    pub fn lines(mut self, lines: usize) -> Self {
+        self.lines = lines;
+        self
+    }
+    /// Sets the last fit.
+    #[must_use]
+    pub fn refine(mut self, refine: RefineSettings) -> Self {
+        self.refine = refine;
+        self
+    }
+    /// Checks every field against the table above.
+    ///
+    /// # Errors
+    /// [`RealizeError::Setting`].
+    pub fn check(self) -> Result<CheckedReduceSettings, RealizeError> {
+        if let Some(positions) = self.positions {
+            let good = (2..=1001).contains(&positions);
+            range("positions", positions as f64, good, "give 2 to 1001")?;
+        }
+        range("lines", self.lines as f64, self.lines > 0, "give 1 or more")?;
+        self.refine.check()?;
+        Ok(CheckedReduceSettings { settings: self })
+    }
+}
+
+/// Settings that passed [`ReduceSettings::check`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CheckedReduceSettings {
+    settings: ReduceSettings,
+}
+
+impl CheckedReduceSettings {
+    /// The settings, to be read.
+    #[must_use]
+    pub fn get(&self) -> &ReduceSettings {
+        &self.settings
+    }
+    pub(super) fn positions(&self, parameters: usize) -> usize {
+        self.settings.positions.unwrap_or(match parameters {
+            0 | 1 => 21,
+            2 => 7,
+            3 => 5,
+            _ => 3,
+        })
+    }
+}

@@ -11,9 +11,7 @@
 //!
 //! Run: `cargo run --release -p lfr-realize --example plate`
 
-use lfr_realize::{
-    CoherentSettings, FrozenData, LocalSettings, RefineSettings, RigidGain, coherent, local_model,
-};
+use lfr_realize::{FrozenData, GrowSettings, LocalSettings, RefineSettings, RigidGain, grow, local_model};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Continuous, CoreError, DeltaBlock, Discrete, Frf, SchedulingRange, StateSpace};
@@ -124,13 +122,13 @@ pub(crate) fn fit(plate: &Plate, each: usize, target: f64) -> Result<Outcome, Bo
         parameter,
         repetitions: each,
     });
-    let settings = CoherentSettings::new()
+    let settings = GrowSettings::new()
         .target(2.0 * target)
         .start_iterations(12)
         .refine(RefineSettings::new().target(target).max_iterations(12))
         .check()?;
     let began = Instant::now();
-    let fitted = coherent(&local.flexible, None, &data, &deltas, &range, &settings)?;
+    let fitted = grow(&local.flexible, None, &data, &deltas, &range, &settings)?;
     let seconds = began.elapsed().as_secs_f64();
     println!("{seconds:.1} s, {:?}", fitted.starts);
     let lfr = fitted.refined.candidate.to_lfr()?;

@@ -129,7 +129,7 @@ impl Case {
         let (gamma, five) = (local.gamma.as_ref(), deltas(5));
         let grown = grow(&local.flexible, gamma, &self.data, &five, &range, &settings)?;
         let spent: f64 = grown.starts.iter().map(|s| s.seconds).sum();
-        let (first, random) = grown.starts.split_at(1);
+        let (first, random) = grown.starts.split_at(grown.starts.len() - 20);
         let mut seconds: Vec<f64> = random.iter().map(|s| s.seconds).collect();
         seconds.sort_by(f64::total_cmp);
         let reached = |s: &&StartAccount| matches!(s.outcome, StartOutcome::Refined { rms } if rms <= 3e-5);
@@ -147,8 +147,8 @@ impl Case {
 
 fn name(start: &StartAccount) -> &'static str {
     match start.kind {
-        StartKind::Coherent => "coherent",
-        StartKind::Smaller => "smaller",
+        StartKind::Coherent { .. } => "coherent",
+        StartKind::Given => "given",
         StartKind::Random { .. } => "random",
     }
 }

@@ -3,7 +3,7 @@
 use crate::RealizeError;
 use crate::frozen::{Closure, close};
 use lpv_core::linalg::from_blocks;
-use lpv_core::{Clock, DeltaBlock, Lfr, LfrBlocks, SchedulingRange, StateSpace};
+use lpv_core::{Clock, CoreError, DeltaBlock, Lfr, LfrBlocks, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
 
 /// What closes a channel, `w_j = delta_j z_j`.
@@ -106,7 +106,7 @@ impl<K: Clock> Candidate<K> {
             ),
         ] {
             if expected != found {
-                return Err(lpv_core::CoreError::Dimension {
+                return Err(CoreError::Dimension {
                     what,
                     expected,
                     found,
@@ -167,16 +167,8 @@ impl<K: Clock> Candidate<K> {
     pub fn frozen(&self, p: &[f64]) -> Result<StateSpace<K>, RealizeError> {
         self.range.check(p)?;
         let frozen = close(&self.matrix, self.shape(), &self.deltas_at(p), Closure::Value)
-            .ok_or_else(|| lpv_core::CoreError::IllPosed { p: p.to_vec() })?;
-        let (n, nu, ny) = (self.states, self.inputs, self.outputs);
-        let part = |at, size| frozen.s.view(at, size).into_owned();
-        Ok(StateSpace::new(
-            part((0, 0), (n, n)),
-            part((0, n), (n, nu)),
-            part((n, 0), (ny, n)),
-            part((n, n), (ny, nu)),
-            self.clock,
-        )?)
+            .ok_or_else(|| CoreError::IllPosed { p: p.to_vec() })?;
+        Ok(self.shape().system(&frozen.s, self.clock)?)
     }
 
     /// The plain LFR: direct channels eliminated, deltas in the order of the channels.
@@ -195,12 +187,9 @@ impl<K: Clock> Candidate<K> {
         let mut plain = pick(&rows, &columns);
         if !direct.is_empty() {
             let gap = DMatrix::identity(direct.len(), direct.len()) - pick(&z, &w);
-            let through = gap
-                .lu()
-                .solve(&pick(&z, &columns))
-                .ok_or(lpv_core::CoreError::Singular {
-                    operation: "the loop of the direct channels",
-                })?;
+            let through = gap.lu().solve(&pick(&z, &columns)).ok_or(CoreError::Singular {
+                operation: "the loop of the direct channels",
+            })?;
             plain += pick(&rows, &w) * through;
         }
         let nd = kept.len();
@@ -289,5 +278,17 @@ impl Shape {
     /// Columns of S, `n + n_u`.
     pub(crate) fn columns(self) -> usize {
         self.states + self.inputs
+    }
+    /// The model whose system matrix is `S = [A B; C D]`.
+    pub(crate) fn system<K: Clock>(self, s: &DMatrix<f64>, clock: K) -> Result<StateSpace<K>, CoreError> {
+        let (n, nu, ny) = (self.states, self.inputs, self.outputs);
+        let part = |at, size| s.view(at, size).into_owned();
+        StateSpace::new(
+            part((0, 0), (n, n)),
+            part((0, n), (n, nu)),
+            part((n, 0), (ny, n)),
+            part((n, n), (ny, nu)),
+            clock,
+        )
     }
 }

@@ -1,14 +1,15 @@
 //! From a local model to an LFR over the whole range: starts, cheap fits, one long fit.
 
 mod coherent;
-mod factorise;
+mod expansion;
 mod field;
 mod settings;
 mod sizes;
+mod weights;
 
 use crate::sampling::Sampling;
 use crate::{FrozenData, RealizeError, Refined};
-use field::Field;
+pub(crate) use field::Field;
 use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
 pub use settings::{CheckedGrowSettings, DeltaReach, GainFit, GrowSettings, StartSearch};
@@ -17,10 +18,14 @@ pub use sizes::{SizeChoice, Sizes, grow_sizes};
 /// Where the channels of a start come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StartKind {
-    /// A polynomial of low degree through frozen models at all positions, its coefficients factorised.
-    Coherent,
-    /// The model with fewer deltas, and small random channels for the rest; see [`grow_sizes`].
-    Smaller,
+    /// A polynomial of this degree through frozen models at all positions, its Hankel matrix in powers of delta cut to rank.
+    Coherent {
+        /// Degree in the deltas.
+        degree: usize,
+    },
+    /// A model with as many deltas or fewer, and small random channels for the rest: see [`grow_sizes`] and
+    /// [`crate::reduce`].
+    Given,
     /// Small random channels.
     Random {
         /// Same seed, same channels.

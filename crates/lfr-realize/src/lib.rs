@@ -128,10 +128,7 @@ pub use grow::{
 };
 pub use local::{CheckedLocalSettings, LocalMode, LocalModel, LocalSettings, RigidGain, local_model};
 pub use mechanical::{DeltaSplit, MechanicalForm};
-pub use reduce::{
-    CheckedCoherentSettings, CheckedReduceSettings, Coherent, CoherentSettings, FactorAccount, FactorStart,
-    ReduceSettings, Reduced, coherent, reduce, reduce_to_continuous,
-};
+pub use reduce::{CheckedReduceSettings, ReduceSettings, Reduced, reduce, reduce_to_continuous};
 pub use refine::{RefineAccount, Refined, refine};
 pub use sampling::Sampling;
 pub use search::StopReason;

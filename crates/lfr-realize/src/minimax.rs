@@ -25,6 +25,7 @@ pub(crate) fn polish<K: Sampling>(
     let limits = Limits {
         max_iterations: ITERATIONS,
         target: 0.0,
+        hidden: None,
         ..*limits
     };
     for _ in 0..passes {

@@ -10,7 +10,7 @@ use crate::sampling::Sampling;
 use crate::sampling::hold::Derivative;
 use crate::structure::{Reach, Structure};
 use crate::{RealizeError, gauge};
-use lpv_core::{Frf, StateSpace};
+use lpv_core::Frf;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -288,14 +288,8 @@ fn constant_response<K: Sampling>(
             p: candidate.range().centre(),
             problem: "the fixed states are too fast for the clock of the data",
         })?;
-    let part = |at, size| sampled.s.view(at, size).into_owned();
-    let system = StateSpace::new(
-        part((0, 0), (n_c, n_c)),
-        part((0, n_c), (n_c, nu)),
-        part((n_c, 0), (ny, n_c)),
-        part((n_c, n_c), (ny, nu)),
-        data.clock(),
-    )?;
+    let constant = Shape { states: n_c, ..shape };
+    let system = constant.system(&sampled.s, data.clock())?;
     let responses = data
         .responses()
         .map(|frf| Ok(system.frequency_response(frf.frequencies_hz())?));

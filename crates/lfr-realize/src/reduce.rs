@@ -1,29 +1,23 @@
 //! Reduction of an LFR, states and deltas together, and the starts that it shares with fits to data.
 
 mod balance;
-mod coherent;
-mod hankel;
 mod rigid;
-mod select;
 mod settings;
-mod weights;
 
 use crate::candidate::Shape;
+use crate::grow::Field;
 use crate::sampling::Sampling;
 use crate::sampling::hold::Derivative;
 use crate::{
-    Candidate, DeltaReach, FrozenData, LocalSettings, RealizeError, Refined, RigidGain, local_model,
+    Candidate, CheckedGrowSettings, DeltaReach, FrozenData, GrowSettings, Grown, LocalSettings, RealizeError,
+    Refined, RigidGain, StartAccount, local_model,
 };
 use balance::{dominant_poles, truncated};
-use coherent::LocalModels;
-pub use coherent::{Coherent, coherent};
 use lpv_core::linalg::from_blocks;
 use lpv_core::{Clock, Continuous, DeltaBlock, Discrete, Frf, Lfr, StateSpace};
 use nalgebra::DMatrix;
 use rigid::Split;
-use select::Selection;
-pub use select::{FactorAccount, FactorStart};
-pub use settings::{CheckedCoherentSettings, CheckedReduceSettings, CoherentSettings, ReduceSettings};
+pub use settings::{CheckedReduceSettings, ReduceSettings};
 
 /// A reduced LFR, with its error.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,7 +27,7 @@ pub struct Reduced<K: Sampling> {
     /// Gain of the rigid body, held exactly: `gamma` (`n_y x n_u`) in `gamma (T^2/2) (z + 1) / (z - 1)^2`.
     pub gamma: Option<DMatrix<f64>>,
     /// One entry a start, in their order.
-    pub starts: Vec<FactorAccount>,
+    pub starts: Vec<StartAccount>,
     /// Index of the start that won.
     pub winner: usize,
     /// Largest `||F_reduced - F||_F / ||F||_F` of a line over the grid that the error is judged on.
@@ -47,8 +41,19 @@ pub struct Reduced<K: Sampling> {
 }
 
 impl<K: Sampling> Reduced<K> {
-    /// The flexible part at the centre of the range: a local model from which [`coherent`] or [`crate::grow`] can begin on
-    /// the data themselves, with `gamma` as the gain of the rigid body.
+    /// The reduced model fitted to data in the place of the LFR that it came from, by the stages and the stopping rules of
+    /// [`crate::grow`], and from no other start.
+    ///
+    /// # Errors
+    /// Those of [`crate::grow`].
+    pub fn grow(&self, data: &FrozenData, settings: &CheckedGrowSettings) -> Result<Grown<K>, RealizeError> {
+        let (local, model) = (self.local()?, &self.refined.candidate);
+        let field = Field::new(&local, self.gamma.as_ref(), data, model.range(), settings)?;
+        field.grow_given(model)
+    }
+
+    /// The flexible part at the centre of the range: a local model from which [`crate::grow`] can begin on the data
+    /// themselves, with `gamma` as the gain of the rigid body.
     ///
     /// # Errors
     /// None for a model that [`reduce`] made.
@@ -184,33 +189,26 @@ impl<'a, K: Sampling> Large<'a, K> {
         }
         let data = FrozenData::relative(self.clock, &self.responses)?;
         let range = self.lfr.range();
-        let reach = if self.direct {
+        let reach = if self.direct || balanced.as_ref().is_some_and(has_direct_channels) {
             DeltaReach::Outputs
         } else {
             DeltaReach::States
         };
-        let models = LocalModels::new(&self.local(target)?, self.gamma.as_ref(), reach, &data, range)?;
-        let mut starts = models.starts(&data, deltas, range)?;
         // Random channels are for targets that can be reached; here a residual is the rule.
-        starts.retain(|(kind, _)| matches!(kind, FactorStart::Coherent { .. }));
-        starts.extend(balanced.map(|candidate| (FactorStart::Balanced, candidate)));
-        for (_, candidate) in &mut starts {
-            if self.direct || has_direct_channels(candidate) {
-                *candidate = candidate.clone().with_free_outputs()?;
-            }
-        }
-        let selection = Selection {
-            lines: 40,
-            iterations: 60,
-            target: 0.0,
-            refine: settings.refine,
-        };
-        let (refined, accounts, winner) = selection.best(starts, &data, range)?;
+        let grow = GrowSettings::new()
+            .reach(reach)
+            .restarts(0)
+            .target(REACHED)
+            .refine(settings.get().refine)
+            .check()?;
+        let local = self.local(target)?;
+        let field = Field::new(&local, self.gamma.as_ref(), &data, range, &grow)?;
+        let grown = field.grow(deltas, balanced.as_ref())?;
         let mut reduced = Reduced {
-            refined,
+            refined: grown.refined,
             gamma: self.gamma.clone(),
-            starts: accounts,
-            winner,
+            starts: grown.starts,
+            winner: grown.winner,
             largest: 0.0,
             median: 0.0,
             worst: (range.centre(), 0.0),
@@ -284,6 +282,9 @@ impl<'a, K: Sampling> Large<'a, K> {
     }
 }
 
+/// Rms residual on few lines of a start after which no further one is tried.
+const REACHED: f64 = 1e-9;
+
 /// Whether the deltas of a candidate reach its outputs.
 fn has_direct_channels<K: Clock>(candidate: &Candidate<K>) -> bool {
     let Shape { states, .. } = candidate.shape();
@@ -311,18 +312,14 @@ fn frozen<K: Sampling>(
 
 /// The model as the data see it.
 fn sampled<K: Sampling>(model: &StateSpace<K>, clock: Discrete) -> Option<StateSpace<Discrete>> {
-    let (n, nu, ny) = (model.states(), model.inputs(), model.outputs());
+    let shape = Shape {
+        states: model.states(),
+        outputs: model.outputs(),
+        inputs: model.inputs(),
+    };
     let s = from_blocks(&[&[model.a(), model.b()], &[model.c(), model.d()]]).ok()?;
-    let s = model.clock().sample(&s, n, clock, Derivative::Skip)?.s;
-    let part = |at, size| s.view(at, size).into_owned();
-    StateSpace::new(
-        part((0, 0), (n, n)),
-        part((0, n), (n, nu)),
-        part((n, 0), (ny, n)),
-        part((n, n), (ny, nu)),
-        clock,
-    )
-    .ok()
+    let s = model.clock().sample(&s, shape.states, clock, Derivative::Skip)?.s;
+    shape.system(&s, clock).ok()
 }
 
 /// Frequencies that show a model: equidistant up to Nyquist, and some around each pole, as far apart as it is wide.

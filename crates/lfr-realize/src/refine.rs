@@ -53,6 +53,9 @@ pub struct RefineAccount {
     pub condition: f64,
     /// Variance of a real equation: 1 where the covariance of the data is known, else estimated from the residual.
     pub variance: f64,
+    /// What a full step of Gauss and Newton from here would take off the sum of squares, in units of `variance`. Where it
+    /// is not small against `rank`, the search has not come to its end, and the covariance of the result is too small.
+    pub decrease: f64,
     /// Whether the LFR is well-posed over the whole range.
     pub well_posedness: WellPosedness,
 }
@@ -63,12 +66,21 @@ impl RefineAccount {
     pub fn iterations(&self) -> usize {
         self.costs.len().saturating_sub(1)
     }
+    /// Whether what the search has left undone is hidden by the noise: `decrease` at most 0.1 a direction determined, so
+    /// that the error is at most 5 % larger than its covariance says.
+    #[must_use]
+    pub fn is_converged(&self) -> bool {
+        self.decrease <= HIDDEN * self.rank as f64
+    }
     /// Real equations less the directions determined.
     #[must_use]
     pub fn degrees_of_freedom(&self) -> usize {
         self.equations.saturating_sub(self.rank)
     }
 }
+
+/// A decrease of the sum of squares, in variances a direction, that the noise hides: it makes the error 5 % larger.
+const HIDDEN: f64 = 0.1;
 
 /// Singular values of the scaled Jacobian below this part of the largest count as zero.
 const UNDETERMINED: f64 = 1e-10;
@@ -94,6 +106,7 @@ pub fn refine<K: Sampling>(
         tolerance: set.tolerance,
         target: set.target.powi(2) * data.rms_count(data.equations()),
         damping: START_DAMPING,
+        hidden: (data.unit() == ResidualUnit::StandardDeviation).then_some(HIDDEN),
     };
     let mut found = search(&problem, problem.theta(candidate), &limits)?;
     if set.minimax_passes > 0 {
@@ -148,6 +161,7 @@ pub(crate) fn account<K: Sampling>(
             rank,
             condition: values.iter().take(rank).next_back().map_or(1.0, |v| largest / v),
             variance,
+            decrease: scaled.decrease() / variance.max(f64::MIN_POSITIVE),
             well_posedness: candidate.to_lfr()?.well_posedness()?,
         },
         position_rms: found

@@ -33,6 +33,8 @@ pub(crate) struct Limits {
     /// The cost that is low enough.
     pub(crate) target: f64,
     pub(crate) damping: f64,
+    /// The decrease of the cost a free direction that noise hides; none where the noise is not known.
+    pub(crate) hidden: Option<f64>,
 }
 
 /// Where the search ended, and the work it took.
@@ -100,6 +102,11 @@ impl Scaled {
             b: factor.view((0, size), (size, 1)).column(0).into_owned(),
             map,
         }
+    }
+
+    /// What a full step of Gauss and Newton takes off the sum of squares, if it does what it promises.
+    pub(crate) fn decrease(&self) -> f64 {
+        self.b.norm_squared()
     }
 
     /// The minimiser of `||b + R y||^2 + damping ||y||^2`, and the decrease of the first term.
@@ -201,9 +208,11 @@ pub(crate) fn search(
         if found.cost.total <= limits.target {
             break StopReason::TargetReached;
         }
-        if iterations >= PATIENCE
-            && found.history[iterations - PATIENCE] <= found.cost.total * (1.0 + limits.tolerance)
-        {
+        let little = match limits.hidden {
+            Some(each) => each * problem.size() as f64,
+            None => limits.tolerance * found.cost.total,
+        };
+        if iterations >= PATIENCE && found.history[iterations - PATIENCE] <= found.cost.total + little {
             break StopReason::CostSettled;
         }
         if iterations >= limits.max_iterations {
@@ -214,6 +223,12 @@ pub(crate) fn search(
         };
         found.factorisations += linear.factorisations;
         let scaled = Scaled::new(&linear, &problem.gauge(&found.theta)?);
+        if limits
+            .hidden
+            .is_some_and(|each| scaled.decrease() <= each * scaled.b.len() as f64)
+        {
+            break StopReason::CostSettled;
+        }
         let mut growth = 2.0;
         loop {
             let step = scaled.step(found.damping);

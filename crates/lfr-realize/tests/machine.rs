@@ -4,7 +4,7 @@
 
 use lfr_realize::{
     DeltaReach, FrozenData, GrowSettings, LocalModel, LocalSettings, RefineSettings, Refined, SizeChoice,
-    StartOutcome, StartSearch, grow, grow_sizes, local_model,
+    StartAccount, StartKind, StartOutcome, StartSearch, grow, grow_sizes, local_model,
 };
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::num_complex::Complex;
@@ -252,7 +252,9 @@ fn every_start_reaches_the_target() {
         let settings = settings().restarts(20).search(StartSearch::All).check().unwrap();
         let gamma = local.gamma.as_ref();
         let grown = grow(&local.flexible, gamma, &data, &deltas(5), &bench.range, &settings).unwrap();
-        for start in &grown.starts {
+        let random = |s: &&StartAccount| matches!(s.kind, StartKind::Random { .. });
+        assert_eq!(grown.starts.iter().filter(random).count(), 20);
+        for start in grown.starts.iter().filter(random).chain(grown.starts.first()) {
             let reached = matches!(start.outcome, StartOutcome::Refined { rms } if rms <= 3e-5);
             assert!(reached, "{case:?}: {start:?}");
         }

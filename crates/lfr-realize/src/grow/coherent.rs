@@ -2,7 +2,8 @@
 //! same responses with more damping, and an LFR from a polynomial through them.
 
 use super::DeltaReach;
-use super::factorise::sensitivity;
+use super::expansion::Expansion;
+use super::weights::Weights;
 use crate::candidate::Shape;
 use crate::sampling::Sampling;
 use crate::sampling::hold::Derivative;
@@ -11,10 +12,13 @@ use crate::{
     refine,
 };
 use lpv_core::{Continuous, CoreError, SchedulingRange, StateSpace};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 /// Lines a position of the damped responses, at least; twice the states if that is more.
 const DAMPED_LINES: usize = 20;
+
+/// Highest degree of a polynomial through the frozen models.
+const HIGHEST: usize = 6;
 
 /// One frozen model a position, `S = [A B; C D]` of the flexible part. Each was fitted from that of its nearest
 /// neighbour towards the centre, by steps that move no coordinates, so that the entries of S are smooth in p.
@@ -24,9 +28,10 @@ pub(super) struct Coherent<K: Sampling> {
     pub(super) range: SchedulingRange,
     /// Normalised scheduling values, and S there.
     pub(super) models: Vec<(Vec<f64>, DMatrix<f64>)>,
-    /// How far a row or a column of S moves the response at the position where the search began.
-    pub(super) row_weight: DVector<f64>,
-    pub(super) column_weight: DVector<f64>,
+    /// How far a change of S moves the response.
+    weights: Weights,
+    /// Rows of S that depend on p.
+    rows: usize,
     pub(super) damped: FrozenData,
     pub(super) damping: f64,
 }
@@ -64,7 +69,6 @@ impl<K: Sampling> Coherent<K> {
         }
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut solved: Vec<(Vec<f64>, Candidate<K>)> = Vec::new();
-        let mut weights = None;
         for (_, i, delta) in &order {
             let far = |other: &[f64]| {
                 let gap: Vec<f64> = other.iter().zip(delta).map(|(a, b)| a - b).collect();
@@ -74,17 +78,21 @@ impl<K: Sampling> Coherent<K> {
             let start = nearest.map_or(&whole, |(_, candidate)| candidate);
             let here = data.at(*i);
             let fitted = refine(start, &here, &settings)?.candidate;
-            if weights.is_none() {
-                weights = Some(sensitivity(&fitted, rigid, shape, &here)?);
-            }
             solved.push((delta.clone(), fitted));
         }
-        let (row_weight, column_weight) = weights.ok_or(RealizeError::Empty { what: "positions" })?;
         let flexible = (shape.rows(), shape.columns());
         let models: Vec<(Vec<f64>, DMatrix<f64>)> = solved
             .into_iter()
             .map(|(delta, c)| (delta, c.matrix().view((rigid, rigid), flexible).into_owned()))
             .collect();
+        let rows = match reach {
+            DeltaReach::States => shape.states,
+            DeltaReach::Outputs => shape.rows(),
+        };
+        let mut weights = Weights::new(shape.states, shape.inputs, rows);
+        for ((_, i, _), (_, s)) in order.iter().zip(&models) {
+            weights.add(&shape.system(s, local.clock())?, &data.positions()[*i].frf);
+        }
         let damping = damping(local.clock(), shape, &models, data);
         let responses = order.iter().zip(&models).map(|((_, i, _), (_, s))| {
             let mut s = s.clone();
@@ -102,10 +110,43 @@ impl<K: Sampling> Coherent<K> {
             range: range.clone(),
             damped: FrozenData::relative(data.clock(), &responses)?,
             models,
-            row_weight,
-            column_weight,
+            weights,
+            rows,
             damping,
         })
+    }
+
+    /// Degrees of the polynomials worth a start, the most promising one first: a parabola; the highest, where few deltas
+    /// do much; a straight line, which is always near something.
+    pub(super) fn degrees(&self) -> Vec<usize> {
+        let most = Expansion::largest_degree(self.range.parameters(), self.models.len()).clamp(1, HIGHEST);
+        let mut degrees = vec![most.min(2)];
+        degrees.extend([most, 1].into_iter().filter(|d| *d != most.min(2)));
+        degrees
+    }
+
+    /// The LFR whose frozen matrices are nearest to a polynomial through those of the models, in the weights of their
+    /// responses. Channels that the polynomial has no direction for stay as in `base`, and so does what the mask fixes.
+    pub(super) fn factorised(&self, base: Candidate<K>, degree: usize) -> Result<Candidate<K>, RealizeError> {
+        let places: Vec<Vec<f64>> = self.models.iter().map(|(delta, _)| delta.clone()).collect();
+        let moving = self.models.iter().map(|(_, s)| s.rows(0, self.rows).into_owned());
+        let expansion = Expansion::new(&places, &moving.collect::<Vec<_>>(), degree)?;
+        let channels = expansion.channels(&self.weights, base.channels())?;
+        let (a, b) = (self.shape.rows(), self.shape.columns());
+        let mut m = base.matrix().clone();
+        m.view_mut((0, 0), (self.rows, b)).copy_from(expansion.constant());
+        for j in (0..channels.found.len()).filter(|j| channels.found[*j]) {
+            m.view_mut((0, b + j), (self.rows, 1))
+                .copy_from(&channels.left.column(j));
+            m.view_mut((a + j, 0), (1, b)).copy_from(&channels.right.row(j));
+        }
+        m.view_mut((a, b), channels.inner.shape())
+            .copy_from(&channels.inner);
+        let (old, free) = (base.matrix(), base.free());
+        let m = DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| {
+            if free[(i, j)] { m[(i, j)] } else { old[(i, j)] }
+        });
+        Ok(base.with_matrix(m))
     }
 
     /// The flexible part fitted to the responses `F(s + damping)`, from random channels or from a polynomial. A
@@ -186,13 +227,5 @@ fn sampled<K: Sampling>(
         .ok_or(CoreError::Singular {
             operation: "the hold of a local model",
         })?;
-    let (n, ny, nu) = (shape.states, shape.outputs, shape.inputs);
-    let part = |at, size| held.s.view(at, size).into_owned();
-    Ok(StateSpace::new(
-        part((0, 0), (n, n)),
-        part((0, n), (n, nu)),
-        part((n, 0), (ny, n)),
-        part((n, n), (ny, nu)),
-        data.clock(),
-    )?)
+    Ok(shape.system(&held.s, data.clock())?)
 }

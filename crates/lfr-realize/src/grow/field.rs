@@ -19,8 +19,11 @@ const NEAR: f64 = 1e-3;
 /// A start that wins less than this part of its cost in eight iterations is stuck.
 const STUCK: f64 = 1e-2;
 
+/// From one stage of the long fit to the next the lines of a position grow by this factor.
+const STAGE: usize = 8;
+
 /// What does not depend on the number of deltas.
-pub(super) struct Field<'a, K: Sampling> {
+pub(crate) struct Field<'a, K: Sampling> {
     local: &'a StateSpace<K>,
     gamma: Option<&'a DMatrix<f64>>,
     data: &'a FrozenData,
@@ -31,7 +34,7 @@ pub(super) struct Field<'a, K: Sampling> {
 }
 
 impl<'a, K: Sampling> Field<'a, K> {
-    pub(super) fn new(
+    pub(crate) fn new(
         local: &'a StateSpace<K>,
         gamma: Option<&'a DMatrix<f64>>,
         data: &'a FrozenData,
@@ -51,28 +54,54 @@ impl<'a, K: Sampling> Field<'a, K> {
         })
     }
 
-    /// The best model with these deltas; `smaller` has fewer.
-    pub(super) fn grow(
+    /// The best model with these deltas; `given` has as many or fewer.
+    pub(crate) fn grow(
         &self,
         deltas: &[DeltaBlock],
-        smaller: Option<&Candidate<K>>,
+        given: Option<&Candidate<K>>,
+    ) -> Result<Grown<K>, RealizeError> {
+        let set = self.settings.get();
+        let random = (0..set.restarts as u64).map(|at| StartKind::Random {
+            seed: set.seed.wrapping_add(at),
+        });
+        let coherent = self
+            .coherent
+            .degrees()
+            .into_iter()
+            .map(|degree| StartKind::Coherent { degree });
+        let mut kinds: Vec<StartKind> = coherent.collect();
+        if let Some(given) = given {
+            // One with as many deltas may need no fit; one with fewer has random channels.
+            let whole = given.delta_count() == deltas.iter().map(|d| d.repetitions).sum::<usize>();
+            kinds.insert(usize::from(!whole), StartKind::Given);
+        }
+        kinds.extend(random);
+        self.best(kinds, deltas, given)
+    }
+
+    /// The model that starts from the one given, and from no other.
+    pub(crate) fn grow_given(&self, given: &Candidate<K>) -> Result<Grown<K>, RealizeError> {
+        let deltas = given.to_lfr()?.deltas().to_vec();
+        self.best(vec![StartKind::Given], &deltas, Some(given))
+    }
+
+    fn best(
+        &self,
+        kinds: Vec<StartKind>,
+        deltas: &[DeltaBlock],
+        given: Option<&Candidate<K>>,
     ) -> Result<Grown<K>, RealizeError> {
         if deltas.iter().all(|d| d.repetitions == 0) {
             return Err(RealizeError::Empty { what: "deltas" });
         }
         let set = self.settings.get();
         let target = self.target();
-        let random = (0..set.restarts as u64).map(|at| StartKind::Random {
-            seed: set.seed.wrapping_add(at),
-        });
-        let kinds = [StartKind::Coherent].into_iter();
-        let kinds = kinds.chain(smaller.map(|_| StartKind::Smaller)).chain(random);
         let mut starts: Vec<StartAccount> = Vec::new();
         // The best of the starts that missed the target on few lines, and of those that were fitted to all.
         let mut waiting: Option<(usize, Candidate<K>)> = None;
         let mut best: Option<(usize, Refined<K>)> = None;
         let mut failure = None;
-        for (at, kind) in kinds.enumerate() {
+        for (at, kind) in kinds.into_iter().enumerate() {
             let began = Instant::now();
             let mut account = StartAccount {
                 kind,
@@ -81,7 +110,7 @@ impl<'a, K: Sampling> Field<'a, K> {
                 thinned_rms: f64::INFINITY,
                 outcome: StartOutcome::Failed,
             };
-            match self.start(deltas, smaller, &mut account) {
+            match self.start(deltas, given, &mut account) {
                 Ok(candidate) => {
                     account.outcome = StartOutcome::Abandoned;
                     if account.thinned_rms <= target || set.search == StartSearch::All {
@@ -135,7 +164,7 @@ impl<'a, K: Sampling> Field<'a, K> {
     fn start(
         &self,
         deltas: &[DeltaBlock],
-        smaller: Option<&Candidate<K>>,
+        given: Option<&Candidate<K>>,
         account: &mut StartAccount,
     ) -> Result<Candidate<K>, RealizeError> {
         let set = self.settings.get();
@@ -154,15 +183,20 @@ impl<'a, K: Sampling> Field<'a, K> {
                 DeltaReach::Outputs => start.with_free_outputs(),
             }
         };
-        let flexible = match (account.kind, smaller) {
-            (StartKind::Coherent, _) => self.coherent.factorised(start(None, set.seed)?)?,
-            (StartKind::Smaller, Some(smaller)) => extended(start(None, set.seed)?, smaller),
-            (StartKind::Smaller, None) => start(None, set.seed)?,
+        let flexible = match (account.kind, given) {
+            (StartKind::Coherent { degree }, _) => {
+                self.coherent.factorised(start(None, set.seed)?, degree)?
+            }
+            (StartKind::Given, Some(given)) => extended(start(None, set.seed)?, given),
+            (StartKind::Given, None) => start(None, set.seed)?,
             (StartKind::Random { seed }, _) => start(None, seed)?,
         };
         let (flexible, iterations) = self.coherent.fit(flexible, &quick(NEAR)?)?;
         account.iterations += iterations;
-        let whole = start(self.gamma, set.seed)?;
+        let whole = match (start(self.gamma, set.seed)?, set.gain, self.gamma) {
+            (whole, GainFit::Free, Some(_)) => whole.with_free_gain()?,
+            (whole, ..) => whole,
+        };
         let rigid = whole.states() - flexible.states();
         let mut m = whole.matrix().clone();
         let part = flexible.matrix();
@@ -178,10 +212,16 @@ impl<'a, K: Sampling> Field<'a, K> {
         candidate: Candidate<K>,
         account: &mut StartAccount,
     ) -> Result<Refined<K>, RealizeError> {
-        let candidate = match (self.settings.get().gain, self.gamma) {
-            (GainFit::Free, Some(_)) => candidate.with_free_gain()?,
-            _ => candidate,
-        };
+        let mut candidate = candidate;
+        // Few lines leave little to do for many: what is left is a few of their standard deviations.
+        let most = self.data.responses().map(lpv_core::Frf::len).max().unwrap_or(0);
+        let mut lines = STAGE * self.settings.get().lines;
+        while lines < most {
+            let stage = refine(&candidate, &self.data.thinned(lines), &self.settings.refine)?;
+            account.iterations += stage.account.iterations();
+            candidate = stage.candidate;
+            lines *= STAGE;
+        }
         let refined = refine(&candidate, self.data, &self.settings.refine)?;
         account.iterations += refined.account.iterations();
         account.outcome = StartOutcome::Refined {
@@ -202,12 +242,12 @@ fn agree(starts: &[StartAccount]) -> bool {
 
 /// The flexible part of a model with fewer deltas in the channels of another candidate; its other channels do not feed
 /// those.
-fn extended<K: Sampling>(base: Candidate<K>, smaller: &Candidate<K>) -> Candidate<K> {
+fn extended<K: Sampling>(base: Candidate<K>, given: &Candidate<K>) -> Candidate<K> {
     let (shape, nc) = (base.shape(), base.channels().len());
-    let rigid = smaller.states() - shape.states;
+    let rigid = given.states() - shape.states;
     // The k-th channel of a parameter becomes the k-th of that parameter.
     let mut taken = vec![false; nc];
-    let places: Vec<Option<usize>> = smaller
+    let places: Vec<Option<usize>> = given
         .channels()
         .iter()
         .map(|channel| {
@@ -221,7 +261,7 @@ fn extended<K: Sampling>(base: Candidate<K>, smaller: &Candidate<K>) -> Candidat
             .map(Some)
             .chain(places.iter().map(move |p| p.map(|p| inner + p)))
     };
-    let (old, mut m) = (smaller.matrix(), base.matrix().clone());
+    let (old, mut m) = (given.matrix(), base.matrix().clone());
     for place in places.iter().flatten() {
         m.row_mut(shape.rows() + place).fill(0.0);
     }

@@ -1,6 +1,7 @@
 use super::*;
 use crate::test_kit::{candidate, clock, random, responses, rng, weighted};
 use crate::{Channel, RandomChannels};
+use lpv_core::StateSpace;
 use lpv_core::{Continuous, DeltaBlock, SchedulingRange};
 
 const ONE: [Channel; 2] = [Channel::Parameter(0), Channel::Parameter(0)];

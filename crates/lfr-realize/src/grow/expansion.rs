@@ -5,34 +5,37 @@ use crate::{Channel, RealizeError};
 use nalgebra::DMatrix;
 
 /// `S(delta) = sum S_m delta^m` in monomials of a largest total degree, fitted to samples by least squares.
-pub(crate) struct Expansion {
+pub(super) struct Expansion {
     monomials: Vec<Vec<usize>>,
     coefficients: Vec<DMatrix<f64>>,
     degree: usize,
 }
 
 /// Channels of an LFR, `S = S_0 + left Delta (I - inner Delta)^-1 right`.
-pub(crate) struct Channels {
-    pub(crate) left: DMatrix<f64>,
-    pub(crate) inner: DMatrix<f64>,
-    pub(crate) right: DMatrix<f64>,
+pub(super) struct Channels {
+    pub(super) left: DMatrix<f64>,
+    pub(super) inner: DMatrix<f64>,
+    pub(super) right: DMatrix<f64>,
     /// Channels that the expansion had a direction for.
-    pub(crate) found: Vec<bool>,
+    pub(super) found: Vec<bool>,
 }
 
 /// Singular values below this part of the largest are no direction.
 const NOTHING: f64 = 1e-9;
 
+/// Spectral radius above which the D11 of a start is scaled down, so that it is well-posed.
+const LARGEST_D11: f64 = 0.9;
+
 impl Expansion {
     /// The largest degree that this many samples determine with a third of them to spare: a polynomial through all of
     /// them swings between them.
-    pub(crate) fn largest_degree(parameters: usize, samples: usize) -> usize {
+    pub(super) fn largest_degree(parameters: usize, samples: usize) -> usize {
         let fits = |degree: &usize| 3 * monomials(parameters, *degree).len() <= 2 * samples;
         (1..samples).take_while(fits).last().unwrap_or(0)
     }
 
     /// Of at most this degree.
-    pub(crate) fn new(
+    pub(super) fn new(
         places: &[Vec<f64>],
         samples: &[DMatrix<f64>],
         degree: usize,
@@ -65,7 +68,7 @@ impl Expansion {
         })
     }
 
-    pub(crate) fn constant(&self) -> &DMatrix<f64> {
+    pub(super) fn constant(&self) -> &DMatrix<f64> {
         &self.coefficients[0]
     }
 
@@ -77,7 +80,7 @@ impl Expansion {
     /// For each parameter alone, `S_1, S_2, ...` is an impulse response in `delta`: its Hankel matrix, cut to as many
     /// singular values as there are channels, gives a balanced realisation (Ho and Kalman). What two parameters do
     /// together goes into the blocks of `inner` between them, by least squares.
-    pub(crate) fn channels(&self, weights: &Weights, channels: &[Channel]) -> Result<Channels, RealizeError> {
+    pub(super) fn channels(&self, weights: &Weights, channels: &[Channel]) -> Result<Channels, RealizeError> {
         let [left, left_inverse, right, right_inverse] = weights.roots();
         let (rows, columns) = self.constant().shape();
         let nc = channels.len();
@@ -137,6 +140,11 @@ impl Expansion {
             }
         }
         self.cross(&mut all, channels, weighted)?;
+        let radius = lpv_core::linalg::eigenvalues(&all.inner)?;
+        let radius = radius.iter().map(|l| l.norm()).fold(0.0, f64::max);
+        if radius > LARGEST_D11 {
+            all.inner *= LARGEST_D11 / radius;
+        }
         all.left = left_inverse * all.left;
         all.right *= right_inverse;
         Ok(all)
@@ -200,3 +208,6 @@ fn monomials(parameters: usize, degree: usize) -> Vec<Vec<usize>> {
     }
     all
 }
+
+#[cfg(test)]
+mod tests;

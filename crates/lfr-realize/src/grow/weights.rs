@@ -7,7 +7,7 @@ use num_complex::Complex;
 /// Averages over positions and lines of `l^H l / |G|` and `r r^H / |G|`, where `dF = l dS r` with
 /// `l = [C (zI - A)^-1, I]` and `r = [(zI - A)^-1 B; I]`: the observability and controllability of a change, relative.
 /// Without the rows of the outputs if only those of the states change.
-pub(crate) struct Weights {
+pub(super) struct Weights {
     left: DMatrix<f64>,
     right: DMatrix<f64>,
     states: usize,
@@ -18,7 +18,7 @@ const FLOOR: f64 = 1e-8;
 
 impl Weights {
     /// `rows` of S change: those of the states, or all.
-    pub(crate) fn new(states: usize, inputs: usize, rows: usize) -> Self {
+    pub(super) fn new(states: usize, inputs: usize, rows: usize) -> Self {
         let columns = states + inputs;
         Self {
             left: DMatrix::zeros(rows, rows),
@@ -28,7 +28,7 @@ impl Weights {
     }
 
     /// Adds the lines of one position. Lines without a response do not count.
-    pub(crate) fn add<K: Clock>(&mut self, model: &StateSpace<K>, frf: &Frf) {
+    pub(super) fn add<K: Clock>(&mut self, model: &StateSpace<K>, frf: &Frf) {
         let complex = |m: &DMatrix<f64>| m.map(|v| Complex::new(v, 0.0));
         let (n, nu) = (self.states, model.inputs());
         let (b, c) = (complex(model.b()), complex(model.c()));
@@ -58,7 +58,7 @@ impl Weights {
     }
 
     /// Symmetric roots of both weights with their inverses.
-    pub(crate) fn roots(&self) -> [DMatrix<f64>; 4] {
+    pub(super) fn roots(&self) -> [DMatrix<f64>; 4] {
         let [left, left_inverse] = roots(&self.left);
         let [right, right_inverse] = roots(&self.right);
         [left, left_inverse, right, right_inverse]

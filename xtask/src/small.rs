@@ -7,8 +7,8 @@ use crate::size::{NOISE, Size};
 use indicatif::ProgressBar;
 use lfr_realize::moving::{MovingData, refine_with_moves, settle, simulate_errors, turn};
 use lfr_realize::{
-    DeltaSplit, FrozenData, GrowSettings, Grown, LocalModel, LocalSettings, MechanicalForm, ReduceSettings,
-    RefineSettings, Refined, grow, local_model, reduce_to_continuous,
+    DeltaSplit, FrozenData, GainFit, GrowSettings, Grown, LocalModel, LocalSettings, MechanicalForm,
+    ReduceSettings, RefineSettings, Refined, grow, local_model, reduce_to_continuous,
 };
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::num_complex::Complex;
@@ -90,12 +90,13 @@ struct MovingAccount {
     closed_loop_rms: [f64; 2],
     /// The same of the model that knows frozen responses only.
     frozen_only_rms: [f64; 2],
-    /// The largest over the three judged moves, from noisy data, over the noise of a sample: y1 and y2.
-    noisy_over_noise_by_output: [f64; 2],
-    /// The larger of them.
+    /// The largest rms error over the three judged moves, from noisy data, over that of the model from noise-free data on
+    /// the same noisy records, which is the noise as it leaves the closed loop; the larger of y1 and y2.
     noisy_over_noise: f64,
-    /// What the noise alone leaves, as the loop passes it on: the machine's own model on the same records.
-    machine_over_noise_by_output: [f64; 2],
+    /// The same over the noise of a sample of the sensor, by output.
+    noisy_over_sensor: [f64; 2],
+    /// What the noise alone leaves, over that of a sample of the sensor.
+    noise_over_sensor: [f64; 2],
     seconds: f64,
 }
 
@@ -388,9 +389,9 @@ impl Subject {
                 deltas: lfr.delta_count(),
                 closed_loop_rms: closed?,
                 frozen_only_rms: frozen_only?,
-                noisy_over_noise_by_output: noisy_by_output,
-                noisy_over_noise: noisy_by_output[0].max(noisy_by_output[1]),
-                machine_over_noise_by_output: machine,
+                noisy_over_noise: (noisy_by_output[0] / machine[0]).max(noisy_by_output[1] / machine[1]),
+                noisy_over_sensor: noisy_by_output,
+                noise_over_sensor: machine,
                 seconds,
             },
             SweepAccount { open_loop_rms },
@@ -500,7 +501,11 @@ pub(crate) fn run(size: Size, seed: u64) -> Result<SmallAccount, TaskError> {
         .collect::<Result<Vec<_>, _>>()?;
     let began = Instant::now();
     let noisy = subject
-        .grow(&stages[STAGES.len() - 1], 5, GrowSettings::new())?
+        .grow(
+            &stages[STAGES.len() - 1],
+            5,
+            GrowSettings::new().gain(GainFit::Free),
+        )?
         .refined;
     let noisy_5 = noisy_account(&subject, &noisy, began.elapsed().as_secs_f64())?;
     let (moving, sweep) = subject.in_time(&data, &three.refined, Some((&stages, &noisy)))?;

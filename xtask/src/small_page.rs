@@ -107,22 +107,17 @@ const ROWS: [Row; 22] = [
     Row("moving/frozen_only_rms/1", "the same, y2, rad", None, small),
     Row(
         "moving/noisy_over_noise",
-        "from noisy data: largest error on three unseen moves over the noise of a sample",
+        "from noisy data: largest error on three unseen moves over the noise as it leaves the loop",
         Some(1.2),
         ratio,
     ),
     Row(
-        "moving/machine_over_noise_by_output/0",
-        "what the noise alone leaves in that loop, y1",
+        "moving/noise_over_sensor/0",
+        "noise as it leaves the loop over that of a sample of the sensor, y1",
         None,
         ratio,
     ),
-    Row(
-        "moving/machine_over_noise_by_output/1",
-        "the same, y2",
-        None,
-        ratio,
-    ),
+    Row("moving/noise_over_sensor/1", "the same, y2", None, ratio),
     Row(
         "sweep/open_loop_rms/0",
         "slow sweep, open loop, y1, m",

@@ -225,14 +225,17 @@ fn largest_shift<K: Sampling>(
     data: &FrozenData,
 ) -> Result<(f64, f64), RealizeError> {
     let clock = data.clock();
+    let lowest = data
+        .responses()
+        .filter_map(|frf| frf.frequencies_hz().first().copied())
+        .fold(f64::INFINITY, f64::min);
+    let lines = std::f64::consts::TAU * lowest..std::f64::consts::TAU * clock.nyquist_hz();
     // `s = ln(z) / T` is the same pole for a continuous model and for one of the clock of the data.
     let poles = |p: &[f64]| -> Result<Vec<Complex<f64>>, RealizeError> {
         let discrete = candidate.clock().nyquist_hz().is_finite();
         let all = candidate.frozen(p)?.poles()?.into_iter();
         let continuous = all.map(|v| if discrete { v.ln() / clock.sample_time() } else { v });
-        Ok(continuous
-            .filter(|s| s.im > 0.0 && s.im < std::f64::consts::TAU * clock.nyquist_hz())
-            .collect())
+        Ok(continuous.filter(|s| lines.contains(&s.im)).collect())
     };
     let (here, there) = (poles(from)?, poles(to)?);
     let shift = |s: &Complex<f64>| {

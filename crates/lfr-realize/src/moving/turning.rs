@@ -327,10 +327,8 @@ pub fn turn(
     })
 }
 
-/// Samples of each record that are fitted first.
+/// Samples of each record that are fitted first, and iterations on whole records that follow.
 const BEGINNING: usize = 1000;
-
-/// Iterations on whole records that follow: the error is nearly linear in G.
 const THEN: usize = 3;
 
 struct TurningObjective<'a> {

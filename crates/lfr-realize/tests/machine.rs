@@ -237,6 +237,14 @@ fn noise_is_reached() {
             }
         }
         let ratio = (squares / expected).sqrt();
+        let account = &refined.account;
+        println!(
+            "{ratio} {:?} {} {} {}",
+            account.stop,
+            account.decrease,
+            account.is_converged(),
+            account.iterations()
+        );
         assert!(ratio < 1.5, "{case:?}: {ratio}");
     }
 }

@@ -113,7 +113,7 @@ fn pull(
             max_iterations: 40,
             tolerance: 1e-3,
             target: 0.0,
-            hidden: None,
+            noise: None,
             damping: 1e-4,
         };
         let found = search(&objective, objective.problem.theta(&before), &limits)?;
@@ -198,7 +198,7 @@ fn fit(
             max_iterations: iterations,
             tolerance: 1e-3,
             target: 1e-24,
-            hidden: None,
+            noise: None,
             damping: 1e-3,
         };
         let free = candidate.free_entries();

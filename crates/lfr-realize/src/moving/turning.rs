@@ -275,7 +275,7 @@ pub fn turn(
         max_iterations: set.max_iterations,
         tolerance: set.tolerance,
         target: set.target.powi(2) * data.equations() as f64,
-        hidden: None,
+        noise: None,
         damping: 1e-3,
     };
     let found = search(&objective, objective.zero.theta(), &limits)?;

@@ -153,6 +153,15 @@ impl FrozenData {
         )
     }
 
+    /// The same data, no line taken for more exact than this part of its response.
+    pub(crate) fn blunted(&self, part: f64) -> Self {
+        let positions = self.positions.iter().cloned().map(|p| p.blunted(part));
+        Self {
+            positions: positions.collect(),
+            ..*self
+        }
+    }
+
     /// At most `lines` lines at each position, closer together where the response changes: half of them follow the
     /// length of its path, `sum ||G_(k+1) - G_k|| / ||G_k||`, half the index.
     #[must_use]

@@ -54,19 +54,30 @@ fn kernel(a: DMatrix<f64>, b: DMatrix<f64>, c: DMatrix<f64>, d: DMatrix<f64>) ->
 impl Position {
     /// The sum of squares of the weighted response itself.
     pub(crate) fn energy(&self) -> f64 {
-        let (ny, nu) = (self.frf.outputs(), self.frf.inputs());
+        (0..self.frf.len()).map(|k| self.line_energy(k)).sum()
+    }
+
+    /// The square of the weighted response of a line.
+    fn line_energy(&self, k: usize) -> f64 {
         let shape = Shape {
             states: 0,
-            outputs: ny,
-            inputs: nu,
+            outputs: self.frf.outputs(),
+            inputs: self.frf.inputs(),
         };
-        let mut work = vec![ZERO; ny * nu];
-        let mut line = |k: usize| {
-            let mut g = self.frf.line_slice(k).to_vec();
-            self.whiten(k, shape, &mut g, &mut work);
-            g.iter().map(|v| v.norm_sqr()).sum::<f64>()
-        };
-        (0..self.frf.len()).map(&mut line).sum()
+        let mut work = vec![ZERO; shape.outputs * shape.inputs];
+        let mut g = self.frf.line_slice(k).to_vec();
+        self.whiten(k, shape, &mut g, &mut work);
+        g.iter().map(|v| v.norm_sqr()).sum()
+    }
+
+    /// The same lines, none of them taken for more exact than this part of its response.
+    pub(crate) fn blunted(mut self, part: f64) -> Self {
+        let equations = (2 * self.frf.outputs() * self.frf.inputs()) as f64;
+        let sizes: Vec<f64> = (0..self.frf.len()).map(|k| self.line_energy(k)).collect();
+        for (scale, size) in self.scale.iter_mut().zip(sizes) {
+            *scale /= (1.0 + part * part * size / equations).sqrt();
+        }
+        self
     }
 
     /// `W_y e W_u` of line `k`, all column-major.

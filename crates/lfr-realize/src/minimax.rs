@@ -25,7 +25,7 @@ pub(crate) fn polish<K: Sampling>(
     let limits = Limits {
         max_iterations: ITERATIONS,
         target: 0.0,
-        hidden: None,
+        noise: None,
         ..*limits
     };
     for _ in 0..passes {

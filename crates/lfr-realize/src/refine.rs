@@ -4,7 +4,7 @@ use crate::dense::right_singular;
 use crate::minimax::polish;
 use crate::problem::Problem;
 use crate::sampling::Sampling;
-use crate::search::{Found, Limits, Scaled, StopReason, search};
+use crate::search::{Found, Limits, Noise, Scaled, StopReason, search};
 use crate::{Candidate, CheckedRefineSettings, FrozenData, RealizeError, ResidualUnit};
 use lpv_core::WellPosedness;
 use nalgebra::{DMatrix, DVector};
@@ -106,7 +106,10 @@ pub fn refine<K: Sampling>(
         tolerance: set.tolerance,
         target: set.target.powi(2) * data.rms_count(data.equations()),
         damping: START_DAMPING,
-        hidden: (data.unit() == ResidualUnit::StandardDeviation).then_some(HIDDEN),
+        noise: (data.unit() == ResidualUnit::StandardDeviation).then_some(Noise {
+            cost: data.equations() as f64,
+            hidden: HIDDEN,
+        }),
     };
     let mut found = search(&problem, problem.theta(candidate), &limits)?;
     if set.minimax_passes > 0 {

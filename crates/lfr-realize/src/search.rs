@@ -33,8 +33,17 @@ pub(crate) struct Limits {
     /// The cost that is low enough.
     pub(crate) target: f64,
     pub(crate) damping: f64,
-    /// The decrease of the cost a free direction that noise hides; none where the noise is not known.
-    pub(crate) hidden: Option<f64>,
+    /// None where the noise of the data is not known.
+    pub(crate) noise: Option<Noise>,
+}
+
+/// What is known of a cost in units of the noise.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Noise {
+    /// The cost that noise alone makes.
+    pub(crate) cost: f64,
+    /// The decrease a direction that noise hides.
+    pub(crate) hidden: f64,
 }
 
 /// Where the search ended, and the work it took.
@@ -208,11 +217,14 @@ pub(crate) fn search(
         if found.cost.total <= limits.target {
             break StopReason::TargetReached;
         }
-        let little = match limits.hidden {
-            Some(each) => each * problem.size() as f64,
-            None => limits.tolerance * found.cost.total,
-        };
-        if iterations >= PATIENCE && found.history[iterations - PATIENCE] <= found.cost.total + little {
+        // Near the noise the cost says nothing about what is left to win, its excess does.
+        let worth = limits.noise.map_or(found.cost.total, |noise| {
+            let least = noise.hidden * problem.size() as f64;
+            (found.cost.total - noise.cost).max(least)
+        });
+        if iterations >= PATIENCE
+            && found.history[iterations - PATIENCE] <= found.cost.total + limits.tolerance * worth
+        {
             break StopReason::CostSettled;
         }
         if iterations >= limits.max_iterations {
@@ -223,10 +235,8 @@ pub(crate) fn search(
         };
         found.factorisations += linear.factorisations;
         let scaled = Scaled::new(&linear, &problem.gauge(&found.theta)?);
-        if limits
-            .hidden
-            .is_some_and(|each| scaled.decrease() <= each * scaled.b.len() as f64)
-        {
+        let hidden = |noise: Noise| scaled.decrease() <= noise.hidden * scaled.b.len() as f64;
+        if limits.noise.is_some_and(hidden) {
             break StopReason::CostSettled;
         }
         let mut growth = 2.0;

@@ -7,7 +7,7 @@ use super::{
 use crate::sampling::Sampling;
 use crate::{
     Candidate, CheckedRefineSettings, FrozenData, RandomChannels, RealizeError, RefineSettings, Refined,
-    refine,
+    ResidualUnit, refine,
 };
 use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
@@ -18,6 +18,9 @@ const NEAR: f64 = 1e-3;
 
 /// A start that wins less than this part of its cost in eight iterations is stuck.
 const STUCK: f64 = 1e-2;
+
+/// Part of its response that a line of a start counts as exact to.
+const BLUNT: f64 = 1e-2;
 
 /// From one stage of the long fit to the next the lines of a position grow by this factor.
 const STAGE: usize = 8;
@@ -31,6 +34,8 @@ pub(crate) struct Field<'a, K: Sampling> {
     settings: &'a CheckedGrowSettings,
     coherent: Coherent<K>,
     thinned: FrozenData,
+    /// The same without the lines of a very good signal to noise ratio, which lead a start astray.
+    blunt: Option<FrozenData>,
 }
 
 impl<'a, K: Sampling> Field<'a, K> {
@@ -50,6 +55,7 @@ impl<'a, K: Sampling> Field<'a, K> {
             data,
             scheduling,
             settings,
+            blunt: (data.unit() == ResidualUnit::StandardDeviation).then(|| thinned.blunted(BLUNT)),
             thinned,
         })
     }
@@ -201,7 +207,13 @@ impl<'a, K: Sampling> Field<'a, K> {
         let mut m = whole.matrix().clone();
         let part = flexible.matrix();
         m.view_mut((rigid, rigid), part.shape()).copy_from(part);
-        let refined = refine(&whole.with_matrix(m), &self.thinned, &quick(self.target())?)?;
+        let mut whole = whole.with_matrix(m);
+        if let Some(blunt) = &self.blunt {
+            let near = refine(&whole, blunt, &quick(1.0)?)?;
+            account.iterations += near.account.iterations();
+            whole = near.candidate;
+        }
+        let refined = refine(&whole, &self.thinned, &quick(self.target())?)?;
         account.iterations += refined.account.iterations();
         account.thinned_rms = refined.account.rms;
         Ok(refined.candidate)

@@ -55,7 +55,7 @@ pub fn refine_with_moves(
         max_iterations: set.max_iterations,
         tolerance: set.tolerance,
         target: 0.0,
-        hidden: None,
+        noise: None,
         damping: 1e-6,
     };
     let theta = joint.problem.theta(candidate);

@@ -138,7 +138,7 @@ fn with_records(
             max_iterations: 40,
             tolerance: 1e-2,
             target: 0.0,
-            hidden: None,
+            noise: None,
             damping: 1e-4,
         };
         let found = search(&objective, objective.problem.theta(&before), &limits)?;
@@ -232,7 +232,7 @@ fn fit_matrices(
             max_iterations: iterations,
             tolerance: 1e-3,
             target: 1e-24,
-            hidden: None,
+            noise: None,
             damping: 1e-3,
         };
         let free = candidate.free_entries();

@@ -283,7 +283,7 @@ pub fn turn(
             max_iterations: iterations,
             tolerance: set.tolerance,
             target: set.target.powi(2) * data.equations() as f64,
-            hidden: None,
+            noise: None,
             damping: 1e-3,
         };
         search(

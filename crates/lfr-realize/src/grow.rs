@@ -85,7 +85,7 @@ pub struct Grown<K: Sampling> {
 ///    as far as the poles move. A resonance that moves by many times its width would hide the way.
 /// 3. It is fitted to few lines of the data, and then to all.
 ///
-/// The first start is the factorised polynomial through the local models, the others are small random channels: with
+/// The first starts are factorised polynomials through the local models, the others are small random channels: with
 /// none at all the gradient vanishes, and small ones go where the data pull them. The long fit on all lines is made for
 /// the starts that reach the target on few, until one reaches it on all lines too, or for the best if none does.
 ///

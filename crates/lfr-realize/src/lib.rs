@@ -24,10 +24,11 @@
 //! nothing free touches, like those of an exactly known rigid body, have their response computed once.
 //!
 //! # Starts, reductions, bounds
-//! [`coherent`] needs no luck: local models at all positions in one state basis, a polynomial through their matrices, and
-//! its Hankel matrix in powers of delta cut to rank, which is Ho and Kalman's realisation with delta in the place of the
-//! shift. [`reduce`] cuts states and deltas of any LFR together, from such a start or from Gramians averaged over the range,
-//! with the integrators of a rigid body held, and says how far the result is from what it was given.
+//! [`grow`] begins with local models at all positions in one state basis, a polynomial through their matrices, and its
+//! Hankel matrix in powers of delta cut to rank, which is Ho and Kalman's realisation with delta in the place of the shift.
+//! Random channels follow where that misses the target. [`reduce`] cuts states and deltas of any LFR together, from such a
+//! start or from Gramians averaged over the range, with the integrators of a rigid body held, and says how far the result
+//! is from what it was given; [`Reduced::grow`] goes on from there on data.
 //! [`difference_bound`] bounds the relative difference of two LFRs at every p, not at samples: both are power series in
 //! delta around any point, with a rest that their matrices bound. [`bound_between`] uses it to say what the data support
 //! between their positions.

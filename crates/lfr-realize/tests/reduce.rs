@@ -10,9 +10,7 @@ use lfr_realize::{
     RefineSettings, StartKind, grow, local_model, realize, reduce, reduce_to_continuous,
 };
 use lpv_core::nalgebra::{DMatrix, dmatrix};
-use lpv_core::{
-    Clock, Continuous, DeltaBlock, Discrete, Frf, FrfEstimate, Lfr, LfrBlocks, SchedulingRange, StateSpace,
-};
+use lpv_core::{Clock, Continuous, Discrete, Frf, FrfEstimate, Lfr, LfrBlocks, StateSpace};
 use lpv_ident::{Interpolation, RegressionSettings, Weighting, regress};
 use obf_basis::{FkcmSettings, OrthonormalBasis, PoleSet, fkcm};
 use xytable_plant::{Machine, MachineParameters};

@@ -240,18 +240,19 @@ impl Subject {
     }
 
     /// The direct LFR reduced to 8 states and 5 deltas, then refined by the rule of every other start.
-    fn reduction(
-        &self,
-        direct: &Lfr<Discrete>,
-        data: &FrozenData,
-        best: &Grown<Continuous>,
-    ) -> Result<Reduction, TaskError> {
+    fn reduction(&self, direct: &Lfr<Discrete>, data: &FrozenData) -> Result<Reduction, TaskError> {
         let deltas = [DeltaBlock {
             parameter: 0,
             repetitions: 5,
         }];
         let reduced = reduce_to_continuous(direct, 8, &deltas, &ReduceSettings::new().check()?)?;
-        let refined = reduced.grow(data, &GrowSettings::new().check()?)?;
+        // One stopping rule for both.
+        let settings = GrowSettings::new()
+            .gain(GainFit::Free)
+            .target(3.0 * REDUCED)
+            .refine(RefineSettings::new().target(REDUCED));
+        let refined = reduced.grow(data, &settings.check()?)?;
+        let best = self.grow(data, 5, settings)?;
         Ok(Reduction {
             from_states: direct.states(),
             from_deltas: direct.delta_count(),
@@ -466,6 +467,9 @@ impl Made {
     }
 }
 
+/// Rms relative residual at which the reduced LFR and the best start are compared.
+const REDUCED: f64 = 1e-7;
+
 /// Positions measured on them.
 const FEW_POSITIONS: usize = 11;
 
@@ -484,12 +488,12 @@ pub(crate) fn run(size: Size, seed: u64) -> Result<SmallAccount, TaskError> {
     let subject = Subject::of_bench(&bench)?;
     let data = subject.responses()?;
     let began = Instant::now();
-    let (noise_free_5, five) = subject.frozen(&data, 5)?;
+    let (noise_free_5, _) = subject.frozen(&data, 5)?;
     let seconds = began.elapsed().as_secs_f64();
     let (noise_free_3, three) = subject.frozen(&data, 3)?;
     let (noise_free_4, _) = subject.frozen(&data, 4)?;
     let (noise_free_6, _) = subject.frozen(&data, 6)?;
-    let joint_reduction = subject.reduction(&direct, &data, &five)?;
+    let joint_reduction = subject.reduction(&direct, &data)?;
 
     let responses: Vec<_> = estimates
         .iter()

@@ -2,8 +2,10 @@
 
 use crate::RealizeError;
 use crate::whiten::Whitening;
-use lpv_core::{Clock, Discrete, Frf, FrfEstimate};
+use lpv_core::{Clock, Discrete, Frf, FrfEstimate, StateSpace};
+use nalgebra::DMatrix;
 use num_complex::Complex;
+use rayon::prelude::*;
 
 /// What a residual of one means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -153,8 +155,10 @@ impl FrozenData {
         )
     }
 
-    /// The same data, no line taken for more exact than this part of its response.
-    pub(crate) fn blunted(&self, part: f64) -> Self {
+    /// The same data, no line taken for more exact than this part of its response: tolerant weights, for a model that is
+    /// not near yet.
+    #[must_use]
+    pub fn blunted(&self, part: f64) -> Self {
         let positions = self.positions.iter().cloned().map(|p| p.blunted(part));
         Self {
             positions: positions.collect(),
@@ -171,6 +175,17 @@ impl FrozenData {
             positions: positions.collect(),
             ..self.clone()
         }
+    }
+
+    /// The same knowledge in few lines: neighbours that no model with poles like those of `models` (one a position, in the
+    /// order of the data, near the responses there) can tell apart are merged, with their weights.
+    pub(crate) fn condensed(&self, models: &[StateSpace<Discrete>]) -> Result<Self, RealizeError> {
+        let positions = self.positions.par_iter().zip(models);
+        let positions = positions.map(|(position, model)| position.condensed(self.clock, model));
+        Ok(Self {
+            positions: positions.collect::<Result<_, _>>()?,
+            ..*self
+        })
     }
 
     /// The clock of the data.
@@ -295,6 +310,19 @@ impl Position {
             walked += path.get(k).map_or(0.0, |s| s + even);
         }
         self.select(&(0..n).filter(|&k| keep[k]).collect::<Vec<_>>())
+    }
+
+    /// `W_y` and `W_u` of a line, its scale in the first.
+    pub(crate) fn factors(&self, k: usize) -> (DMatrix<Complex<f64>>, DMatrix<Complex<f64>>) {
+        let (ny, nu) = (self.frf.outputs(), self.frf.inputs());
+        let scale = Complex::from(self.scale[k]);
+        match &self.whitening {
+            None => (DMatrix::identity(ny, ny) * scale, DMatrix::identity(nu, nu)),
+            Some(w) => (
+                DMatrix::from_column_slice(ny, ny, w.left(k)) * scale,
+                DMatrix::from_column_slice(nu, nu, w.right(k)),
+            ),
+        }
     }
 
     /// Some of the lines, increasing.

@@ -8,7 +8,8 @@ mod sizes;
 mod weights;
 
 use crate::sampling::Sampling;
-use crate::{FrozenData, RealizeError, Refined};
+use crate::{FrozenData, RealizeError, Refined, ResidualUnit};
+use coherent::Coherent;
 pub(crate) use field::Field;
 use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
@@ -42,8 +43,8 @@ pub struct StartAccount {
     pub iterations: usize,
     /// Time of all its stages on the wall clock, the long fit included.
     pub seconds: f64,
-    /// Rms residual on the thinned lines; infinite if it failed.
-    pub thinned_rms: f64,
+    /// Rms residual on few lines; infinite if it failed.
+    pub few_rms: f64,
     /// What became of it.
     pub outcome: StartOutcome,
 }
@@ -56,7 +57,7 @@ pub enum StartOutcome {
         /// In the unit of the data.
         rms: f64,
     },
-    /// It missed the target on the thinned lines, and another start was better.
+    /// It missed the target on few lines, and another start was better.
     Abandoned,
     /// The model had no response at some position of a ring.
     Failed,
@@ -75,6 +76,30 @@ pub struct Grown<K: Sampling> {
     pub reached: bool,
 }
 
+/// The same noisy data in few lines a position, for work that goes over them again and again.
+///
+/// Neighbouring lines that are closer together than to the poles of a local model there are merged: one line at their mean
+/// frequency with the sum of their weights, its value that of the local model plus the weighted mean of what the data add
+/// to it. The sum of squares of any model near the data is the same, up to a constant and to second order in the width of
+/// what was merged. Data without noise come back as they are: any of their lines will do, see [`FrozenData::thinned`].
+///
+/// # Errors
+/// As [`grow`].
+pub fn condense<K: Sampling>(
+    local: &StateSpace<K>,
+    gamma: Option<&DMatrix<f64>>,
+    data: &FrozenData,
+    scheduling: &SchedulingRange,
+    settings: &CheckedGrowSettings,
+) -> Result<FrozenData, RealizeError> {
+    match data.unit() {
+        ResidualUnit::Relative => Ok(data.clone()),
+        ResidualUnit::StandardDeviation => {
+            Ok(Coherent::in_few_lines(local, gamma, data, scheduling, settings.get())?.1)
+        }
+    }
+}
+
 /// Fits an LFR with the given deltas to responses over the whole range, from a local model at its centre.
 ///
 /// `local` and `gamma` are the flexible part and the gain of the rigid body, as [`crate::local_model`] gives them.
@@ -83,7 +108,7 @@ pub struct Grown<K: Sampling> {
 ///    little as possible.
 /// 2. The LFR of the flexible part is fitted to the responses of these models with more damping: `F(s + sigma)`, sigma
 ///    as far as the poles move. A resonance that moves by many times its width would hide the way.
-/// 3. It is fitted to few lines of the data, and then to all.
+/// 3. It is fitted to few lines of the data (noisy ones condensed, see [`condense`]), and then to all.
 ///
 /// The first starts are factorised polynomials through the local models, the others are small random channels: with
 /// none at all the gradient vanishes, and small ones go where the data pull them. The long fit on all lines is made for

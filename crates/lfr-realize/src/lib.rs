@@ -19,8 +19,10 @@
 //! matrix M ([`Candidate`]), so `dS = [I, M_ab K] dM [I; K M_ba]`; the Fréchet derivative of the exponential carries
 //! it through the hold, and `dF = [C (zI-A)^-1, I] dS_d [(zI-A)^-1 B; I]` to every line. At each position an orthogonal
 //! factorisation leaves as many rows as the frozen system has parameters, so that thousands of lines cost no more
-//! memory than a few. Changes of coordinates (of the states, and of the deltas of one parameter) do not change a response;
-//! steps are taken in the complement of their tangents, by Levenberg-Marquardt with columns of equal length. States that
+//! memory than a few; noisy lines that no model near the data can tell apart are merged first ([`condense`]), so that the way
+//! through a narrow valley goes over a hundred lines instead of thousands. Changes of coordinates (of the states, and of the deltas of one parameter) do not change a response;
+//! steps are taken in the complement of their tangents, by Levenberg-Marquardt with columns of equal length and a correction
+//! for the bend of the residuals along the step (geodesic acceleration). States that
 //! nothing free touches, like those of an exactly known rigid body, have their response computed once.
 //!
 //! # Starts, reductions, bounds
@@ -90,6 +92,7 @@
 
 mod bound;
 mod candidate;
+mod condense;
 mod covariance;
 mod data;
 mod dense;
@@ -125,7 +128,7 @@ pub use direct::{Realization, realize};
 pub use error::RealizeError;
 pub use grow::{
     CheckedGrowSettings, DeltaReach, GainFit, GrowSettings, Grown, SizeChoice, Sizes, StartAccount,
-    StartKind, StartOutcome, StartSearch, grow, grow_sizes,
+    StartKind, StartOutcome, StartSearch, condense, grow, grow_sizes,
 };
 pub use local::{CheckedLocalSettings, LocalMode, LocalModel, LocalSettings, RigidGain, local_model};
 pub use mechanical::{DeltaSplit, MechanicalForm};

@@ -4,7 +4,7 @@ use crate::candidate::Shape;
 use crate::data::Position;
 use crate::dense::Triangle;
 use lpv_core::{Discrete, ResponseKernel, StateSpace};
-use nalgebra::{DMatrix, DMatrixView};
+use nalgebra::{DMatrix, DMatrixView, DVector};
 use num_complex::Complex;
 use std::ops::Range;
 
@@ -19,19 +19,36 @@ pub(crate) fn squared_residuals(
     position: &Position,
     values: &[C64],
 ) -> Option<Vec<f64>> {
+    let all = residuals(s, shape, position, values)?;
+    let of_line = |line: &[C64]| line.iter().map(|v| v.norm_sqr()).sum();
+    Some(
+        all.chunks_exact(shape.outputs * shape.inputs)
+            .map(of_line)
+            .collect(),
+    )
+}
+
+/// The residuals themselves, line after line, each down its columns.
+pub(crate) fn residuals(
+    s: &DMatrix<f64>,
+    shape: Shape,
+    position: &Position,
+    values: &[C64],
+) -> Option<Vec<C64>> {
     let mut kernel = response_kernel(s, shape)?;
     let size = shape.outputs * shape.inputs;
-    let (mut e, mut work) = (vec![ZERO; size], vec![ZERO; size]);
-    let mut square = |k: usize| {
-        if !kernel.evaluate(position.z[k], &mut e) {
-            return None;
-        }
-        let g = &values[k * size..(k + 1) * size];
+    let mut all = vec![ZERO; values.len()];
+    let mut work = vec![ZERO; size];
+    kernel.evaluate(&position.z, &mut all).ok()?;
+    for (k, (e, g)) in all
+        .chunks_exact_mut(size)
+        .zip(values.chunks_exact(size))
+        .enumerate()
+    {
         e.iter_mut().zip(g).for_each(|(e, g)| *e -= g);
-        position.whiten(k, shape, &mut e, &mut work);
-        Some(e.iter().map(|v| v.norm_sqr()).sum::<f64>())
-    };
-    (0..position.z.len()).map(&mut square).collect()
+        position.whiten(k, shape, e, &mut work);
+    }
+    Some(all)
 }
 
 fn response_kernel(s: &DMatrix<f64>, shape: Shape) -> Option<ResponseKernel> {
@@ -156,14 +173,16 @@ impl Chunk {
         let lines = range.len();
         let zeros = |count: usize| vec![Plane::zeros(lines); count];
         let (mut left, mut right, mut residual) = (zeros(ny * a), zeros(b * nu), zeros(ny * nu));
-        let (mut x, mut y) = (vec![ZERO; n * nu], vec![ZERO; n * ny]);
+        let (mut states, mut costates) = (vec![ZERO; lines * n * nu], vec![ZERO; lines * n * ny]);
+        forward.evaluate(&position.z[range.clone()], &mut states).ok()?;
+        backward
+            .evaluate(&position.z[range.clone()], &mut costates)
+            .ok()?;
         let (mut l, mut r) = (vec![ZERO; ny * a], vec![ZERO; b * nu]);
         let (mut e, mut work) = (vec![ZERO; ny * nu], vec![ZERO; (ny * a).max(b * nu)]);
         for (at, k) in range.enumerate() {
-            let z = position.z[k];
-            if !forward.evaluate(z, &mut x) || !backward.evaluate(z, &mut y) {
-                return None;
-            }
+            let x = &states[at * n * nu..(at + 1) * n * nu];
+            let y = &costates[at * n * ny..(at + 1) * n * ny];
             l.fill(ZERO);
             r.fill(ZERO);
             for o in 0..ny {
@@ -252,8 +271,18 @@ impl Chunk {
         triangle
             .block_mut(rows, basis.ncols())
             .gemm(1.0, &jacobian, basis, 0.0);
-        let last = triangle.column_mut(basis.ncols());
-        for (rows, plane) in last[..rows].chunks_exact_mut(2 * self.lines).zip(&self.residual) {
+        self.write_residual(&mut triangle.column_mut(basis.ncols())[..rows]);
+    }
+
+    /// The residuals, emphasised, in the rows of the Jacobian.
+    pub(crate) fn residual(&self) -> DVector<f64> {
+        let mut residual = DVector::zeros(self.rows());
+        self.write_residual(residual.as_mut_slice());
+        residual
+    }
+
+    fn write_residual(&self, out: &mut [f64]) {
+        for (rows, plane) in out.chunks_exact_mut(2 * self.lines).zip(&self.residual) {
             rows[..self.lines].copy_from_slice(&plane.re);
             rows[self.lines..].copy_from_slice(&plane.im);
         }

@@ -1,5 +1,6 @@
 //! The least-squares problem over all positions: its cost, and what a step must keep.
 
+mod curvature;
 mod linearise;
 
 use crate::candidate::{Candidate, Channel, Shape};
@@ -60,6 +61,8 @@ pub(crate) struct Linear {
     pub(crate) residual: DVector<f64>,
     /// Factorisations of tall blocks that it took.
     pub(crate) factorisations: usize,
+    /// Of every position, the sampled S and how its active entries move with the free ones; empty where there is none.
+    pub(crate) chains: Vec<(DMatrix<f64>, DMatrix<f64>)>,
 }
 
 impl<'a, K: Sampling> Problem<'a, K> {

@@ -63,6 +63,15 @@ pub(crate) struct Found {
 /// Iterations over which the decrease of the cost is judged.
 const PATIENCE: usize = 8;
 
+/// Part of what noise hides in all directions together: iterations that win no more are not worth their time.
+const SETTLED: f64 = 0.1;
+
+/// A covariance that is estimated from few periods makes noise cost up to this many times what is expected.
+const NOISE: f64 = 1.5;
+
+/// A correction that bends a step by more than this is not believed.
+const BEND: f64 = 0.75;
+
 /// Damping, relative to the largest possible singular value of the scaled Jacobian: below the first it is rounding, above
 /// the second a step is.
 const LEAST_DAMPING: f64 = 1e-15;
@@ -118,8 +127,8 @@ impl Scaled {
         self.b.norm_squared()
     }
 
-    /// The minimiser of `||b + R y||^2 + damping ||y||^2`, and the decrease of the first term.
-    fn step(&self, damping: f64) -> Option<(DVector<f64>, f64)> {
+    /// The minimiser of `||b + R y||^2 + damping ||y||^2`.
+    fn step(&self, damping: f64) -> Option<Step> {
         let size = self.b.len();
         let mut top = DMatrix::zeros(size, size + 1);
         top.columns_mut(0, size).copy_from(&self.r);
@@ -130,9 +139,29 @@ impl Scaled {
         let r = factor.view((0, 0), (size, size));
         let y = -r.solve_upper_triangular(&factor.view((0, size), (size, 1)).column(0))?;
         let rest = &self.b + &self.r * &y;
-        y.iter()
-            .all(|v| v.is_finite())
-            .then(|| (y, self.b.norm_squared() - rest.norm_squared()))
+        y.iter().all(|v| v.is_finite()).then(|| Step {
+            predicted: self.b.norm_squared() - rest.norm_squared(),
+            triangle: r.into_owned(),
+            y,
+        })
+    }
+}
+
+/// A damped step.
+struct Step {
+    y: DVector<f64>,
+    /// The decrease of the cost, if the residuals were straight.
+    predicted: f64,
+    /// `F^T F = R^T R + damping I`.
+    triangle: DMatrix<f64>,
+}
+
+impl Step {
+    /// What the step lacks to follow residuals that bend, `-1/2 (F^T F)^-1 c` with `c = (J map)^T r''` (Transtrum and
+    /// Sethna 2012, geodesic acceleration).
+    fn correction(&self, curvature: &DVector<f64>) -> Option<DVector<f64>> {
+        let half = self.triangle.tr_solve_upper_triangular(curvature)?;
+        Some(self.triangle.solve_upper_triangular(&half)? * -0.5)
     }
 }
 
@@ -144,6 +173,15 @@ pub(crate) trait Objective {
     fn cost(&self, theta: &DVector<f64>) -> Option<Cost>;
     /// At a point where the cost exists.
     fn linearise(&self, theta: &DVector<f64>) -> Option<Linear>;
+    /// `J^T r''` for the second derivative of the residuals along a step; none where it is not known.
+    fn curvature(
+        &self,
+        _theta: &DVector<f64>,
+        _linear: &Linear,
+        _step: &DVector<f64>,
+    ) -> Option<DVector<f64>> {
+        None
+    }
     /// Directions without effect, one a column.
     fn gauge(&self, theta: &DVector<f64>) -> Result<DMatrix<f64>, RealizeError>;
     /// The cost that rounding alone makes.
@@ -160,6 +198,7 @@ impl Linear {
             jacobian: DMatrix::zeros(top + bottom, self.jacobian.ncols()),
             residual: DVector::zeros(top + bottom),
             factorisations: self.factorisations + other.factorisations,
+            chains: self.chains,
         };
         both.jacobian.rows_mut(0, top).copy_from(&self.jacobian);
         both.jacobian.rows_mut(top, bottom).copy_from(&other.jacobian);
@@ -179,6 +218,9 @@ impl<K: Sampling> Objective for Problem<'_, K> {
     fn linearise(&self, theta: &DVector<f64>) -> Option<Linear> {
         self.linearise(theta)
     }
+    fn curvature(&self, theta: &DVector<f64>, linear: &Linear, step: &DVector<f64>) -> Option<DVector<f64>> {
+        self.curvature(theta, linear, step)
+    }
     fn gauge(&self, theta: &DVector<f64>) -> Result<DMatrix<f64>, RealizeError> {
         self.gauge(theta)
     }
@@ -188,6 +230,20 @@ impl<K: Sampling> Objective for Problem<'_, K> {
     fn no_start(&self) -> RealizeError {
         self.no_start()
     }
+}
+
+/// The step with its correction; none where the residuals bend too much for it to be believed.
+fn follow(
+    problem: &impl Objective,
+    theta: &DVector<f64>,
+    (linear, scaled): (&Linear, &Scaled),
+    step: &Step,
+) -> Option<DVector<f64>> {
+    let curvature = problem.curvature(theta, linear, &(&scaled.map * &step.y));
+    let Some(more) = curvature.and_then(|c| step.correction(&scaled.map.tr_mul(&c))) else {
+        return Some(step.y.clone());
+    };
+    (2.0 * more.norm() <= BEND * step.y.norm()).then(|| &step.y + more)
 }
 
 pub(crate) fn search(
@@ -220,8 +276,16 @@ pub(crate) fn search(
         // Near the noise the cost says nothing about what is left to win, its excess does.
         let worth = limits.noise.map_or(found.cost.total, |noise| {
             let least = noise.hidden * problem.size() as f64;
-            (found.cost.total - noise.cost).max(least)
+            (found.cost.total - NOISE * noise.cost).max(least)
         });
+        let settled = |noise: Noise| {
+            iterations >= PATIENCE
+                && found.history[iterations - PATIENCE] - found.cost.total
+                    <= SETTLED * noise.hidden * problem.size() as f64
+        };
+        if limits.noise.is_some_and(settled) {
+            break StopReason::CostSettled;
+        }
         if iterations >= PATIENCE
             && found.history[iterations - PATIENCE] <= found.cost.total + limits.tolerance * worth
         {
@@ -241,17 +305,19 @@ pub(crate) fn search(
         }
         let mut growth = 2.0;
         loop {
-            let step = scaled.step(found.damping);
-            if let Some((y, predicted)) = step {
-                if predicted <= 1e-3 * limits.tolerance * found.cost.total && found.damping < 1.0 {
+            if let Some(step) = scaled.step(found.damping) {
+                if step.predicted <= 1e-3 * limits.tolerance * found.cost.total && found.damping < 1.0 {
                     break 'search StopReason::CostSettled;
                 }
                 found.trials += 1;
-                let theta = &found.theta + &scaled.map * y;
-                let trial = problem.cost(&theta).filter(|c| c.total < found.cost.total);
-                if let Some(cost) = trial {
-                    let gain = (found.cost.total - cost.total) / predicted;
-                    // Nielsen's rule: a step that keeps what it promised lowers the damping to a third.
+                let trial = follow(problem, &found.theta, (&linear, &scaled), &step).and_then(|y| {
+                    let theta = &found.theta + &scaled.map * y;
+                    let cost = problem.cost(&theta).filter(|c| c.total < found.cost.total)?;
+                    Some((theta, cost))
+                });
+                if let Some((theta, cost)) = trial {
+                    let gain = (found.cost.total - cost.total) / step.predicted;
+                    // Nielsen's rule: a step that keeps what it promised lowers the damping to a fifth.
                     let factor = (1.0 - (2.0 * gain - 1.0).powi(3)).clamp(1.0 / 5.0, 2.0);
                     found.damping = (found.damping * factor).max(LEAST_DAMPING);
                     found.history.push(cost.total);

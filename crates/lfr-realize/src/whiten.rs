@@ -51,6 +51,16 @@ impl Whitening {
         Ok(whitening)
     }
 
+    /// Factors that are known, line after line, column-major.
+    pub(crate) fn from_factors(outputs: usize, inputs: usize, left: Vec<C64>, right: Vec<C64>) -> Self {
+        Self {
+            outputs,
+            inputs,
+            left,
+            right,
+        }
+    }
+
     pub(crate) fn left(&self, line: usize) -> &[C64] {
         let size = self.outputs * self.outputs;
         &self.left[line * size..(line + 1) * size]

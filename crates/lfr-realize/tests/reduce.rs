@@ -6,8 +6,8 @@ mod common;
 
 use common::*;
 use lfr_realize::{
-    Candidate, FrozenData, GainFit, GrowSettings, LocalSettings, RealizeError, ReduceSettings,
-    RefineSettings, StartKind, grow, local_model, realize, reduce, reduce_to_continuous,
+    Candidate, FrozenData, GainFit, GrowSettings, LocalSettings, RealizeError, ReduceSettings, StartKind,
+    grow, local_model, realize, reduce, reduce_to_continuous,
 };
 use lpv_core::nalgebra::{DMatrix, dmatrix};
 use lpv_core::{Clock, Continuous, Discrete, Frf, FrfEstimate, Lfr, LfrBlocks, StateSpace};
@@ -75,7 +75,7 @@ fn redundant_states_and_deltas_are_found() {
             .find(|s| s.kind == StartKind::Given)
             .unwrap();
         assert!(
-            balanced.thinned_rms < 1e-8 && balanced.iterations < 5,
+            balanced.few_rms < 1e-8 && balanced.iterations < 5,
             "seed {seed}: {:?}",
             reduced.starts
         );
@@ -202,23 +202,18 @@ fn the_expansion_reduces_to_eight_states_and_five_deltas() {
         &LocalSettings::new().check().unwrap(),
     )
     .unwrap();
-    for target in [1e-5, 1e-7] {
-        let refine = RefineSettings::new().target(target);
-        let settings = GrowSettings::new()
-            .gain(GainFit::Free)
-            .target(3.0 * target)
-            .refine(refine)
-            .check()
-            .unwrap();
-        let own = reduced.grow(&bench.data, &settings).unwrap();
-        let (flexible, gamma) = (&local.flexible, local.gamma.as_ref());
-        let best = grow(flexible, gamma, &bench.data, &five, &range, &settings).unwrap();
-        assert!(own.reached && best.reached);
-        let loss = bench.strict_of(&own.refined.candidate) - bench.strict_of(&best.refined.candidate);
-        println!("target {target:.0e}: loss {loss:.2} dB");
-        assert!(loss <= 1.0, "{loss}");
-    }
+    let settings = GrowSettings::new().gain(GainFit::Free).check().unwrap();
+    let own = reduced.grow(&bench.data, &settings).unwrap();
+    let (flexible, gamma) = (&local.flexible, local.gamma.as_ref());
+    let best = grow(flexible, gamma, &bench.data, &five, &range, &settings).unwrap();
+    assert!(own.reached && best.reached);
+    // What is smaller no data will ever show.
+    let [own, best] = [own, best].map(|grown| bench.strict_of(&grown.refined.candidate).max(EXACT));
+    assert!(own - best <= 1.0, "{own} dB against {best} dB");
 }
+
+/// A strict error of 1e-8, decibels.
+const EXACT: f64 = -160.0;
 
 #[test]
 fn what_cannot_be_reduced_is_refused() {

@@ -19,7 +19,7 @@ use std::path::Path;
 /// | `polish` | `minimax` | what follows FKcM |
 /// | `weighting` | `covariance` | weights of the regression |
 /// | `model-error` | n-width cost of the basis | relative error of the truncated basis, added to the covariance |
-/// | `lfr` | `exact` | which LFR the model file holds |
+/// | `lfr` | `small`, and `exact` where it misses the noise | which LFR the model file holds |
 /// | `interpolation` | leave-one-out, among those with an exact LFR | coefficient functions |
 /// | `focus` | `simulation`; `prediction` with integrators, in closed loop and for unstable plants | what a fit in the time domain minimises |
 /// | `direct` | `zero` in closed loop, else `estimated` | the direct term of a fit in the time domain |
@@ -177,7 +177,7 @@ impl Default for IdentifyConfig {
             polish: Polish::Minimax,
             weighting: Weighting::Covariance,
             model_error: None,
-            lfr: LfrKind::Exact,
+            lfr: LfrKind::Small,
             interpolation: None,
             focus: None,
             direct: None,

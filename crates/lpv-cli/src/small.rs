@@ -3,13 +3,12 @@
 use crate::PipelineError;
 use crate::config::IdentifyConfig;
 use crate::poles::PoleStage;
-use lfr_realize::moving::{MovingData, refine_with_moves, settle, simulate_errors, turn};
+use lfr_realize::moving::{MovingData, Standing, StandingSettings, stand_still};
 use lfr_realize::{
-    BetweenWarning, BoundSettings, Candidate, DeltaSplit, FrozenData, GainFit, GrowSettings, Grown,
-    LocalSettings, MechanicalForm, RealizeError, RefineSettings, Refined, ResidualUnit, StartKind,
-    bound_between, grow_sizes, local_model, refine,
+    BetweenWarning, BoundSettings, Candidate, FrozenData, GainFit, GrowSettings, Grown, LocalSettings,
+    RealizeError, RefineSettings, Refined, ResidualUnit, StartKind, bound_between, condense, grow_sizes,
+    local_model, refine,
 };
-use lpv_core::nalgebra::DMatrix;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Continuous, DeltaBlock, Discrete, FrfEstimate, Lfr, SchedulingRange};
 use serde::{Deserialize, Serialize};
@@ -59,17 +58,8 @@ pub struct MovingStage {
 /// Numbers of deltas that are tried.
 const DELTAS: std::ops::RangeInclusive<usize> = 1..=6;
 
-/// Deltas of forces, outputs and accelerations that are tried, in this order, where p moves.
-const SPLITS: [[usize; 3]; 5] = [[1, 0, 1], [1, 1, 1], [1, 0, 2], [1, 1, 2], [2, 1, 2]];
-
 /// Residuals up to this many times what noise alone leaves are noise.
 const AT_NOISE: f64 = 1.1;
-
-/// A structure whose frozen responses miss by more than this many times what the free model leaves is too small.
-const NEAR: f64 = 2.0;
-
-/// Degree of the polynomials in which the state basis turns. Too low a degree leaves an error that no LFR can explain.
-const TURNING_DEGREE: usize = 5;
 
 /// Poles with more damping belong to no mode.
 const MOST_DAMPING: f64 = 0.5;
@@ -102,11 +92,7 @@ fn attempt(
     let positions: Vec<f64> = estimates.iter().map(|e| e.position().unwrap_or(0.0)).collect();
     let (low, high) = crate::signal::range(&positions);
     let range = SchedulingRange::interval(low, high)?;
-    // The last counts the noise alone. A relative error beside it keeps lines that are known very well from deciding
-    // before the model is near.
-    let stages = [0.05, 0.005, 5e-4, 0.0].map(|error| frozen_data(estimates, &positions, clock, error));
-    let stages = stages.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let data = &stages[3];
+    let data = &frozen_data(estimates, &positions, clock)?;
     let centre = range.centre()[0];
     let nearest = (0..positions.len())
         .min_by(|&a, &b| {
@@ -146,7 +132,9 @@ fn attempt(
         })
         .collect();
     let gamma = local.gamma.as_ref();
-    let mut tried = grow_sizes(&local.flexible, gamma, data, &deltas, &range, &settings.check()?)?;
+    let settings = settings.check()?;
+    let few = condense(&local.flexible, gamma, data, &range, &settings)?;
+    let mut tried = grow_sizes(&local.flexible, gamma, &few, &deltas, &range, &settings)?;
     let sizes: Vec<SizeRow> = tried.grown.iter().map(SizeRow::new).collect();
     let best = tried.grown.swap_remove(tried.chosen);
     let residuals: Vec<String> = sizes
@@ -160,17 +148,11 @@ fn attempt(
         residuals.join(", "),
         if best.reached { "" } else { "; the noise is not reached" }
     ));
-    let mut stage = SmallStage {
-        lfr: best.refined.candidate.to_lfr()?,
-        sizes,
-        at_noise: best.reached,
-        fit: best.refined,
-        moving: None,
-        reasons: Vec::new(),
-    };
+    let (at_noise, mut fit, mut moving) = (best.reached, best.refined, None);
     match (moves, &local.gamma) {
-        (Some(moves), Some(_)) => match along(&stage.fit, &stages, moves, config.seed) {
-            Ok(Some((candidate, fit, account))) => {
+        (Some(moves), Some(_)) => match standing(&fit, &few, moves, config.seed) {
+            Ok(Some(found)) => {
+                let account = MovingStage::new(&found);
                 reasons.push(format!(
                     "moving records: error {:.3} times the noise with the coordinates of the frozen model, {:.3} with turning ones, {:.3} after the joint refinement in coordinates that stand still ({} + {} + {} deltas); frozen residual {:.3}",
                     account.over_noise[0],
@@ -181,9 +163,9 @@ fn attempt(
                     account.deltas[2],
                     account.frozen_residual
                 ));
-                stage.lfr = candidate.to_lfr()?;
-                stage.fit = fit;
-                stage.moving = Some(account);
+                let as_it_is = RefineSettings::new().max_iterations(0).check()?;
+                fit = refine(&found.candidate, data, &as_it_is)?;
+                moving = Some(account);
             }
             Ok(None) => reasons.push(
                 format!("moving records: no LFR of the mechanical structure explains the responses and the records; {}", slow(&modes, &range, clock)),
@@ -195,11 +177,44 @@ fn attempt(
             slow(&modes, &range, clock)
         )),
     }
-    if positions.len() >= 4 {
-        between(&stage.fit.candidate, data, &mut reasons)?;
+    if moving.is_none() {
+        // All lines once more, where few were enough to come near.
+        fit = refine(&fit.candidate, data, &RefineSettings::new().check()?)?;
     }
-    stage.reasons = reasons;
-    Ok(stage)
+    if positions.len() >= 4 {
+        between(&fit.candidate, &few, &mut reasons)?;
+    }
+    Ok(SmallStage {
+        lfr: fit.candidate.to_lfr()?,
+        sizes,
+        at_noise,
+        fit,
+        moving,
+        reasons,
+    })
+}
+
+fn standing(
+    fit: &Refined<Continuous>,
+    few: &FrozenData,
+    moves: &MovingData,
+    seed: u64,
+) -> Result<Option<Standing>, RealizeError> {
+    let settings = StandingSettings {
+        seed,
+        ..StandingSettings::default()
+    };
+    stand_still(fit, few, moves, &settings.check()?)
+}
+
+impl MovingStage {
+    fn new(found: &Standing) -> Self {
+        Self {
+            deltas: [found.split.forces, found.split.outputs, found.split.accelerations],
+            over_noise: found.moving_rms,
+            frozen_residual: found.frozen_rms,
+        }
+    }
 }
 
 /// What the positions support between them.
@@ -217,38 +232,50 @@ fn between(
         .max_by(|a, b| a.bound.total_cmp(&b.bound));
     if let Some(worst) = worst {
         reasons.push(format!(
-            "between positions: models fitted to half of them differ from this one by at most {:.1} dB at every p (bounded, the largest between {} and {})",
+            "between positions: models fitted to half of them differ from this one by at most {:.1} dB at every p (bounded, the largest between {:.5} and {:.5})",
             20.0 * worst.bound.log10(),
             worst.from[0],
             worst.to[0]
         ));
     }
+    let ends = |interval: usize| {
+        let at = &found.intervals[interval];
+        format!("between {:.5} and {:.5}", at.from[0], at.to[0])
+    };
+    let mut coarse: Option<(f64, String)> = None;
     for warning in &found.warnings {
-        reasons.push(match warning {
+        match warning {
+            // Where models of half the positions agree, modes may move by more than their width.
+            BetweenWarning::Coarse { interval, .. } if found.intervals[*interval].bound < AGREE => {}
             BetweenWarning::Coarse {
                 interval,
                 frequency_hz,
                 shift,
-            } => format!(
-                "warning: the mode at {frequency_hz:.3} shifts by {shift:.1} half-widths between {} and {}; measure between them",
-                found.intervals[*interval].from[0], found.intervals[*interval].to[0]
-            ),
+            } => {
+                if coarse.as_ref().is_none_or(|(most, _)| shift > most) {
+                    let place = ends(*interval);
+                    coarse = Some((*shift, format!("warning: modes shift by more than their half-width from one position to the next, most the one at {frequency_hz:.3}, by {shift:.1} half-widths {place}; measure between them")));
+                }
+            }
             BetweenWarning::NotPredicted {
                 position,
                 left_out,
                 fitted,
-            } => format!(
-                "warning: without position {} a model misses it by {left_out:.3}, against {fitted:.3} with it; what it says between positions is not supported there",
+            } => reasons.push(format!(
+                "warning: without position {:.5} a model misses it by {left_out:.3}, against {fitted:.3} with it; what it says between positions is not supported there",
                 positions[*position]
-            ),
-            BetweenWarning::Unbounded { interval } => format!(
-                "warning: no bound between {} and {}",
-                found.intervals[*interval].from[0], found.intervals[*interval].to[0]
-            ),
-        });
+            )),
+            BetweenWarning::Unbounded { interval } => {
+                reasons.push(format!("warning: no bound {}", ends(*interval)));
+            }
+        }
     }
+    reasons.extend(coarse.map(|(_, warning)| warning));
     Ok(())
 }
+
+/// Models of half the positions that differ by less than this part of the response agree.
+const AGREE: f64 = 0.1;
 
 /// What a model in the coordinates of frozen responses is good for. A basis that turns by about its own size over half the
 /// range adds `(dp/dt) / half-width` to the state matrix; that should be small against the decay of the modes.
@@ -301,7 +328,6 @@ fn frozen_data(
     estimates: &[FrfEstimate],
     positions: &[f64],
     clock: Discrete,
-    model_error: f64,
 ) -> Result<FrozenData, RealizeError> {
     let at = |i: usize| vec![positions[i]];
     let weighted: Vec<_> = estimates
@@ -309,7 +335,7 @@ fn frozen_data(
         .enumerate()
         .map(|(i, e)| (at(i), e.clone()))
         .collect();
-    match FrozenData::weighted(clock, &weighted, model_error) {
+    match FrozenData::weighted(clock, &weighted, 0.0) {
         Err(RealizeError::Line { .. }) => {
             let plain: Vec<_> = estimates
                 .iter()
@@ -320,74 +346,4 @@ fn frozen_data(
         }
         other => other,
     }
-}
-
-type Along = (Candidate<Continuous>, Refined<Continuous>, MovingStage);
-
-/// The frozen model in coordinates that stand still along the records.
-fn along(
-    fit: &Refined<Continuous>,
-    stages: &[FrozenData],
-    moves: &MovingData,
-    seed: u64,
-) -> Result<Option<Along>, RealizeError> {
-    const STARTS: usize = 2;
-    let Some(data) = stages.last() else {
-        return Ok(None);
-    };
-    let rms = |errors: &[DMatrix<f64>]| {
-        let squares: f64 = errors
-            .iter()
-            .flat_map(DMatrix::row_iter)
-            .zip(moves.noise().iter().cycle())
-            .map(|(row, noise)| row.norm_squared() / (noise * noise))
-            .sum();
-        (squares / moves.equations() as f64).sqrt()
-    };
-    let form = MechanicalForm::new(&fit.candidate, data)?;
-    let settings = RefineSettings::new().max_iterations(12).tolerance(0.1).check()?;
-    let turned = turn(&form, moves, TURNING_DEGREE, &settings)?;
-    let (first, last) = (
-        turned.account.rms[0],
-        *turned.account.rms.last().unwrap_or(&f64::NAN),
-    );
-    let enough = NEAR * fit.account.rms.max(f64::MIN_POSITIVE);
-    let joint = RefineSettings::new().max_iterations(15).tolerance(1e-3).check()?;
-    let frozen_only = RefineSettings::new().max_iterations(0).check()?;
-    let mut best: Option<Along> = None;
-    for [forces, outputs, accelerations] in SPLITS {
-        let split = DeltaSplit {
-            forces,
-            outputs,
-            accelerations,
-        };
-        let settled = match settle(&form, &turned, stages, split, STARTS, seed) {
-            Ok(settled) => settled,
-            Err(RealizeError::Start { .. }) => continue,
-            Err(other) => return Err(other),
-        };
-        if settled.frozen_rms > enough {
-            continue;
-        }
-        let refined = match refine_with_moves(&settled.candidate, data, moves, &joint) {
-            Ok(refined) => refined,
-            Err(RealizeError::Moving { .. }) => continue,
-            Err(other) => return Err(other),
-        };
-        let error = rms(&simulate_errors(&refined.candidate, moves)?);
-        if best.as_ref().is_none_or(|b| error < b.2.over_noise[2]) {
-            let account = MovingStage {
-                deltas: [forces, outputs, accelerations],
-                over_noise: [first, last, error],
-                frozen_residual: refined.account.frozen_rms[1],
-            };
-            let fit = refine(&refined.candidate, data, &frozen_only)?;
-            best = Some((refined.candidate, fit, account));
-        }
-        // Better than coordinates that may turn freely: nothing is left to explain.
-        if error <= last.min(first) || error <= AT_NOISE {
-            break;
-        }
-    }
-    Ok(best)
 }

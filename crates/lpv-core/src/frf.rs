@@ -118,6 +118,10 @@ impl Frf {
         let size = self.outputs * self.inputs;
         &mut self.values[k * size..(k + 1) * size]
     }
+    /// All values, line after line, to be written.
+    pub(crate) fn values_mut(&mut self) -> &mut [C64] {
+        &mut self.values
+    }
     /// All values, line after line.
     pub fn values(&self) -> &[C64] {
         &self.values

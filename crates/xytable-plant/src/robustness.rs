@@ -243,7 +243,7 @@ fn largest_sensitivity(
     for &f in frequencies_hz {
         let z = clock.point(f);
         // A pole on the line means infinite loop gain: the sensitivity is zero there.
-        if !(p.evaluate(z, &mut pv) && k.evaluate(z, &mut kv)) {
+        if p.evaluate(&[z], &mut pv).is_err() || k.evaluate(&[z], &mut kv).is_err() {
             continue;
         }
         let loop_gain = Matrix2::from_column_slice(&pv) * Matrix2::from_column_slice(&kv);

@@ -1,9 +1,9 @@
 //! Frozen models at all positions in coordinates that turn as little as possible, and what a start makes of them: the
 //! same responses with more damping, and an LFR from a polynomial through them.
 
-use super::DeltaReach;
 use super::expansion::Expansion;
 use super::weights::Weights;
+use super::{DeltaReach, GrowSettings};
 use crate::candidate::Shape;
 use crate::sampling::Sampling;
 use crate::sampling::hold::Derivative;
@@ -11,8 +11,11 @@ use crate::{
     Candidate, CheckedRefineSettings, FrozenData, RandomChannels, RealizeError, RefineSettings, ResidualUnit,
     refine,
 };
-use lpv_core::{Continuous, CoreError, SchedulingRange, StateSpace};
+use lpv_core::{Continuous, CoreError, Discrete, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
+
+/// Part of its response that a line of a start counts as exact to.
+pub(super) const BLUNT: f64 = 1e-2;
 
 /// Lines a position of the damped responses, at least; twice the states if that is more.
 const DAMPED_LINES: usize = 20;
@@ -34,9 +37,31 @@ pub(super) struct Coherent<K: Sampling> {
     rows: usize,
     pub(super) damped: FrozenData,
     pub(super) damping: f64,
+    /// The sampled model at each position, with the rigid body, in the order of the data.
+    sampled: Vec<StateSpace<Discrete>>,
 }
 
 impl<K: Sampling> Coherent<K> {
+    /// Both in few lines a position: models and the data that they were fitted to. Data without noise are exact in any of
+    /// their lines; of noisy ones each line knows a part, so that they are condensed, about models that a first round gives.
+    pub(super) fn in_few_lines(
+        local: &StateSpace<K>,
+        gamma: Option<&DMatrix<f64>>,
+        data: &FrozenData,
+        range: &SchedulingRange,
+        settings: &GrowSettings,
+    ) -> Result<(Self, FrozenData), RealizeError> {
+        let around = |few: &FrozenData| Self::new(local, gamma, few, range, settings.reach);
+        let thinned = data.thinned(settings.lines);
+        let rough = around(&thinned)?;
+        if data.unit() == ResidualUnit::Relative {
+            return Ok((rough, thinned));
+        }
+        let fine = around(&data.condensed(&rough.sampled)?)?;
+        let few = data.condensed(&fine.sampled)?;
+        Ok((fine, few))
+    }
+
     pub(super) fn new(
         local: &StateSpace<K>,
         gamma: Option<&DMatrix<f64>>,
@@ -77,9 +102,20 @@ impl<K: Sampling> Coherent<K> {
             let nearest = solved.iter().min_by(|a, b| far(&a.0).total_cmp(&far(&b.0)));
             let start = nearest.map_or(&whole, |(_, candidate)| candidate);
             let here = data.at(*i);
-            let fitted = refine(start, &here, &settings)?.candidate;
+            let near = match data.unit() {
+                ResidualUnit::Relative => start.clone(),
+                // Lines of a very good signal to noise ratio lead a start astray.
+                ResidualUnit::StandardDeviation => refine(start, &here.blunted(BLUNT), &settings)?.candidate,
+            };
+            let fitted = refine(&near, &here, &settings)?.candidate;
             solved.push((delta.clone(), fitted));
         }
+        let mut whole_models: Vec<(usize, StateSpace<Discrete>)> = Vec::new();
+        for ((_, i, _), (_, candidate)) in order.iter().zip(&solved) {
+            let s = candidate.matrix();
+            whole_models.push((*i, sampled(local.clock(), whole.shape(), s, data)?));
+        }
+        whole_models.sort_by_key(|(i, _)| *i);
         let flexible = (shape.rows(), shape.columns());
         let models: Vec<(Vec<f64>, DMatrix<f64>)> = solved
             .into_iter()
@@ -113,6 +149,7 @@ impl<K: Sampling> Coherent<K> {
             weights,
             rows,
             damping,
+            sampled: whole_models.into_iter().map(|(_, model)| model).collect(),
         })
     }
 
@@ -221,7 +258,7 @@ fn sampled<K: Sampling>(
     shape: Shape,
     s: &DMatrix<f64>,
     data: &FrozenData,
-) -> Result<StateSpace<lpv_core::Discrete>, RealizeError> {
+) -> Result<StateSpace<Discrete>, RealizeError> {
     let held = clock
         .sample(s, shape.states, data.clock(), Derivative::Skip)
         .ok_or(CoreError::Singular {

@@ -1,6 +1,6 @@
 //! What all starts share, and one growth after the other.
 
-use super::coherent::Coherent;
+use super::coherent::{BLUNT, Coherent};
 use super::{
     CheckedGrowSettings, DeltaReach, GainFit, Grown, StartAccount, StartKind, StartOutcome, StartSearch,
 };
@@ -19,9 +19,6 @@ const NEAR: f64 = 1e-3;
 /// A start that wins less than this part of its cost in eight iterations is stuck.
 const STUCK: f64 = 1e-2;
 
-/// Part of its response that a line of a start counts as exact to.
-const BLUNT: f64 = 1e-2;
-
 /// From one stage of the long fit to the next the lines of a position grow by this factor.
 const STAGE: usize = 8;
 
@@ -33,7 +30,8 @@ pub(crate) struct Field<'a, K: Sampling> {
     scheduling: &'a SchedulingRange,
     settings: &'a CheckedGrowSettings,
     coherent: Coherent<K>,
-    thinned: FrozenData,
+    /// The data in few lines a position.
+    few: FrozenData,
     /// The same without the lines of a very good signal to noise ratio, which lead a start astray.
     blunt: Option<FrozenData>,
 }
@@ -47,16 +45,16 @@ impl<'a, K: Sampling> Field<'a, K> {
         settings: &'a CheckedGrowSettings,
     ) -> Result<Self, RealizeError> {
         let set = settings.get();
-        let thinned = data.thinned(set.lines);
+        let (coherent, few) = Coherent::in_few_lines(local, gamma, data, scheduling, set)?;
         Ok(Self {
-            coherent: Coherent::new(local, gamma, &thinned, scheduling, set.reach)?,
+            coherent,
             local,
             gamma,
             data,
             scheduling,
             settings,
-            blunt: (data.unit() == ResidualUnit::StandardDeviation).then(|| thinned.blunted(BLUNT)),
-            thinned,
+            blunt: (data.unit() == ResidualUnit::StandardDeviation).then(|| few.blunted(BLUNT)),
+            few,
         })
     }
 
@@ -113,13 +111,13 @@ impl<'a, K: Sampling> Field<'a, K> {
                 kind,
                 iterations: 0,
                 seconds: 0.0,
-                thinned_rms: f64::INFINITY,
+                few_rms: f64::INFINITY,
                 outcome: StartOutcome::Failed,
             };
             match self.start(deltas, given, &mut account) {
                 Ok(candidate) => {
                     account.outcome = StartOutcome::Abandoned;
-                    if account.thinned_rms <= target || set.search == StartSearch::All {
+                    if account.few_rms <= target || set.search == StartSearch::All {
                         let refined = self.long_fit(candidate, &mut account)?;
                         if best
                             .as_ref()
@@ -129,7 +127,7 @@ impl<'a, K: Sampling> Field<'a, K> {
                         }
                     } else if waiting
                         .as_ref()
-                        .is_none_or(|(other, _)| account.thinned_rms < starts[*other].thinned_rms)
+                        .is_none_or(|(other, _)| account.few_rms < starts[*other].few_rms)
                     {
                         waiting = Some((at, candidate));
                     }
@@ -166,7 +164,7 @@ impl<'a, K: Sampling> Field<'a, K> {
         self.settings.target(self.data.unit())
     }
 
-    /// A start, fitted to the damped responses and to the thinned data.
+    /// A start, fitted to the damped responses and to few lines.
     fn start(
         &self,
         deltas: &[DeltaBlock],
@@ -213,9 +211,9 @@ impl<'a, K: Sampling> Field<'a, K> {
             account.iterations += near.account.iterations();
             whole = near.candidate;
         }
-        let refined = refine(&whole, &self.thinned, &quick(self.target())?)?;
+        let refined = refine(&whole, &self.few, &quick(self.target())?)?;
         account.iterations += refined.account.iterations();
-        account.thinned_rms = refined.account.rms;
+        account.few_rms = refined.account.rms;
         Ok(refined.candidate)
     }
 
@@ -224,15 +222,20 @@ impl<'a, K: Sampling> Field<'a, K> {
         candidate: Candidate<K>,
         account: &mut StartAccount,
     ) -> Result<Refined<K>, RealizeError> {
+        // Few lines leave little to do for many.
+        let mut stages = Vec::new();
+        if self.data.unit() == ResidualUnit::StandardDeviation {
+            stages.push(self.few.clone());
+        } else {
+            let most = self.data.responses().map(lpv_core::Frf::len).max().unwrap_or(0);
+            let lines = std::iter::successors(Some(STAGE * self.settings.get().lines), |n| Some(n * STAGE));
+            stages.extend(lines.take_while(|n| *n < most).map(|n| self.data.thinned(n)));
+        }
         let mut candidate = candidate;
-        // Few lines leave little to do for many: what is left is a few of their standard deviations.
-        let most = self.data.responses().map(lpv_core::Frf::len).max().unwrap_or(0);
-        let mut lines = STAGE * self.settings.get().lines;
-        while lines < most {
-            let stage = refine(&candidate, &self.data.thinned(lines), &self.settings.refine)?;
-            account.iterations += stage.account.iterations();
-            candidate = stage.candidate;
-            lines *= STAGE;
+        for stage in &stages {
+            let fitted = refine(&candidate, stage, &self.settings.refine)?;
+            account.iterations += fitted.account.iterations();
+            candidate = fitted.candidate;
         }
         let refined = refine(&candidate, self.data, &self.settings.refine)?;
         account.iterations += refined.account.iterations();
@@ -243,13 +246,16 @@ impl<'a, K: Sampling> Field<'a, K> {
     }
 }
 
-/// So many starts that end at the same residual, the least of all, leave little hope for a better one.
-const AGREE: usize = 3;
+/// So many starts that end at the same residual, the least of all, leave little hope for a better one; so many of them are
+/// random, since the coherent ones are alike.
+const AGREE: (usize, usize) = (3, 2);
 
 fn agree(starts: &[StartAccount]) -> bool {
-    let least = starts.iter().map(|s| s.thinned_rms).fold(f64::INFINITY, f64::min);
-    let same = |s: &&StartAccount| s.thinned_rms.is_finite() && s.thinned_rms <= 1.01 * least;
-    starts.iter().filter(same).count() >= AGREE
+    let least = starts.iter().map(|s| s.few_rms).fold(f64::INFINITY, f64::min);
+    let same = |s: &&StartAccount| s.few_rms.is_finite() && s.few_rms <= 1.01 * least;
+    let random = |s: &StartAccount| matches!(s.kind, StartKind::Random { .. });
+    let ends: Vec<&StartAccount> = starts.iter().filter(same).collect();
+    ends.len() >= AGREE.0 && ends.into_iter().filter(|s| random(s)).count() >= AGREE.1
 }
 
 /// The flexible part of a model with fewer deltas in the channels of another candidate; its other channels do not feed

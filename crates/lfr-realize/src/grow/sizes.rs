@@ -6,6 +6,7 @@ use crate::sampling::Sampling;
 use crate::{FrozenData, RealizeError};
 use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
+use std::collections::VecDeque;
 
 /// Why a size was chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,8 +20,7 @@ pub enum SizeChoice {
 /// The models of a table over the number of deltas.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sizes<K: Sampling> {
-    /// One entry a size, in the order given. After a size that reaches the target there are no more, unless all are
-    /// asked for.
+    /// One entry a size that was tried, in the order given.
     pub grown: Vec<Grown<K>>,
     /// The entry to take.
     pub chosen: usize,
@@ -28,8 +28,9 @@ pub struct Sizes<K: Sampling> {
     pub choice: SizeChoice,
 }
 
-/// [`super::grow`] for one set of deltas after the other, smallest first. The model of one is among the starts of the
-/// next.
+/// [`super::grow`] for one set of deltas after the other, `sizes` from the smallest to the largest. The search begins in
+/// the middle: upward until a size reaches the target (the model of one is among the starts of the next), downward while
+/// the smaller one does too. [`StartSearch::All`] tries every size.
 ///
 /// The smallest that reaches the target is chosen: with noisy data one more delta has nothing left to explain. If none
 /// reaches it, the residual is what the models cannot represent, and the smallest is chosen that no larger one betters
@@ -45,18 +46,32 @@ pub fn grow_sizes<K: Sampling>(
     scheduling: &SchedulingRange,
     settings: &CheckedGrowSettings,
 ) -> Result<Sizes<K>, RealizeError> {
+    let rms = |g: &Grown<K>| g.refined.account.rms;
     let field = Field::new(local, gamma, data, scheduling, settings)?;
-    let mut grown: Vec<Grown<K>> = Vec::new();
-    for deltas in sizes {
-        let smaller = grown.last().map(|g| &g.refined.candidate);
-        let model = field.grow(deltas, smaller)?;
-        let reached = model.reached;
-        grown.push(model);
-        if reached && settings.get().search == StartSearch::UntilReached {
+    let all = settings.get().search == StartSearch::All;
+    let middle = if all { 0 } else { sizes.len().saturating_sub(1) / 2 };
+    let mut grown: VecDeque<Grown<K>> = VecDeque::new();
+    for deltas in sizes.iter().skip(middle) {
+        let smaller = grown.back().map(|g| &g.refined.candidate);
+        grown.push_back(field.grow(deltas, smaller)?);
+        if !all && grown.back().is_some_and(|g| g.reached) {
             break;
         }
     }
-    let rms = |g: &Grown<K>| g.refined.account.rms;
+    let reached = grown.iter().any(|g| g.reached);
+    for deltas in sizes[..middle.min(sizes.len())].iter().rev() {
+        let model = field.grow(deltas, None)?;
+        let best = grown.iter().map(rms).fold(f64::INFINITY, f64::min);
+        let good = if reached {
+            model.reached
+        } else {
+            rms(&model) <= KNEE * best
+        };
+        grown.push_front(model);
+        if !good {
+            break;
+        }
+    }
     let best = grown.iter().map(rms).fold(f64::INFINITY, f64::min);
     let reached = grown.iter().position(|g| g.reached);
     let choice = reached.map_or(SizeChoice::Knee, |_| SizeChoice::TargetReached);
@@ -64,7 +79,7 @@ pub fn grow_sizes<K: Sampling>(
     Ok(Sizes {
         chosen: chosen.ok_or(RealizeError::Empty { what: "sizes" })?,
         choice,
-        grown,
+        grown: grown.into(),
     })
 }
 

@@ -100,6 +100,7 @@ pub(crate) fn stacked(rows: Vec<Row>) -> Linear {
         jacobian: DMatrix::zeros(height, columns),
         residual: DVector::zeros(height),
         factorisations: rows.len(),
+        chains: Vec::new(),
     };
     let mut at = 0;
     for row in rows {

@@ -117,13 +117,16 @@ impl Dynamics for Fixed<'_> {
         }
         let [first, second] = &step.flows;
         let later = second.whole.columns(0, n).into_owned();
-        let tops = [
-            ends[0].left.rows(0, n).into_owned(),
-            ends[1].left.rows(0, n).into_owned(),
-        ];
+        let (nc, all) = (self.candidate.channels().len(), step.rows.ncols());
+        // [I, M_ab K] and [I; K M_ba] without their unit matrices.
+        let feeds = ends
+            .each_ref()
+            .map(|end| end.left.view((0, m.nrows() - nc), (n, nc)).into_owned());
+        let sees = ends.each_ref().map(|end| end.right.rows(all, nc).into_owned());
         let mut after = DMatrix::zeros(n, n);
-        let mut before = DMatrix::zeros(n, step.rows.ncols());
-        let mut whole = DMatrix::identity(step.rows.ncols(), step.rows.ncols());
+        let mut before = DMatrix::zeros(n, all);
+        let mut whole = DMatrix::identity(all, all);
+        let mut through = [DMatrix::zeros(n, nc), DMatrix::zeros(nc, all)];
         for (flow, weights, is_first) in [(first, WEIGHTS[0], true), (second, WEIGHTS[1], false)] {
             for product in flow.products() {
                 if is_first {
@@ -140,9 +143,14 @@ impl Dynamics for Fixed<'_> {
                         step.right.push(DMatrix::zeros(m.ncols(), whole.ncols()));
                     }
                     let (left, right) = (&mut step.left[step.terms], &mut step.right[step.terms]);
-                    left.fill(0.0);
-                    add_product(product.weight * weight * t, &after, &tops[end], left);
-                    multiply(&ends[end].right, &whole, right);
+                    let factor = product.weight * weight * t;
+                    through[0].fill(0.0);
+                    add_product(factor, &after, &feeds[end], &mut through[0]);
+                    multiply(&sees[end], &whole, &mut through[1]);
+                    left.columns_mut(0, n).zip_apply(&after, |l, a| *l = factor * a);
+                    left.columns_mut(m.nrows() - nc, nc).copy_from(&through[0]);
+                    right.rows_mut(0, all).copy_from(&whole);
+                    right.rows_mut(all, nc).copy_from(&through[1]);
                     step.terms += 1;
                 }
             }

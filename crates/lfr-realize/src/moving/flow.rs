@@ -34,29 +34,30 @@ pub(crate) fn multiply(a: &DMatrix<f64>, b: &DMatrix<f64>, out: &mut DMatrix<f64
 /// `out += factor a b`; of a, as many columns count as b has rows.
 pub(crate) fn add_product(factor: f64, a: &DMatrix<f64>, b: &DMatrix<f64>, out: &mut DMatrix<f64>) {
     let (rows, inner) = (a.nrows(), b.nrows());
-    let (a, b_all) = (a.as_slice(), b.as_slice());
-    match rows {
-        2 => return add_columns::<2>(factor, a, b_all, inner, out.as_mut_slice()),
-        4 => return add_columns::<4>(factor, a, b_all, inner, out.as_mut_slice()),
-        6 => return add_columns::<6>(factor, a, b_all, inner, out.as_mut_slice()),
-        8 => return add_columns::<8>(factor, a, b_all, inner, out.as_mut_slice()),
-        _ => {}
-    }
-    for (out, b) in out
-        .as_mut_slice()
-        .chunks_exact_mut(rows)
-        .zip(b_all.chunks_exact(inner))
-    {
-        for (column, b) in a.chunks_exact(rows).zip(b) {
-            let b = factor * b;
-            for (out, a) in out.iter_mut().zip(column) {
-                *out += b * a;
+    let (a, b, out) = (a.as_slice(), b.as_slice(), out.as_mut_slice());
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || match rows {
+            2 => add_columns::<2>(factor, a, b, inner, out),
+            4 => add_columns::<4>(factor, a, b, inner, out),
+            6 => add_columns::<6>(factor, a, b, inner, out),
+            8 => add_columns::<8>(factor, a, b, inner, out),
+            _ => {
+                for (out, b) in out.chunks_exact_mut(rows).zip(b.chunks_exact(inner)) {
+                    for (column, b) in a.chunks_exact(rows).zip(b) {
+                        let b = factor * b;
+                        for (out, a) in out.iter_mut().zip(column) {
+                            *out += b * a;
+                        }
+                    }
+                }
             }
-        }
-    }
+        },
+    );
 }
 
 /// Columns of a length that the compiler knows stay in registers.
+#[inline(always)]
 fn add_columns<const N: usize>(factor: f64, a: &[f64], b: &[f64], inner: usize, out: &mut [f64]) {
     let (a, _) = a.as_chunks::<N>();
     let (out, _) = out.as_chunks_mut::<N>();
@@ -203,11 +204,13 @@ impl Flow {
     }
 }
 
-/// The smaller of the largest column and row sums: either bounds the series.
+/// The smaller of the largest column and row sums of A: either bounds the series. B enters linearly, so that its size
+/// changes no relative error.
 fn norm(rows: &DMatrix<f64>) -> f64 {
-    let by_column = rows.column_iter().map(|c| c.lp_norm(1)).fold(0.0, f64::max);
-    let by_row = (0..rows.nrows())
-        .map(|i| rows.row(i).iter().map(|v| v.abs()).sum())
+    let a = rows.columns(0, rows.nrows());
+    let by_column = a.column_iter().map(|c| c.lp_norm(1)).fold(0.0, f64::max);
+    let by_row = (0..a.nrows())
+        .map(|i| a.row(i).iter().map(|v| v.abs()).sum())
         .fold(0.0, f64::max);
     by_column.min(by_row)
 }
@@ -230,11 +233,17 @@ fn exponential(powers: &[DMatrix<f64>], tail: &mut DMatrix<f64>, out: &mut DMatr
 /// `e^(s X)` up to the last power, rows of the states.
 fn series(powers: &[DMatrix<f64>], s: f64, out: &mut DMatrix<f64>) {
     out.fill(0.0);
-    for term in powers.iter().rev() {
-        for (out, t) in out.as_mut_slice().iter_mut().zip(term.as_slice()) {
-            *out = (*out + t) * s;
-        }
-    }
+    let all = out.as_mut_slice();
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for term in powers.iter().rev() {
+                for (out, t) in all.iter_mut().zip(term.as_slice()) {
+                    *out = (*out + t) * s;
+                }
+            }
+        },
+    );
     let n = out.nrows();
     for i in 0..n {
         out[(i, i)] += 1.0;

@@ -59,14 +59,13 @@ pub fn refine_with_moves(
         damping: 1e-6,
     };
     let theta = joint.problem.theta(candidate);
-    let split = |theta: &DVector<f64>| -> Result<(f64, f64), RealizeError> {
-        let frozen = joint.problem.cost(theta).ok_or_else(|| joint.no_start())?.total;
-        let moving = joint.moving_cost(theta).ok_or_else(|| joint.no_start())?;
-        Ok((frozen, moving))
+    let found = search(&joint, theta.clone(), &limits)?;
+    let frozen_cost = |theta: &DVector<f64>| {
+        let cost = joint.problem.cost(theta).ok_or_else(|| joint.no_start())?;
+        Ok::<f64, RealizeError>(cost.total)
     };
-    let before = split(&theta)?;
-    let found = search(&joint, theta, &limits)?;
-    let after = split(&found.theta)?;
+    let of_frozen = [frozen_cost(&theta)?, frozen_cost(&found.theta)?];
+    let of_moves = [found.history[0] - of_frozen[0], found.cost.total - of_frozen[1]];
     let frozen_rms = |cost: f64| (cost / frozen.rms_count(frozen.equations())).sqrt();
     let moving_rms = |cost: f64| (cost / moving.equations() as f64).sqrt();
     Ok(Jointly {
@@ -74,8 +73,8 @@ pub fn refine_with_moves(
         account: JointAccount {
             stop: found.stop,
             costs: found.history,
-            frozen_rms: [frozen_rms(before.0), frozen_rms(after.0)],
-            moving_rms: [moving_rms(before.1), moving_rms(after.1)],
+            frozen_rms: of_frozen.map(frozen_rms),
+            moving_rms: of_moves.map(moving_rms),
         },
     })
 }

@@ -4,7 +4,7 @@
 //! `dp/dt (dT/dp) T^-1` to the dynamics. Records along a moving p decide. [`turn`] finds the rate `G(p) = -T^-1 dT/dp` at
 //! which the coordinates of a frozen model turn, in which the error is nearly linear; [`settle`] takes the model to
 //! coordinates that stand still and fits an LFR there; [`refine_with_moves`] refines it on frozen responses and records
-//! together.
+//! together. [`stand_still`] does the three for one number of deltas after the other.
 
 mod along;
 mod data;
@@ -12,9 +12,11 @@ mod fixed;
 mod flow;
 mod joint;
 mod settle;
+mod standing;
 mod turning;
 
 pub use data::MovingData;
 pub use joint::{JointAccount, Jointly, refine_with_moves, simulate_errors};
 pub use settle::{Settled, settle};
+pub use standing::{CheckedStandingSettings, Standing, StandingSettings, stand_still};
 pub use turning::{Turning, TurningAccount, TurningFit, turn};

@@ -25,7 +25,7 @@ pub struct Settled {
     pub difference: f64,
     /// The differences of all starts, in the order of their seeds.
     pub starts: Vec<f64>,
-    /// Rms residual of the frozen responses that came last, in their unit.
+    /// Rms residual of the frozen responses that came last, in their unit; infinite if the search was given up before.
     pub frozen_rms: f64,
     /// Rms error along the records in units of their noise, as its linearisation in G has it.
     pub moving_rms: f64,
@@ -84,8 +84,11 @@ pub fn settle(
 /// Steps from the first weight of the records to the last.
 const STEPS: usize = 4;
 
+/// Residual of the responses, in their tolerant weights, that no later step makes good.
+const MISSED: f64 = 2.0;
+
 /// Lines a position: for coordinates few are enough.
-const LINES: usize = 80;
+const LINES: usize = 160;
 
 /// One standard deviation of an error of the records weighs as much as this relative error of a response without noise.
 const RELATIVE: f64 = 1e-3;
@@ -132,6 +135,7 @@ fn with_records(
         let objective = Settling {
             problem: Problem::new(&before, data)?,
             coordinates: &coordinates,
+            free: before.free_entries(),
             weight: first_weight.powf(1.0 - part) * final_weight.powf(part),
         };
         let limits = Limits {
@@ -151,6 +155,11 @@ fn with_records(
         settled.frozen_rms = (frozen / data.rms_count(data.equations())).sqrt();
         settled.moving_rms = (moving / fit.equations as f64).sqrt();
         settled.candidate = candidate;
+        // Where tolerant weights are missed already, those that count are out of reach.
+        if step > 0 && data.unit() == ResidualUnit::StandardDeviation && settled.frozen_rms > MISSED {
+            settled.frozen_rms = f64::INFINITY;
+            break;
+        }
     }
     Ok(settled)
 }
@@ -159,6 +168,8 @@ fn with_records(
 struct Settling<'a> {
     problem: Problem<'a, Continuous>,
     coordinates: &'a Coordinates,
+    /// Free entries of the candidate, all of which the problem keeps.
+    free: Vec<(usize, usize)>,
     weight: f64,
 }
 
@@ -173,7 +184,9 @@ impl Objective for Settling<'_> {
         Some(cost)
     }
     fn linearise(&self, theta: &DVector<f64>) -> Option<Linear> {
-        let mut moves = self.coordinates.linearise(|t| self.problem.candidate(t), theta)?;
+        let mut moves = self
+            .coordinates
+            .linearise(&self.problem.candidate(theta), &self.free)?;
         moves.jacobian *= self.weight;
         moves.residual *= self.weight;
         Some(self.problem.linearise(theta)?.above(moves))
@@ -341,6 +354,7 @@ impl Objective for Matrices<'_> {
             jacobian: DMatrix::zeros(size * self.near().count(), self.free.len()),
             residual: DVector::zeros(size * self.near().count()),
             factorisations: 0,
+            chains: Vec::new(),
         };
         for (at, target) in self.near().enumerate() {
             let delta = self.deltas(target.delta);

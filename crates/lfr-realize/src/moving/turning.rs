@@ -1,14 +1,12 @@
 //! The rate at which the state basis of a frozen model turns with p.
 
-use super::along::{Dynamics, Transition, rows, stacked};
+use super::along::{Dynamics, Transition};
 use super::data::{MovingData, MovingRecord};
 use super::flow::{Flow, Want};
-use crate::dense::triangle_of;
-use crate::problem::{Cost, Linear};
-use crate::search::{Limits, Objective, search};
-use crate::{CheckedRefineSettings, MechanicalForm, RealizeError, StopReason};
+use crate::{MechanicalForm, RealizeError};
 use lpv_core::Discrete;
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 /// `dx~/dt = (A(p) + dp/dt G(p)) x~ + B(p) u` with `G(p) = sum_j G_j T_j(delta)` in Chebyshev polynomials of the
 /// normalised p.
@@ -109,7 +107,7 @@ pub(crate) fn freeze(form: &MechanicalForm, data: &MovingData) -> Result<Vec<Fro
     let clock: Discrete = data.clock();
     let (centre, half) = (form.range().centre()[0], form.range().half_width()[0]);
     data.records()
-        .iter()
+        .par_iter()
         .map(|record| {
             let mut frozen = Frozen {
                 rows: Vec::with_capacity(record.len()),
@@ -230,171 +228,8 @@ impl Dynamics for Turned<'_> {
     }
 }
 
-/// A [`Turning`] fitted to records.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TurningFit {
-    /// The rate.
-    pub turning: Turning,
-    /// Near it, the records cost `||residual + information dG||^2`, `dG` the change of the coefficients.
-    pub(crate) information: DMatrix<f64>,
-    pub(crate) residual: DVector<f64>,
-    /// Samples times outputs over all records.
-    pub(crate) equations: usize,
-    /// How it went.
-    pub account: TurningAccount,
-}
-
-/// How the fit of a [`Turning`] went.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TurningAccount {
-    /// Why the search ended.
-    pub stop: StopReason,
-    /// Rms error over all records and outputs in units of the noise: with `G = 0`, with the G that the beginnings of the
-    /// records ask for, and after every iteration.
-    pub rms: Vec<f64>,
-}
-
-/// Fits `G(p)`, polynomials of the given degree, of a model in mechanical coordinates to
-/// records along a moving p. The frozen responses do not change.
-///
-/// # Errors
-/// [`RealizeError::Core`] for records that leave the range; [`RealizeError::Moving`] if the model runs away from them even
-/// in the loop, or has more than one scheduling parameter.
-pub fn turn(
-    form: &MechanicalForm,
-    data: &MovingData,
-    degree: usize,
-    settings: &CheckedRefineSettings,
-) -> Result<TurningFit, RealizeError> {
-    if form.range().parameters() != 1 {
-        return Err(RealizeError::Moving {
-            problem: "state coordinates are turned for one scheduling parameter only; measure along one at a time",
-        });
-    }
-    let frozen = freeze(form, data)?;
-    let set = settings.get();
-    let fit = |data: &MovingData, start: Option<DVector<f64>>, iterations: usize| {
-        let objective = TurningObjective {
-            zero: Turning::of_pairs(form.states(), degree),
-            frozen: &frozen,
-            data,
-        };
-        let limits = Limits {
-            max_iterations: iterations,
-            tolerance: set.tolerance,
-            target: set.target.powi(2) * data.equations() as f64,
-            noise: None,
-            damping: 1e-3,
-        };
-        search(
-            &objective,
-            start.unwrap_or_else(|| objective.zero.theta()),
-            &limits,
-        )
-    };
-    let objective = TurningObjective {
-        zero: Turning::of_pairs(form.states(), degree),
-        frozen: &frozen,
-        data,
-    };
-    let first = objective
-        .cost(&objective.zero.theta())
-        .ok_or_else(|| objective.no_start())?;
-    // The way is long at first, and short records show it.
-    let near = fit(&data.beginnings(BEGINNING), None, set.max_iterations)?;
-    let found = fit(data, Some(near.theta), THEN).or_else(|_| fit(data, None, set.max_iterations))?;
-    let equations = data.equations() as f64;
-    let linear = objective
-        .linearise(&found.theta)
-        .ok_or_else(|| objective.no_start())?;
-    let size = objective.size();
-    let mut both = DMatrix::zeros(linear.jacobian.nrows(), size + 1);
-    both.columns_mut(0, size).copy_from(&linear.jacobian);
-    both.column_mut(size).copy_from(&linear.residual);
-    let factor = triangle_of(size + 1, std::iter::once(&both));
-    Ok(TurningFit {
-        information: factor.columns(0, size).into_owned(),
-        residual: factor.column(size).into_owned(),
-        equations: data.equations(),
-        turning: objective.zero.with(&found.theta),
-        account: TurningAccount {
-            stop: found.stop,
-            rms: std::iter::once(&first.total)
-                .chain(&found.history)
-                .map(|cost| (cost / equations).sqrt())
-                .collect(),
-        },
-    })
-}
-
-/// Samples of each record that are fitted first, and iterations on whole records that follow.
-const BEGINNING: usize = 1000;
-const THEN: usize = 3;
-
-struct TurningObjective<'a> {
-    zero: Turning,
-    frozen: &'a [Frozen],
-    data: &'a MovingData,
-}
-
-/// Deviation that a coefficient of the constant polynomial has before any data, in coordinates of size one, and how it
-/// falls from polynomial to polynomial: a basis that turns by about its own size over the range, and smoothly. It decides
-/// only where the records say nothing.
-const PRIOR: (f64, f64) = (1.0, 0.4);
-
-impl TurningObjective<'_> {
-    fn prior(&self) -> DVector<f64> {
-        let directions = self.zero.directions.len();
-        DVector::from_fn(self.size(), |i, _| {
-            PRIOR.0 * PRIOR.1.powi((i / directions) as i32)
-        })
-    }
-
-    fn at(&self, theta: &DVector<f64>) -> Turned<'_> {
-        Turned {
-            turning: self.zero.with(theta),
-            records: self.frozen,
-        }
-    }
-}
-
-impl Objective for TurningObjective<'_> {
-    fn size(&self) -> usize {
-        self.zero.coefficients.len()
-    }
-    fn cost(&self, theta: &DVector<f64>) -> Option<Cost> {
-        let rows = rows(&self.at(theta), self.data, Want::Value)?;
-        let prior: f64 = theta
-            .iter()
-            .zip(self.prior().iter())
-            .map(|(t, s)| (t / s).powi(2))
-            .sum();
-        Some(Cost {
-            total: rows.iter().map(|r| r.cost).sum::<f64>() + prior,
-            lines: Vec::new(),
-        })
-    }
-    fn linearise(&self, theta: &DVector<f64>) -> Option<Linear> {
-        let data = stacked(rows(&self.at(theta), self.data, Want::Derivative)?);
-        let prior = self.prior();
-        Some(data.above(Linear {
-            jacobian: DMatrix::from_diagonal(&prior.map(f64::recip)),
-            residual: theta.component_div(&prior),
-            factorisations: 0,
-        }))
-    }
-    fn gauge(&self, _: &DVector<f64>) -> Result<DMatrix<f64>, RealizeError> {
-        Ok(DMatrix::zeros(self.size(), 0))
-    }
-    fn rounding(&self) -> f64 {
-        0.0
-    }
-    fn no_start(&self) -> RealizeError {
-        RealizeError::Moving {
-            problem: "the frozen model runs away from the moving records even in the loop; check the controller of the bundle",
-        }
-    }
-}
-
+mod fit;
 #[cfg(test)]
 mod tests;
+
+pub use fit::{TurningAccount, TurningFit, turn};

@@ -31,13 +31,15 @@ impl<K: Sampling> Problem<'_, K> {
             jacobian: DMatrix::zeros(rows, self.free.len()),
             residual: DVector::zeros(rows),
             factorisations: 0,
+            chains: Vec::with_capacity(blocks.len()),
         };
         let mut at = 0;
-        for block in &blocks {
+        for block in blocks {
             let count = block.residual.len();
             all.jacobian.rows_mut(at, count).copy_from(&block.jacobian);
             all.residual.rows_mut(at, count).copy_from(&block.residual);
             all.factorisations += block.factorisations;
+            all.chains.extend(block.chains);
             at += count;
         }
         Some(all)
@@ -76,9 +78,10 @@ impl<K: Sampling> Problem<'_, K> {
         };
         let size = columns - 1;
         Some(Linear {
-            jacobian: r.view((0, 0), (size, size)) * (basis.transpose() * chain),
+            jacobian: r.view((0, 0), (size, size)) * (basis.transpose() * &chain),
             residual: r.view((0, size), (size, 1)).column(0).into_owned(),
             factorisations: lines.div_ceil(CHUNK),
+            chains: vec![(sampled, chain)],
         })
     }
 

@@ -171,3 +171,26 @@ fn constant_states_change_nothing() {
     let found = problem.cost(&moved).unwrap().total;
     assert!((found - expected).abs() < 1e-9 * expected);
 }
+
+/// Where the residual r is zero, `phi = |r|^2 / 2` along d has the third derivative `3 r'.r''`.
+#[test]
+fn curvature_is_that_of_the_cost() {
+    let model = candidate(Continuous, SLOW, &ONE, 3);
+    let data = weighted(&responses(&model, 20), 0.0, 2);
+    let problem = Problem::new(&model, &data).unwrap();
+    let theta = problem.theta(&model);
+    let linear = problem.linearise(&theta).unwrap();
+    for seed in 0..4 {
+        let d = direction(&problem, seed) * 0.01;
+        let at = |h: f64| 0.5 * problem.cost(&(&theta + &d * h)).unwrap().total;
+        let h = 0.1;
+        let third = (at(2.0 * h) - 2.0 * at(h) + 2.0 * at(-h) - at(-2.0 * h)) / (2.0 * h * h * h);
+        let exact = 3.0 * problem.curvature(&theta, &linear, &d).unwrap().dot(&d);
+        let scale = (&linear.jacobian * &d).norm_squared();
+        assert!(
+            exact.abs() > 1e-4 * scale,
+            "the residuals are straight: {exact:e} of {scale:e}"
+        );
+        assert!((third - exact).abs() < 2e-2 * exact.abs(), "{third:e} {exact:e}");
+    }
+}

@@ -6,14 +6,20 @@ use crate::common::{
 };
 use lpv_core::nalgebra::dmatrix;
 use lpv_core::num_complex::Complex;
-use lpv_core::{Discrete, Lfr, Model, StateSpace};
+use lpv_core::{Discrete, Model, StateSpace};
 use std::ffi::OsStr;
 
-fn lfr(desk: &Desk, name: &str) -> Lfr<Discrete> {
-    let Model::DiscreteLfr(lfr) = desk.model(name) else {
-        panic!("several positions give an LFR by default");
-    };
-    lfr
+/// The model at a constant position, as a sampled record sees it; number of states and deltas.
+fn frozen(desk: &Desk, name: &str, p: f64, rate: f64) -> (StateSpace<Discrete>, [usize; 2]) {
+    let clock = Discrete::from_rate(rate).unwrap();
+    match desk.model(name) {
+        Model::DiscreteLfr(lfr) => (lfr.frozen(&[p]).unwrap(), [lfr.states(), lfr.delta_count()]),
+        Model::ContinuousLfr(lfr) => (
+            lfr.frozen(&[p]).unwrap().zero_order_hold(clock).unwrap(),
+            [lfr.states(), lfr.delta_count()],
+        ),
+        _ => panic!("several positions give an LFR by default"),
+    }
 }
 
 #[test]
@@ -67,10 +73,10 @@ fn positions_become_an_lfr_that_knows_the_modes_in_between() {
         "{summary:#}"
     );
     assert!(summary["reasons"].as_array().unwrap().len() >= 5);
-    let lfr = lfr(&desk, "model.json");
-    assert_eq!((lfr.inputs(), lfr.outputs()), (2, 2));
+    let (frozen, [states, deltas]) = frozen(&desk, "model.json", 0.01, 20.0);
+    assert_eq!((frozen.inputs(), frozen.outputs()), (2, 2));
+    assert!(states == 8 && deltas <= 5, "{states} states, {deltas} deltas");
     // Modes of the default machine as its file states them, next to p = 0 where they change little.
-    let frozen = lfr.frozen(&[0.01]).unwrap();
     let lines: Vec<f64> = (100..240).map(|k| f64::from(k) / 100.0).collect();
     let response = frozen.frequency_response(&lines).unwrap();
     for (output, input, mode) in [(0, 0, 1.45), (1, 1, 2.0)] {
@@ -136,11 +142,8 @@ fn records_without_periods_at_rest_become_an_lpv_model_too() {
     );
     // At a position between those that were measured.
     let lines: Vec<f64> = (1..45).map(|k| f64::from(k) / 10.0).collect();
-    let found = lfr(&desk, "model.json")
-        .frozen(&[0.25])
-        .unwrap()
-        .frequency_response(&lines)
-        .unwrap();
+    let (found, _) = frozen(&desk, "model.json", 0.25, 10.0);
+    let found = found.frequency_response(&lines).unwrap();
     let errors = found
         .relative_error(&mode_at(0.25).frequency_response(&lines).unwrap())
         .unwrap();
@@ -222,9 +225,9 @@ fn machine_plain_reaches_the_noise_of_its_responses() {
     let summary: serde_json::Value = serde_json::from_str(&stdout_of("identify", &out)).unwrap();
     assert_eq!(summary["positions"], 9);
     assert!(number(&summary, "/frozen/median_db") < number(&summary, "/frf_noise_db") + 2.0);
-    let lfr = lfr(&desk, "model.json");
-    assert_eq!((lfr.inputs(), lfr.outputs()), (2, 2));
-    assert!(lfr.clock().sample_time() == 0.05);
+    let (middle, [states, deltas]) = frozen(&desk, "model.json", 0.0, 20.0);
+    assert_eq!((middle.inputs(), middle.outputs()), (2, 2));
+    assert!(states == 8 && deltas <= 5, "{states} states, {deltas} deltas");
     let words: [&OsStr; 4] = [
         "validate".as_ref(),
         "model.json".as_ref(),
@@ -238,6 +241,14 @@ fn machine_plain_reaches_the_noise_of_its_responses() {
         "{:#}",
         check["frozen"]
     );
+    // Along moves that were not fitted, in the loop that made them.
+    let moves: Vec<&serde_json::Value> = check["records"].as_array().unwrap().iter().collect();
+    assert!(moves.len() >= 3, "{check:#}");
+    for record in moves {
+        for output in record["outputs"].as_array().unwrap() {
+            assert!(number(output, "/closed_loop/over_noise") < 1.3, "{record:#}");
+        }
+    }
 }
 
 #[test]

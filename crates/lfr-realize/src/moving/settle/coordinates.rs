@@ -1,12 +1,11 @@
 //! What moving records say about the state coordinates of an LFR, without a simulation.
 
-use crate::frozen::{Closure, close};
+use crate::frozen::{Closure, Frozen, close};
 use crate::moving::turning::{TurningFit, chebyshev};
 use crate::problem::Linear;
 use crate::{Candidate, MechanicalForm, RealizeError};
 use lpv_core::Continuous;
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
 /// Positions at which coordinates are compared, Chebyshev-Lobatto points.
 const NODES: usize = 9;
@@ -86,110 +85,191 @@ impl Coordinates {
     /// The residual of the records, in units of their noise. None where coordinates do not exist.
     pub(super) fn residual(&self, candidate: &Candidate<Continuous>) -> Option<DVector<f64>> {
         let nq = candidate.states() / 2;
-        let l: Vec<DMatrix<f64>> = self
-            .nodes
-            .iter()
-            .map(|node| self.to_form(node, candidate))
-            .collect::<Option<_>>()?;
+        let l = self.nodes.iter().map(|node| {
+            let s = self.frozen(node, candidate, Closure::Value)?;
+            Some(self.solve(node, &s.s, nq)?.l)
+        });
+        let l = l.collect::<Option<Vec<_>>>()?;
         let mut values = DMatrix::zeros(NODES, nq * nq);
         for (k, here) in l.iter().enumerate() {
-            let mut slope = DMatrix::zeros(nq, nq);
-            for (j, there) in l.iter().enumerate() {
-                slope += there * self.differentiate[(k, j)];
-            }
-            let g = slope * here.clone().try_inverse()?;
+            let g = self.slope(k, &l) * here.clone().try_inverse()?;
             values.row_mut(k).copy_from_slice(g.as_slice());
         }
-        let coefficients = (&self.project * values).transpose();
-        let residual = &self.offset + &self.information * DVector::from_column_slice(coefficients.as_slice());
+        let residual = &self.offset + &self.information * self.coefficients(&values);
         residual.iter().all(|v| v.is_finite()).then_some(residual)
     }
 
-    /// `l` at one node.
-    fn to_form(&self, node: &Node, candidate: &Candidate<Continuous>) -> Option<DMatrix<f64>> {
-        let (n, nu, ny) = (candidate.states(), candidate.inputs(), candidate.outputs());
-        let nq = n / 2;
-        let s = close(
-            candidate.matrix(),
-            candidate.shape(),
-            &candidate.deltas_at(&node.p),
-            Closure::Value,
-        )?
-        .s;
-        let a = s.view((nq, 0), (nq, n)) / self.rate;
-        let b = scaled_input(s.view((nq, n), (nq, nu)).into_owned(), &self.input, self.rate);
-        let c = scaled_output(s.view((n, 0), (ny, nq)).into_owned(), &self.scales);
-        // vec(l): entry (i, j) at j nq + i.
-        let rows = 2 * nq * nq + nq * nu + ny * nq;
-        let mut m = DMatrix::zeros(rows, nq * nq);
-        let mut rhs = DVector::zeros(rows);
-        for half in 0..2 {
-            for j in 0..nq {
-                for i in 0..nq {
-                    let row = half * nq * nq + j * nq + i;
-                    for k in 0..nq {
-                        m[(row, k * nq + i)] += a[(k, half * nq + j)];
-                        m[(row, j * nq + k)] -= node.a[(i, half * nq + k)];
-                    }
+    /// The residual, and how it moves with the free entries.
+    pub(super) fn linearise(
+        &self,
+        candidate: &Candidate<Continuous>,
+        free: &[(usize, usize)],
+    ) -> Option<Linear> {
+        let nq = candidate.states() / 2;
+        let mut l = Vec::with_capacity(NODES);
+        let mut moved = Vec::with_capacity(NODES);
+        for node in &self.nodes {
+            let frozen = self.frozen(node, candidate, Closure::Derivative)?;
+            let solved = self.solve(node, &frozen.s, nq)?;
+            moved.push(self.derivative(&frozen, &solved, nq, free)?);
+            l.push(solved.l);
+        }
+        let mut values = DMatrix::zeros(NODES, nq * nq);
+        // Entry (k, f nq^2 + i): node k, free entry f, entry i of g.
+        let mut slopes = DMatrix::zeros(NODES, free.len() * nq * nq);
+        for (k, here) in l.iter().enumerate() {
+            let inverse = here.clone().try_inverse()?;
+            let g = self.slope(k, &l) * &inverse;
+            values.row_mut(k).copy_from_slice(g.as_slice());
+            for f in 0..free.len() {
+                // dg = (dl' - g dl) l^-1.
+                let of = |j: usize| DMatrix::from_column_slice(nq, nq, moved[j].column(f).as_slice());
+                let mut change = -(&g * of(k));
+                for j in 0..NODES {
+                    change += of(j) * self.differentiate[(k, j)];
+                }
+                let change = change * &inverse;
+                for (i, v) in change.iter().enumerate() {
+                    slopes[(k, f * nq * nq + i)] = *v;
                 }
             }
         }
-        for j in 0..nu {
+        let jacobian = (0..free.len()).map(|f| {
+            let of_entry = slopes.columns(f * nq * nq, nq * nq).into_owned();
+            &self.information * self.coefficients(&of_entry)
+        });
+        Some(Linear {
+            jacobian: DMatrix::from_columns(&jacobian.collect::<Vec<_>>()),
+            residual: &self.offset + &self.information * self.coefficients(&values),
+            factorisations: 0,
+            chains: Vec::new(),
+        })
+    }
+
+    /// Of polynomials through values at the nodes, one row a node; in the order of a `Turning`.
+    fn coefficients(&self, values: &DMatrix<f64>) -> DVector<f64> {
+        DVector::from_column_slice((&self.project * values).transpose().as_slice())
+    }
+
+    /// `dl/d delta` at a node.
+    fn slope(&self, k: usize, l: &[DMatrix<f64>]) -> DMatrix<f64> {
+        let terms = l.iter().enumerate().map(|(j, l)| l * self.differentiate[(k, j)]);
+        terms.fold(DMatrix::zeros(l[k].nrows(), l[k].ncols()), |sum, term| sum + term)
+    }
+
+    fn frozen(&self, node: &Node, candidate: &Candidate<Continuous>, closure: Closure) -> Option<Frozen> {
+        let delta = candidate.deltas_at(&node.p);
+        close(candidate.matrix(), candidate.shape(), &delta, closure)
+    }
+
+    /// `l` at one node: `M vec(l) = r` in least squares.
+    fn solve(&self, node: &Node, s: &DMatrix<f64>, nq: usize) -> Option<Solved> {
+        let (n, nu, ny) = (2 * nq, self.input.len(), self.scales.len());
+        let a = s.view((nq, 0), (nq, n)) / self.rate;
+        let b = scaled_input(s.view((nq, n), (nq, nu)).into_owned(), &self.input, self.rate);
+        let c = scaled_output(s.view((n, 0), (ny, nq)).into_owned(), &self.scales);
+        // vec(l): entry (i, j) at j nq + i. Rows: l A - A~ l = 0, l B = B~, C~ l = C, each down its columns.
+        let rows = (n + nu + ny) * nq;
+        let mut m = DMatrix::zeros(rows, nq * nq);
+        let mut right = DVector::zeros(rows);
+        for j in 0..n + nu {
             for i in 0..nq {
-                let row = 2 * nq * nq + j * nq + i;
+                let row = j * nq + i;
                 for k in 0..nq {
-                    m[(row, k * nq + i)] = b[(k, j)];
+                    m[(row, k * nq + i)] = if j < n { a[(k, j)] } else { b[(k, j - n)] };
                 }
-                rhs[row] = node.b[(i, j)];
+                if j < n {
+                    for k in 0..nq {
+                        m[(row, (j % nq) * nq + k)] -= node.a[(i, j - j % nq + k)];
+                    }
+                } else {
+                    right[row] = node.b[(i, j - n)];
+                }
             }
         }
         for j in 0..nq {
             for i in 0..ny {
-                let row = 2 * nq * nq + nq * nu + j * ny + i;
+                let row = (n + nu) * nq + j * ny + i;
                 for k in 0..nq {
                     m[(row, j * nq + k)] = node.c[(i, k)];
                 }
-                rhs[row] = c[(i, j)];
+                right[row] = c[(i, j)];
             }
         }
-        let qr = m.qr();
-        qr.q_tr_mul(&mut rhs);
-        let l = qr
-            .unpack_r()
-            .solve_upper_triangular(&rhs.rows(0, nq * nq).into_owned())?;
-        Some(DMatrix::from_column_slice(nq, nq, l.as_slice()))
+        let qr = m.clone().qr();
+        let mut rotated = right.clone();
+        qr.q_tr_mul(&mut rotated);
+        let triangle = qr.unpack_r();
+        let l = triangle.solve_upper_triangular(&rotated.rows(0, nq * nq).into_owned())?;
+        Some(Solved {
+            rest: right - &m * &l,
+            l: DMatrix::from_column_slice(nq, nq, l.as_slice()),
+            m,
+            triangle,
+        })
     }
 
-    /// By finite differences in the free entries.
-    pub(super) fn linearise(
+    /// How `vec(l)` moves with the free entries, `nq^2` rows: `(M^T M) dl = dM^T (r - M l) + M^T (dr - dM l)`.
+    fn derivative(
         &self,
-        candidate: impl Fn(&DVector<f64>) -> Candidate<Continuous> + Sync,
-        theta: &DVector<f64>,
-    ) -> Option<Linear> {
-        let residual = self.residual(&candidate(theta))?;
-        let typical = theta.amax() * 1e-3;
-        let columns: Vec<DVector<f64>> = (0..theta.len())
-            .into_par_iter()
-            .map(|i| {
-                let step = STEP * theta[i].abs().max(typical);
-                let mut moved = theta.clone();
-                moved[i] += step;
-                let up = self.residual(&candidate(&moved))?;
-                moved[i] -= 2.0 * step;
-                let down = self.residual(&candidate(&moved))?;
-                Some((up - down) / (2.0 * step))
-            })
-            .collect::<Option<_>>()?;
-        Some(Linear {
-            jacobian: DMatrix::from_columns(&columns),
-            residual,
-            factorisations: 0,
-        })
+        frozen: &Frozen,
+        solved: &Solved,
+        nq: usize,
+        free: &[(usize, usize)],
+    ) -> Option<DMatrix<f64>> {
+        let (n, nu, ny) = (2 * nq, self.input.len(), self.scales.len());
+        let (l, m) = (&solved.l, &solved.m);
+        // Right-hand sides, one for each entry (k, j) of [A B], then one for each entry (i, j) of C.
+        let first = nq * (n + nu);
+        let mut sides = DMatrix::zeros(nq * nq, first + ny * nq);
+        for j in 0..n + nu {
+            for k in 0..nq {
+                let mut side = sides.column_mut(j * nq + k);
+                for i in 0..nq {
+                    let row = j * nq + i;
+                    side[k * nq + i] += solved.rest[row];
+                    side.axpy(-l[(i, k)], &m.row(row).transpose(), 1.0);
+                }
+            }
+        }
+        for at in 0..ny * nq {
+            sides
+                .column_mut(first + at)
+                .copy_from(&m.row((n + nu) * nq + at).transpose());
+        }
+        let half = solved.triangle.tr_solve_upper_triangular(&sides)?;
+        let by_entry = solved.triangle.solve_upper_triangular(&half)?;
+        let mut entries = DVector::zeros(sides.ncols());
+        let mut moved = DMatrix::zeros(nq * nq, free.len());
+        for (mut column, &(r, c)) in moved.column_iter_mut().zip(free) {
+            for j in 0..n + nu {
+                let size = if j < n { 1.0 } else { self.input[j - n] };
+                let factor = frozen.right[(c, j)] * size / self.rate;
+                for k in 0..nq {
+                    entries[j * nq + k] = frozen.left[(nq + k, r)] * factor;
+                }
+            }
+            for j in 0..nq {
+                for i in 0..ny {
+                    entries[first + j * ny + i] =
+                        frozen.left[(n + i, r)] * frozen.right[(c, j)] / self.scales[i];
+                }
+            }
+            column.gemv(1.0, &by_entry, &entries, 0.0);
+        }
+        Some(moved)
     }
 }
 
-/// Relative step of the finite differences.
-const STEP: f64 = 1e-6;
+/// The equations of one node and their solution.
+struct Solved {
+    l: DMatrix<f64>,
+    m: DMatrix<f64>,
+    /// `M^T M = R^T R`.
+    triangle: DMatrix<f64>,
+    /// `r - M vec(l)`.
+    rest: DVector<f64>,
+}
 
 fn scaled_input(mut b: DMatrix<f64>, input: &[f64], rate: f64) -> DMatrix<f64> {
     for (mut column, size) in b.column_iter_mut().zip(input) {

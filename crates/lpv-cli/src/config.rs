@@ -278,6 +278,9 @@ weighting = "covariance"
 # Relative error of the truncated basis, added to the covariance; 0 gives the pure covariance.
 # model-error = 0.1
 
+# Which LFR: "small" (few states and deltas, where the responses support it) or "exact" (of the series expansion).
+lfr = "small"
+
 # Coefficient functions: kind = "polynomial" or "chebyshev" with order, "spline", "linear", or "gaussian-process" with length-scale.
 # interpolation = { kind = "polynomial", order = 4 }
 
@@ -287,7 +290,7 @@ weighting = "covariance"
 # The direct term of such a fit: "zero" (needed to simulate in closed loop) or "estimated".
 # direct = "zero"
 
-# Last part of each such record that is not fitted but judged.
+# Last part of each such record, and of each record along a moving position, that is not fitted but judged.
 hold-out = 0.0
 
 # Seed of every random choice.

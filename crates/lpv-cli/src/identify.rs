@@ -92,9 +92,13 @@ fn in_frequency(
     }
     progress("poles, basis, regression", 0, 1);
     let moves = match config.lfr {
-        LfrKind::Small if positions > 1 => {
-            moving_data(bundle, responses.noise.as_deref(), responses.clock, progress)?
-        }
+        LfrKind::Small if positions > 1 => moving_data(
+            bundle,
+            config,
+            responses.noise.as_deref(),
+            responses.clock,
+            progress,
+        )?,
         _ => None,
     };
     let identified = identify(&responses.estimates, responses.clock, moves.as_ref(), config)?;
@@ -113,6 +117,7 @@ fn in_frequency(
 /// measure errors in.
 fn moving_data(
     bundle: &Bundle,
+    config: &IdentifyConfig,
     noise: Option<&[f64]>,
     clock: Discrete,
     progress: Progress<'_>,
@@ -129,6 +134,10 @@ fn moving_data(
         entry.purpose == Purpose::Estimation && entry.record_kind() == RecordKind::Transient
     };
     let mut records = load_records(bundle, moving, progress)?;
+    for record in &mut records {
+        let fitted = fitted_samples(record, config);
+        crate::signal::keep_first(record, fitted);
+    }
     records.retain(|r| r.scheduling.columns.iter().any(|p| !crate::responses::rests(p)));
     if records.is_empty() {
         return Ok(None);
@@ -154,11 +163,13 @@ fn estimation_records(
             bundle: bundle.description().name.clone(),
         });
     }
-    let fitted = records
-        .iter()
-        .map(|r| ((1.0 - config.hold_out) * r.len() as f64).round() as usize)
-        .collect();
+    let fitted = records.iter().map(|r| fitted_samples(r, config)).collect();
     Ok((records, fitted))
+}
+
+/// Samples of a record that are not held out.
+fn fitted_samples(record: &Record, config: &IdentifyConfig) -> usize {
+    ((1.0 - config.hold_out) * record.len() as f64).round() as usize
 }
 
 /// Numbers of states that are tried where none is given.

@@ -1,10 +1,26 @@
 //! Small figures of one signal.
 
+use lpv_core::Record;
+
 /// Smallest and largest value; (inf, -inf) for none.
 pub(crate) fn range(x: &[f64]) -> (f64, f64) {
     x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| {
         (l.min(v), h.max(v))
     })
+}
+
+/// Cuts a record after so many samples.
+pub(crate) fn keep_first(record: &mut Record, samples: usize) {
+    let groups = [
+        &mut record.outputs,
+        &mut record.inputs,
+        &mut record.references,
+        &mut record.scheduling,
+        &mut record.auxiliary,
+        &mut record.injection,
+    ];
+    let columns = groups.into_iter().flat_map(|group| &mut group.columns);
+    columns.for_each(|column| column.truncate(samples));
 }
 
 /// Mean.

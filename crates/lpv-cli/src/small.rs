@@ -61,6 +61,9 @@ const DELTAS: std::ops::RangeInclusive<usize> = 1..=6;
 /// Residuals up to this many times what noise alone leaves are noise.
 const AT_NOISE: f64 = 1.1;
 
+/// An error along moving records above this many times what coordinates that turn freely leave is worth a warning.
+const MISSED: f64 = 1.3;
+
 /// Poles with more damping belong to no mode.
 const MOST_DAMPING: f64 = 0.5;
 
@@ -107,7 +110,7 @@ fn attempt(
         .into_iter()
         .filter(|z| {
             let s = z.ln();
-            z.im != 0.0 && -s.re <= MOST_DAMPING * s.norm()
+            z.im != 0.0 && s.re < 0.0 && -s.re <= MOST_DAMPING * s.norm()
         })
         .collect();
     if modes.is_empty() {
@@ -139,7 +142,10 @@ fn attempt(
     let best = tried.grown.swap_remove(tried.chosen);
     let residuals: Vec<String> = sizes
         .iter()
-        .map(|s| format!("{}: {:.3}", s.deltas, s.residual))
+        .map(|s| match s.residual {
+            large if large >= 1e4 => format!("{}: {large:.1e}", s.deltas),
+            residual => format!("{}: {residual:.3}", s.deltas),
+        })
         .collect();
     let won = best.starts.get(best.winner).map_or("", |s| start_name(&s.kind));
     reasons.push(format!(
@@ -148,7 +154,19 @@ fn attempt(
         residuals.join(", "),
         if best.reached { "" } else { "; the noise is not reached" }
     ));
-    let (at_noise, mut fit, mut moving) = (best.reached, best.refined, None);
+    if !best.reached {
+        // What follows would be said of a model that is not taken.
+        return Ok(SmallStage {
+            lfr: best.refined.candidate.to_lfr()?,
+            sizes,
+            fit: best.refined,
+            moving: None,
+            at_noise: false,
+            reasons,
+        });
+    }
+    let (mut fit, mut moving) = (best.refined, None);
+    let enough = settings.get().target;
     match (moves, &local.gamma) {
         (Some(moves), Some(_)) => match standing(&fit, &few, moves, config.seed) {
             Ok(Some(found)) => {
@@ -164,16 +182,28 @@ fn attempt(
                     account.frozen_residual
                 ));
                 let as_it_is = RefineSettings::new().max_iterations(0).check()?;
-                fit = refine(&found.candidate, data, &as_it_is)?;
-                moving = Some(account);
+                let whole = refine(&found.candidate, data, &as_it_is)?;
+                if enough.is_none_or(|enough| whole.account.rms <= enough) {
+                    if account.over_noise[2] > MISSED * account.over_noise[1].max(1.0) {
+                        reasons.push(format!("warning: moving records are not explained to their noise; {}", slow(&modes, &range, clock)));
+                    }
+                    fit = whole;
+                    moving = Some(account);
+                } else {
+                    reasons.push(format!(
+                        "its frozen responses miss their noise ({:.3} times it), so the frozen model is taken; {}",
+                        whole.account.rms,
+                        slow(&modes, &range, clock)
+                    ));
+                }
             }
             Ok(None) => reasons.push(
                 format!("moving records: no LFR of the mechanical structure explains the responses and the records; {}", slow(&modes, &range, clock)),
             ),
-            Err(refused) => reasons.push(format!("{refused}; {}", slow(&modes, &range, clock))),
+            Err(refused) => reasons.push(format!("moving records: {refused}; {}", slow(&modes, &range, clock))),
         },
         _ => reasons.push(format!(
-            "no records along a moving p in a known loop: {}",
+            "no records along a moving p with a [controller] and a noise level, or no rigid body: {}",
             slow(&modes, &range, clock)
         )),
     }
@@ -183,11 +213,16 @@ fn attempt(
     }
     if positions.len() >= 4 {
         between(&fit.candidate, &few, &mut reasons)?;
+    } else {
+        reasons.push(format!(
+            "warning: {} positions do not tell how well the model holds between them; measure at four or more",
+            positions.len()
+        ));
     }
     Ok(SmallStage {
         lfr: fit.candidate.to_lfr()?,
         sizes,
-        at_noise,
+        at_noise: true,
         fit,
         moving,
         reasons,

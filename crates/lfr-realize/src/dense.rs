@@ -101,6 +101,15 @@ pub(crate) fn triangle_of<'a>(
     triangle.factor()
 }
 
+/// The triangular factor of `[M r]`: that of M, what r has in its range, and the length of the rest.
+pub(crate) fn triangle_beside(matrix: &DMatrix<f64>, right: &DVector<f64>) -> DMatrix<f64> {
+    let size = matrix.ncols();
+    let mut both = DMatrix::zeros(matrix.nrows(), size + 1);
+    both.columns_mut(0, size).copy_from(matrix);
+    both.column_mut(size).copy_from(right);
+    triangle_of(size + 1, std::iter::once(&both))
+}
+
 /// Orthonormal basis of the orthogonal complement of the columns, up to a relative tolerance on the pivots.
 pub(crate) fn complement(columns: &DMatrix<f64>, tolerance: f64) -> DMatrix<f64> {
     let (m, n) = columns.shape();

@@ -1,7 +1,7 @@
 //! Levenberg-Marquardt in the directions that no change of coordinates makes.
 
 use crate::RealizeError;
-use crate::dense::{complement, triangle_of};
+use crate::dense::{complement, triangle_beside, triangle_of};
 use crate::problem::{Cost, Linear, Problem};
 use crate::sampling::Sampling;
 use nalgebra::{DMatrix, DVector};
@@ -111,10 +111,7 @@ impl Scaled {
             column.component_div_assign(&scale);
         }
         let size = map.ncols();
-        let mut all = DMatrix::zeros(linear.jacobian.nrows(), size + 1);
-        all.columns_mut(0, size).copy_from(&(&linear.jacobian * &map));
-        all.column_mut(size).copy_from(&linear.residual);
-        let factor = triangle_of(size + 1, std::iter::once(&all));
+        let factor = triangle_beside(&(&linear.jacobian * &map), &linear.residual);
         Self {
             r: factor.view((0, 0), (size, size)).into_owned(),
             b: factor.view((0, size), (size, 1)).column(0).into_owned(),

@@ -41,7 +41,13 @@ pub fn choose_basis(
     functions: usize,
     config: &IdentifyConfig,
 ) -> Result<BasisStage, PipelineError> {
-    let observed = PoleSet::new(&fits.iter().flat_map(PoleFit::flexible_poles).collect::<Vec<_>>())?;
+    // Distortion may put an estimated pole outside the unit circle, where no basis function has one.
+    let inside: Vec<Complex<f64>> = fits
+        .iter()
+        .flat_map(PoleFit::flexible_poles)
+        .filter(|z| z.norm() < 1.0)
+        .collect();
+    let observed = PoleSet::new(&inside)?;
     let settings = FkcmSettings::new(functions)
         .fuzziness(config.fuzziness)
         .seed(config.seed)

@@ -1,6 +1,7 @@
 //! Bundle in, model out: which chain serves, and its account.
 
 use crate::deviation::FrozenDeviation;
+use crate::moves::Moves;
 use crate::pipeline::{Identified, identify};
 use crate::progress::Progress;
 use crate::responses::{estimate_bundle, estimate_local, load_records};
@@ -8,7 +9,6 @@ use crate::signal::fit_percent;
 use crate::summary::{AxisSummary, HeldOut, OrderRow, Summary, TimeSummary};
 use crate::{Direct, FitFocus, IdentifyConfig, LfrKind, PipelineError, Structure};
 use experiment_data::Bundle;
-use lfr_realize::moving::MovingData;
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{Discrete, FrfEstimate, Model, Purpose, Record, RecordKind, StateSpace};
 use lti_ident::{DirectTerm, Focus, InnovationFit, InnovationSettings, OrderEntry, Segment};
@@ -92,16 +92,10 @@ fn in_frequency(
     }
     progress("poles, basis, regression", 0, 1);
     let moves = match config.lfr {
-        LfrKind::Small if positions > 1 => moving_data(
-            bundle,
-            config,
-            responses.noise.as_deref(),
-            responses.clock,
-            progress,
-        )?,
-        _ => None,
+        LfrKind::Small if positions > 1 => Moves::of(bundle, config, &responses, progress)?,
+        _ => Moves::none("the exact LFR does not use them"),
     };
-    let identified = identify(&responses.estimates, responses.clock, moves.as_ref(), config)?;
+    let identified = identify(&responses.estimates, responses.clock, &moves, config)?;
     progress("poles, basis, regression", 1, 1);
     let mut summary = Summary::of_responses(&identified, &responses.estimates, responses.clock)?;
     summary.reasons.splice(0..0, responses.reasons);
@@ -111,43 +105,6 @@ fn in_frequency(
         summary,
         stages: Stages::Frequency(Box::new(identified)),
     })
-}
-
-/// The estimation records along a moving p, in the bundle's loop; none without a controller, or without a noise level to
-/// measure errors in.
-fn moving_data(
-    bundle: &Bundle,
-    config: &IdentifyConfig,
-    noise: Option<&[f64]>,
-    clock: Discrete,
-    progress: Progress<'_>,
-) -> Result<Option<MovingData>, PipelineError> {
-    let description = bundle.description();
-    let (Some(noise), Some(controller)) = (noise, &description.controller) else {
-        return Ok(None);
-    };
-    if noise.iter().any(|n| *n <= 0.0) {
-        return Ok(None);
-    }
-    let moving = |i: usize| {
-        let entry = &description.records[i];
-        entry.purpose == Purpose::Estimation && entry.record_kind() == RecordKind::Transient
-    };
-    let mut records = load_records(bundle, moving, progress)?;
-    for record in &mut records {
-        let fitted = fitted_samples(record, config);
-        crate::signal::keep_first(record, fitted);
-    }
-    records.retain(|r| r.scheduling.columns.iter().any(|p| !crate::responses::rests(p)));
-    if records.is_empty() {
-        return Ok(None);
-    }
-    Ok(Some(MovingData::new(
-        clock,
-        &records,
-        noise,
-        Some(&controller.feedback(clock)?),
-    )?))
 }
 
 /// The estimation records, and the last sample of each that may be fitted.
@@ -168,7 +125,7 @@ fn estimation_records(
 }
 
 /// Samples of a record that are not held out.
-fn fitted_samples(record: &Record, config: &IdentifyConfig) -> usize {
+pub(crate) fn fitted_samples(record: &Record, config: &IdentifyConfig) -> usize {
     ((1.0 - config.hold_out) * record.len() as f64).round() as usize
 }
 

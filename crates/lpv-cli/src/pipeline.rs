@@ -4,11 +4,11 @@
 use crate::PipelineError;
 use crate::basis::{BasisStage, choose_basis};
 use crate::config::{IdentifyConfig, LfrKind, Weighting};
+use crate::moves::Moves;
 use crate::poles::{PoleStage, fit_poles};
 use crate::signal::median;
 use crate::small::{SmallStage, small_lfr};
-use crate::validation::decibel;
-use lfr_realize::moving::MovingData;
+use crate::validation::{decibel, frozen_error};
 use lfr_realize::{Realization, realize};
 use lpv_core::{Discrete, Frf, FrfEstimate, Model, StateSpace, WellPosedness};
 use lpv_ident::{Interpolation, LeaveOneOut, LocalFits, LpvObfModel, RegressionSettings, recommend, regress};
@@ -82,11 +82,7 @@ impl Identified {
         Ok(match self {
             Self::Lti(stage) => stage.poles.fits[0].response(frequencies_hz)?,
             Self::Lpv(stage) => match &stage.small {
-                Some(small) => small
-                    .lfr
-                    .frozen(&[position])?
-                    .zero_order_hold(clock)?
-                    .frequency_response(frequencies_hz)?,
+                Some(small) => small.response(position, frequencies_hz, clock)?,
                 None => stage.model.response(position, frequencies_hz)?,
             },
         })
@@ -108,7 +104,7 @@ impl Identified {
 pub fn identify(
     estimates: &[FrfEstimate],
     clock: Discrete,
-    moves: Option<&MovingData>,
+    moves: &Moves,
     config: &IdentifyConfig,
 ) -> Result<Identified, PipelineError> {
     if estimates.len() > 1
@@ -117,14 +113,13 @@ pub fn identify(
         rigid_channels(asked, estimates)?;
     }
     let mut poles = fit_poles(estimates, clock, config)?;
+    let outside: usize = poles.fits.iter().map(|f| f.account.unstable_poles.len()).sum();
+    if outside > 0 {
+        poles.reasons.push(format!(
+            "warning: {outside} estimated pole(s) lie on or outside the unit circle; set `order`, use more periods, or look for distortion with `lpv inspect --lines`"
+        ));
+    }
     if estimates.len() == 1 {
-        let unstable = &poles.fits[0].account.unstable_poles;
-        if !unstable.is_empty() {
-            poles.reasons.push(format!(
-                "warning: {} pole(s) of the fit lie on or outside the unit circle; set `order` or use more periods",
-                unstable.len()
-            ));
-        }
         let model = poles.fits[0].state_space()?;
         return Ok(Identified::Lti(Box::new(LtiStage { poles, model })));
     }
@@ -164,14 +159,9 @@ pub fn identify(
     let small = match config.lfr {
         LfrKind::Exact => None,
         LfrKind::Small => match small_lfr(estimates, &poles, clock, moves, config)? {
-            Ok(found) if found.at_noise => {
-                reasons.extend(found.reasons.iter().cloned());
-                Some(found)
-            }
             Ok(found) => {
-                reasons.extend(found.reasons);
-                reasons.push("so the model is the exact LFR of the series expansion".to_owned());
-                None
+                reasons.extend(found.reasons.iter().cloned());
+                worth(found, &model, estimates, clock, &mut reasons)?
             }
             Err(why) => {
                 reasons.push(why);
@@ -189,6 +179,40 @@ pub fn identify(
         realization,
         reasons,
     })))
+}
+
+/// A small LFR that misses the noise by no more than the series expansion does is taken all the same.
+fn worth(
+    small: SmallStage,
+    series: &LpvObfModel,
+    estimates: &[FrfEstimate],
+    clock: Discrete,
+    reasons: &mut Vec<String>,
+) -> Result<Option<SmallStage>, PipelineError> {
+    /// Decibels that fewer states and deltas are worth.
+    const SLACK_DB: f64 = 1.0;
+    if small.at_noise {
+        return Ok(Some(small));
+    }
+    let (mut near, mut far) = (Vec::new(), Vec::new());
+    for estimate in estimates {
+        let (position, lines) = (
+            estimate.position().unwrap_or(0.0),
+            estimate.frf().frequencies_hz(),
+        );
+        near.push(small.response(position, lines, clock)?);
+        far.push(series.response(position, lines)?);
+    }
+    let measured: Vec<Frf> = estimates.iter().map(|e| e.frf().clone()).collect();
+    let errors = [near, far].map(|model| frozen_error(&model, &measured).map(|e| e.median_db));
+    let [own, others] = errors;
+    let (own, others) = (own?, others?);
+    let taken = own <= others + SLACK_DB;
+    reasons.push(format!(
+        "median error against the measured responses: {own:.1} dB with the small LFR, {others:.1} dB with the series expansion, so the {} is the model",
+        if taken { "small LFR" } else { "exact LFR of the series expansion" }
+    ));
+    Ok(taken.then_some(small))
 }
 
 fn well_posedness(found: &WellPosedness) -> String {

@@ -13,6 +13,8 @@ pub struct PoleStage {
     pub order: usize,
     /// Poles held at z = 1.
     pub integrators: usize,
+    /// Relative error beside the noise in the weights, where noise does not explain what is left; else zero.
+    pub relative_error: f64,
     /// One fit a position.
     pub fits: Vec<PoleFit>,
     /// The scan that chose the order, where it was not given, at the middle position.
@@ -87,6 +89,7 @@ pub fn fit_poles(
         .iter()
         .map(|f| f.account.cost / f.account.expected_cost)
         .fold(0.0, f64::max);
+    let mut relative_error = 0.0;
     if misfit > DISTORTED {
         // Not noise but distortion or unmodelled dynamics is left: lines with little noise must not outweigh it.
         let floor = found
@@ -95,6 +98,7 @@ pub fn fit_poles(
             .map(|f| f.account.relative_error_rms)
             .fold(0.0, f64::max)
             .clamp(1e-9, 0.1);
+        relative_error = floor;
         reasons.truncate(before);
         reasons.push(format!(
             "what is left is {misfit:.0} times the noise: fitted again with a relative error of {:.1} % in the weights",
@@ -119,6 +123,7 @@ pub fn fit_poles(
     Ok(PoleStage {
         order,
         integrators,
+        relative_error,
         fits,
         scan,
         reasons,

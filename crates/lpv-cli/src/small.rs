@@ -1,16 +1,19 @@
 //! The small LFR: the flexible part with as few deltas as reach the noise, in coordinates that stand still when p moves.
 
+mod between;
+
 use crate::PipelineError;
 use crate::config::IdentifyConfig;
+use crate::moves::Moves;
 use crate::poles::PoleStage;
+use between::between;
 use lfr_realize::moving::{MovingData, Standing, StandingSettings, stand_still};
 use lfr_realize::{
-    BetweenWarning, BoundSettings, Candidate, FrozenData, GainFit, GrowSettings, Grown, LocalSettings,
-    RealizeError, RefineSettings, Refined, ResidualUnit, StartKind, bound_between, condense, grow_sizes,
-    local_model, refine,
+    FrozenData, GainFit, GrowSettings, Grown, LocalSettings, RealizeError, RefineSettings, Refined,
+    ResidualUnit, StartKind, condense, grow_sizes, local_model, refine,
 };
 use lpv_core::num_complex::Complex;
-use lpv_core::{Continuous, DeltaBlock, Discrete, FrfEstimate, Lfr, SchedulingRange};
+use lpv_core::{Continuous, DeltaBlock, Discrete, Frf, FrfEstimate, Lfr, SchedulingRange};
 use serde::{Deserialize, Serialize};
 
 /// A small LFR with its account.
@@ -75,7 +78,7 @@ pub fn small_lfr(
     estimates: &[FrfEstimate],
     poles: &PoleStage,
     clock: Discrete,
-    moves: Option<&MovingData>,
+    moves: &Moves,
     config: &IdentifyConfig,
 ) -> Result<Result<SmallStage, String>, PipelineError> {
     match attempt(estimates, poles, clock, moves, config) {
@@ -89,13 +92,13 @@ fn attempt(
     estimates: &[FrfEstimate],
     poles: &PoleStage,
     clock: Discrete,
-    moves: Option<&MovingData>,
+    moves: &Moves,
     config: &IdentifyConfig,
 ) -> Result<SmallStage, PipelineError> {
     let positions: Vec<f64> = estimates.iter().map(|e| e.position().unwrap_or(0.0)).collect();
     let (low, high) = crate::signal::range(&positions);
     let range = SchedulingRange::interval(low, high)?;
-    let data = &frozen_data(estimates, &positions, clock)?;
+    let data = &frozen_data(estimates, &positions, clock, poles.relative_error)?;
     let centre = range.centre()[0];
     let nearest = (0..positions.len())
         .min_by(|&a, &b| {
@@ -120,7 +123,7 @@ fn attempt(
         .into());
     }
     let local = local_model(Continuous, &middle, &modes, &LocalSettings::new().check()?)?;
-    let mut reasons = Vec::new();
+    let mut reasons = moves.reasons.clone();
     // The gain of the rigid body comes from the middle position; the others know it better together.
     let mut settings = GrowSettings::new().seed(config.seed).gain(GainFit::Free);
     if data.unit() == ResidualUnit::StandardDeviation {
@@ -155,7 +158,7 @@ fn attempt(
         if best.reached { "" } else { "; the noise is not reached" }
     ));
     if !best.reached {
-        // What follows would be said of a model that is not taken.
+        // Coordinates for moves would be those of a model that misses its own data.
         return Ok(SmallStage {
             lfr: best.refined.candidate.to_lfr()?,
             sizes,
@@ -167,8 +170,9 @@ fn attempt(
     }
     let (mut fit, mut moving) = (best.refined, None);
     let enough = settings.get().target;
-    match (moves, &local.gamma) {
-        (Some(moves), Some(_)) => match standing(&fit, &few, moves, config.seed) {
+    let slow = slow(&modes, &range, clock);
+    match (&moves.data, &local.gamma) {
+        (Ok(moves), Some(_)) => match standing(&fit, &few, moves, config.seed) {
             Ok(Some(found)) => {
                 let account = MovingStage::new(&found);
                 reasons.push(format!(
@@ -185,27 +189,24 @@ fn attempt(
                 let whole = refine(&found.candidate, data, &as_it_is)?;
                 if enough.is_none_or(|enough| whole.account.rms <= enough) {
                     if account.over_noise[2] > MISSED * account.over_noise[1].max(1.0) {
-                        reasons.push(format!("warning: moving records are not explained to their noise; {}", slow(&modes, &range, clock)));
+                        reasons.push(format!("warning: moving records are not explained to their noise; {slow}"));
                     }
                     fit = whole;
                     moving = Some(account);
                 } else {
                     reasons.push(format!(
-                        "its frozen responses miss their noise ({:.3} times it), so the frozen model is taken; {}",
-                        whole.account.rms,
-                        slow(&modes, &range, clock)
+                        "its frozen responses miss their noise ({:.3} times it), so the frozen model is taken; {slow}",
+                        whole.account.rms
                     ));
                 }
             }
             Ok(None) => reasons.push(
-                format!("moving records: no LFR of the mechanical structure explains the responses and the records; {}", slow(&modes, &range, clock)),
+                format!("moving records: no LFR of the mechanical structure explains the responses and the records; {slow}"),
             ),
-            Err(refused) => reasons.push(format!("moving records: {refused}; {}", slow(&modes, &range, clock))),
+            Err(refused) => reasons.push(format!("moving records: {refused}; {slow}")),
         },
-        _ => reasons.push(format!(
-            "no records along a moving p with a [controller] and a noise level, or no rigid body: {}",
-            slow(&modes, &range, clock)
-        )),
+        (Err(why), _) => reasons.push(format!("moving records: none, {why}; {slow}")),
+        (Ok(_), None) => reasons.push(format!("moving records: not used, the machine has no rigid body; {slow}")),
     }
     if moving.is_none() {
         // All lines once more, where few were enough to come near.
@@ -242,6 +243,25 @@ fn standing(
     stand_still(fit, few, moves, &settings.check()?)
 }
 
+impl SmallStage {
+    /// Response behind the hold at a constant position.
+    ///
+    /// # Errors
+    /// A position outside the range.
+    pub fn response(
+        &self,
+        position: f64,
+        frequencies_hz: &[f64],
+        clock: Discrete,
+    ) -> Result<Frf, PipelineError> {
+        Ok(self
+            .lfr
+            .frozen(&[position])?
+            .zero_order_hold(clock)?
+            .frequency_response(frequencies_hz)?)
+    }
+}
+
 impl MovingStage {
     fn new(found: &Standing) -> Self {
         Self {
@@ -251,66 +271,6 @@ impl MovingStage {
         }
     }
 }
-
-/// What the positions support between them.
-fn between(
-    candidate: &Candidate<Continuous>,
-    data: &FrozenData,
-    reasons: &mut Vec<String>,
-) -> Result<(), RealizeError> {
-    let found = bound_between(candidate, data, &BoundSettings::new().check()?)?;
-    let positions: Vec<f64> = data.scheduling().map(|p| p[0]).collect();
-    let worst = found
-        .intervals
-        .iter()
-        .filter(|i| i.bound.is_finite())
-        .max_by(|a, b| a.bound.total_cmp(&b.bound));
-    if let Some(worst) = worst {
-        reasons.push(format!(
-            "between positions: models fitted to half of them differ from this one by at most {:.1} dB at every p (bounded, the largest between {:.5} and {:.5})",
-            20.0 * worst.bound.log10(),
-            worst.from[0],
-            worst.to[0]
-        ));
-    }
-    let ends = |interval: usize| {
-        let at = &found.intervals[interval];
-        format!("between {:.5} and {:.5}", at.from[0], at.to[0])
-    };
-    let mut coarse: Option<(f64, String)> = None;
-    for warning in &found.warnings {
-        match warning {
-            // Where models of half the positions agree, modes may move by more than their width.
-            BetweenWarning::Coarse { interval, .. } if found.intervals[*interval].bound < AGREE => {}
-            BetweenWarning::Coarse {
-                interval,
-                frequency_hz,
-                shift,
-            } => {
-                if coarse.as_ref().is_none_or(|(most, _)| shift > most) {
-                    let place = ends(*interval);
-                    coarse = Some((*shift, format!("warning: modes shift by more than their half-width from one position to the next, most the one at {frequency_hz:.3}, by {shift:.1} half-widths {place}; measure between them")));
-                }
-            }
-            BetweenWarning::NotPredicted {
-                position,
-                left_out,
-                fitted,
-            } => reasons.push(format!(
-                "warning: without position {:.5} a model misses it by {left_out:.3}, against {fitted:.3} with it; what it says between positions is not supported there",
-                positions[*position]
-            )),
-            BetweenWarning::Unbounded { interval } => {
-                reasons.push(format!("warning: no bound {}", ends(*interval)));
-            }
-        }
-    }
-    reasons.extend(coarse.map(|(_, warning)| warning));
-    Ok(())
-}
-
-/// Models of half the positions that differ by less than this part of the response agree.
-const AGREE: f64 = 0.1;
 
 /// What a model in the coordinates of frozen responses is good for. A basis that turns by about its own size over half the
 /// range adds `(dp/dt) / half-width` to the state matrix; that should be small against the decay of the modes.
@@ -358,11 +318,12 @@ fn expected_residual(estimates: &[FrfEstimate]) -> f64 {
     crate::signal::median(&factors)
 }
 
-/// Weighted by the covariance; by the size of the responses where they have no noise.
+/// Weighted by the covariance, and by the part of the response that noise does not explain; by the size of the responses where they have no noise.
 fn frozen_data(
     estimates: &[FrfEstimate],
     positions: &[f64],
     clock: Discrete,
+    relative_error: f64,
 ) -> Result<FrozenData, RealizeError> {
     let at = |i: usize| vec![positions[i]];
     let weighted: Vec<_> = estimates
@@ -370,7 +331,7 @@ fn frozen_data(
         .enumerate()
         .map(|(i, e)| (at(i), e.clone()))
         .collect();
-    match FrozenData::weighted(clock, &weighted, 0.0) {
+    match FrozenData::weighted(clock, &weighted, relative_error) {
         Err(RealizeError::Line { .. }) => {
             let plain: Vec<_> = estimates
                 .iter()

@@ -12,9 +12,8 @@ use rayon::prelude::*;
 const PART: f64 = 0.1;
 
 impl<K: Sampling> Problem<'_, K> {
-    /// `J^T r''`, r'' the second derivative of the residuals along `direction`, by central differences. `linear`: the linearisation
-    /// at `theta`. None where a
-    /// response does not exist on the way.
+    /// `J^T r''`, r'' the second derivative of the residuals along `direction`, by central differences. `linear`: the
+    /// linearisation at `theta`. None where a response does not exist on the way.
     pub(crate) fn curvature(
         &self,
         theta: &DVector<f64>,

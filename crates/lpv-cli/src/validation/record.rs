@@ -15,6 +15,9 @@ use lpv_core::{Purpose, Record};
 /// A mean this many times the deviation is what the error consists of.
 const CONSTANT: f64 = 5.0;
 
+/// A one-step error this many times the closed-loop one comes from a prediction that does not hold on to the record.
+const LOST: f64 = 3.0;
+
 /// The check of a record, and the simulations behind it.
 pub(super) struct Along {
     pub(super) check: RecordCheck,
@@ -80,7 +83,7 @@ impl Context<'_> {
             let y = &record.outputs.columns[i];
             (from..record.len()).map(|k| y[k] - simulated[(i, k)]).collect()
         };
-        let outputs = (0..record.outputs.channels())
+        let outputs: Vec<OutputCheck> = (0..record.outputs.channels())
             .map(|i| {
                 let y = &record.outputs.columns[i][from..];
                 let figure = |error: &[f64]| ErrorFigure::new(y, error, self.noise.map(|n| n[i]));
@@ -93,6 +96,16 @@ impl Context<'_> {
                 }
             })
             .collect();
+        let lost = outputs.iter().any(|o| match (&o.one_step, &o.closed_loop) {
+            (Some(one), Some(closed)) => one.rms > LOST * closed.rms,
+            _ => false,
+        });
+        if lost {
+            notes.push(format!(
+                "record {}: its one-step and open-loop errors are larger than the closed-loop one, since errors grow along it where no controller holds the machine; the closed loop is the one to judge by",
+                record.name
+            ));
+        }
         if self.machine.offsets().is_none() {
             for (i, name) in record.outputs.names.iter().enumerate() {
                 let error = difference(closed.as_ref().map_or(&open.outputs, |run| &run.outputs), i);

@@ -1,7 +1,7 @@
 //! The turning that records ask for.
 
 use super::{Frozen, Turned, Turning, freeze};
-use crate::dense::triangle_of;
+use crate::dense::triangle_beside;
 use crate::moving::along::{rows, stacked};
 use crate::moving::data::MovingData;
 use crate::moving::flow::Want;
@@ -113,10 +113,7 @@ impl Factored {
     fn new(whole: &TurningObjective<'_>, theta: &DVector<f64>) -> Result<Self, RealizeError> {
         let linear = whole.linearise(theta).ok_or_else(|| whole.no_start())?;
         let size = theta.len();
-        let mut both = DMatrix::zeros(linear.jacobian.nrows(), size + 1);
-        both.columns_mut(0, size).copy_from(&linear.jacobian);
-        both.column_mut(size).copy_from(&linear.residual);
-        let factor = triangle_of(size + 1, std::iter::once(&both));
+        let factor = triangle_beside(&linear.jacobian, &linear.residual);
         let step = factor
             .view((0, 0), (size, size))
             .solve_upper_triangular(&factor.view((0, size), (size, 1)).column(0))

@@ -1,0 +1,64 @@
+//! What a small LFR says between the measured positions.
+
+use lfr_realize::{BetweenWarning, BoundSettings, Candidate, FrozenData, RealizeError, bound_between};
+use lpv_core::Continuous;
+
+/// What the positions support between them.
+pub(super) fn between(
+    candidate: &Candidate<Continuous>,
+    data: &FrozenData,
+    reasons: &mut Vec<String>,
+) -> Result<(), RealizeError> {
+    let found = bound_between(candidate, data, &BoundSettings::new().check()?)?;
+    let positions: Vec<f64> = data.scheduling().map(|p| p[0]).collect();
+    let worst = found
+        .intervals
+        .iter()
+        .filter(|i| i.bound.is_finite())
+        .max_by(|a, b| a.bound.total_cmp(&b.bound));
+    if let Some(worst) = worst {
+        reasons.push(format!(
+            "between positions: models fitted to half of them differ from this one by at most {:.1} dB at every p (bounded, the largest between {:.5} and {:.5})",
+            20.0 * worst.bound.log10(),
+            worst.from[0],
+            worst.to[0]
+        ));
+    }
+    let ends = |interval: usize| {
+        let at = &found.intervals[interval];
+        format!("between {:.5} and {:.5}", at.from[0], at.to[0])
+    };
+    let mut coarse: Option<(f64, String)> = None;
+    for warning in &found.warnings {
+        match warning {
+            // Where models of half the positions agree, modes may move by more than their width.
+            BetweenWarning::Coarse { interval, .. } if found.intervals[*interval].bound < AGREE => {}
+            BetweenWarning::Coarse {
+                interval,
+                frequency_hz,
+                shift,
+            } => {
+                if coarse.as_ref().is_none_or(|(most, _)| shift > most) {
+                    let place = ends(*interval);
+                    coarse = Some((*shift, format!("warning: modes shift by more than their half-width from one position to the next, most the one at {frequency_hz:.3}, by {shift:.1} half-widths {place}; measure between them")));
+                }
+            }
+            BetweenWarning::NotPredicted {
+                position,
+                left_out,
+                fitted,
+            } => reasons.push(format!(
+                "warning: without position {:.5} a model misses it by {left_out:.3}, against {fitted:.3} with it; what it says between positions is not supported there",
+                positions[*position]
+            )),
+            BetweenWarning::Unbounded { interval } => {
+                reasons.push(format!("warning: no bound {}", ends(*interval)));
+            }
+        }
+    }
+    reasons.extend(coarse.map(|(_, warning)| warning));
+    Ok(())
+}
+
+/// Models of half the positions that differ by less than this part of the response agree.
+const AGREE: f64 = 0.1;

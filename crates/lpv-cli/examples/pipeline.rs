@@ -27,7 +27,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         functions: Some(8),
         ..IdentifyConfig::default()
     };
-    let identified = identify(&estimates, clock, None, &config)?;
+    let identified = identify(
+        &estimates,
+        clock,
+        &lpv_cli::Moves::none("none were measured"),
+        &config,
+    )?;
     for reason in identified.reasons() {
         println!("- {reason}");
     }

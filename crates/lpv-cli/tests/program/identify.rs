@@ -273,3 +273,27 @@ fn two_mass_bench_shows_its_resonance() {
     let rms = &summary["relative_rms_percent"];
     assert!(number(rms, "/0") < 9.97 && number(rms, "/1") < 8.98, "{rms}");
 }
+
+#[test]
+fn friction_in_the_grid_is_told_and_not_fatal() {
+    let Some(folder) = shared("machine-friction") else {
+        return;
+    };
+    let desk = Desk::new();
+    let words: [&OsStr; 5] = [
+        "identify".as_ref(),
+        folder.as_ref(),
+        "-o".as_ref(),
+        "model.json".as_ref(),
+        "--json".as_ref(),
+    ];
+    let out = desk.program(&words).output().unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&stdout_of("identify", &out)).unwrap();
+    let reasons = summary["reasons"].to_string();
+    assert!(reasons.contains("outside the unit circle"), "{reasons}");
+    assert!(reasons.contains("relative error"), "{reasons}");
+    assert!(
+        reasons.contains("median error against the measured responses"),
+        "{reasons}"
+    );
+}

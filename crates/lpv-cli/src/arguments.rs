@@ -34,6 +34,9 @@ pub(crate) enum Command {
     /// Compare a model with the records that a bundle holds out.
     #[command(after_help = "Example:\n  lpv validate result/model.json measurements")]
     Validate(Validate),
+    /// Find the effect behind what a model gets wrong on the moves of a bundle.
+    #[command(after_help = "Example:\n  lpv diagnose measurements -o diagnosis")]
+    Diagnose(Diagnose),
     /// Write a model for MATLAB, Python or a spreadsheet, or read it back.
     #[command(after_help = "Example:\n  lpv convert result/model.json --to mat -o result/model.mat")]
     Convert(Convert),
@@ -98,6 +101,18 @@ pub(crate) struct Inspect {
     #[arg(long, conflicts_with = "json")]
     pub(crate) lines: bool,
     /// Print everything as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Args)]
+pub(crate) struct Diagnose {
+    /// The bundle: a folder with an experiment.toml, or that file.
+    pub(crate) bundle: PathBuf,
+    /// The folder for diagnosis.json and diagnosis.html.
+    #[arg(short, long, value_name = "FOLDER")]
+    pub(crate) output: PathBuf,
+    /// Print the diagnosis as JSON.
     #[arg(long)]
     pub(crate) json: bool,
 }

@@ -42,6 +42,9 @@ pub enum PipelineError {
     /// The fit in the time domain failed.
     #[error(transparent)]
     Lti(#[from] lti_ident::LtiIdentError),
+    /// The diagnosis failed.
+    #[error(transparent)]
+    Trace(#[from] residual_trace::TraceError),
     /// The simulated machine refuses its settings.
     #[error(transparent)]
     Plant(#[from] xytable_plant::PlantError),

@@ -1,8 +1,8 @@
 //! The commands: arguments to library calls, results to text.
 
 use crate::arguments::{
-    Arguments, Command, Convert, Format, Identify, Inspect, New, Report, Simulate, StructureName, TargetName,
-    Validate,
+    Arguments, Command, Convert, Diagnose, Format, Identify, Inspect, New, Report, Simulate, StructureName,
+    TargetName, Validate,
 };
 use clap::CommandFactory;
 use experiment_data::{Bundle, RecordFormat};
@@ -10,8 +10,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use lpv_cli::convert::Target;
 use lpv_cli::validation::{Scope, validate};
 use lpv_cli::{
-    IdentifyConfig, ModelFile, PipelineError, Structure, convert, identify_bundle, inspect, new, report,
-    simulate, write_whole,
+    IdentifyConfig, ModelFile, PipelineError, Structure, convert, diagnose, identify_bundle, inspect, new,
+    report, simulate, write_whole,
 };
 use serde::Serialize;
 use std::sync::Mutex;
@@ -24,6 +24,7 @@ pub(crate) fn run(command: Command) -> Result<String, PipelineError> {
         Command::Simulate(a) => run_simulate(&a),
         Command::Identify(a) => run_identify(&a),
         Command::Validate(a) => run_validate(&a),
+        Command::Diagnose(a) => run_diagnose(&a),
         Command::Convert(a) => run_convert(&a),
         Command::Report(a) => run_report(&a),
         Command::Schema => Ok(experiment_data::schema()),
@@ -195,6 +196,26 @@ fn run_validate(a: &Validate) -> Result<String, PipelineError> {
     let scope = if a.all { Scope::All } else { Scope::HeldOut };
     let (found, _) = validate(&model, &bundle, scope, &|s, d, o| bars.tell(s, d, o))?;
     told(a.json, &found, || found.text())
+}
+
+fn run_diagnose(a: &Diagnose) -> Result<String, PipelineError> {
+    let bars = Bars::new();
+    let bundle = Bundle::open(&a.bundle)?;
+    let found = diagnose::diagnose(&bundle, &|s, d, o| bars.tell(s, d, o))?;
+    drop(bars);
+    std::fs::create_dir_all(&a.output).map_err(|source| PipelineError::Write {
+        file: a.output.clone(),
+        source,
+    })?;
+    let json = serde_json::to_string_pretty(&found.diagnosis)?;
+    write_whole(&a.output.join("diagnosis.json"), json.as_bytes())?;
+    write_whole(
+        &a.output.join("diagnosis.html"),
+        found.page().to_html()?.as_bytes(),
+    )?;
+    told(a.json, &found.diagnosis, || {
+        format!("{}\nwritten to {}", found.diagnosis.text(), a.output.display())
+    })
 }
 
 fn run_convert(a: &Convert) -> Result<String, PipelineError> {

@@ -5,6 +5,7 @@
 
 mod bad_input;
 mod convert;
+mod diagnose;
 mod help;
 mod identify;
 mod identify_time;

@@ -1,0 +1,218 @@
+//! What a base model lacks, found on the moves of a bundle, and told as `diagnosis.json`.
+
+mod account;
+mod page;
+
+pub use account::{Characterisation, Diagnosis, Errors, Evidence, FoundEffect, OutputError, Tested, Value};
+
+use crate::PipelineError;
+use crate::config::IdentifyConfig;
+use crate::poles::fit_poles;
+use crate::progress::Progress;
+use crate::responses::{estimate_bundle, load_records, rests};
+use experiment_data::Bundle;
+use lpv_core::{Discrete, Purpose, Record, RecordKind};
+use lti_ident::Segment;
+use residual_trace::{Axis, Base, Case, FrozenFit, Track, fit_table, sensor_noise, trace};
+use std::f64::consts::{FRAC_1_SQRT_2, TAU};
+
+/// A diagnosis with what its page shows.
+#[derive(Debug, Clone)]
+pub struct Diagnosed {
+    /// The diagnosis.
+    pub diagnosis: Diagnosis,
+    outputs: Vec<String>,
+    tracks: Vec<Track>,
+    errors: [Vec<Vec<[f64; 2]>>; 2],
+}
+
+/// Finds the effects that a first-principles model of the bundle's machine lacks: an xy-table where the bundle has the
+/// [geometry] of one, servo axes without scheduling.
+///
+/// # Errors
+/// A bundle without moves, controller or a base model; whatever is wrong with its records.
+pub fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagnosed, PipelineError> {
+    let description = bundle.description();
+    let clock = bundle.clock()?;
+    let Some(controller) = &description.controller else {
+        return Err(PipelineError::Structure {
+            problem: "a diagnosis simulates the closed loop: give the bundle its [controller] and [channels.reference]",
+        });
+    };
+    let transient = |i: usize| description.records[i].record_kind() == RecordKind::Transient;
+    let records = load_records(bundle, transient, progress)?;
+    let mut reasons = Vec::new();
+    let (base, prior) = match &description.geometry {
+        Some(geometry) => {
+            let fit = table(bundle, geometry, clock, &mut reasons, progress)?;
+            (fit.base, Some(fit.prior))
+        }
+        None => (axis(bundle, &records, clock)?, None),
+    };
+    let substeps = match &base {
+        Base::XyTable(_) => 6,
+        Base::Axis(_) => 2,
+    };
+    let (fitted, judged) = split(records, &mut reasons)?;
+    let tracks = |records: &[Record]| -> Result<Vec<Track>, PipelineError> {
+        Ok(records
+            .iter()
+            .map(|r| Track::new(r, clock.sample_time(), substeps))
+            .collect::<Result<Vec<_>, _>>()?)
+    };
+    let rough = roughness(&fitted);
+    let (fitted, judged) = (tracks(&fitted)?, tracks(&judged)?);
+    let start = controller.start()?;
+    let noise = match unrepeated(bundle, progress)? {
+        left if left.is_empty() => {
+            reasons.push(
+                "no periodic records: the noise of a sample is taken from the third differences of the outputs".to_owned(),
+            );
+            rough
+        }
+        left => sensor_noise(&base, &start, &fitted[0], &left)?,
+    };
+    progress("competition of effects", 0, 1);
+    let found = trace(&Case {
+        base: &base,
+        prior: prior.as_ref(),
+        controller: &start,
+        noise,
+        fitted: &fitted,
+        judged: &judged,
+    })?;
+    progress("competition of effects", 1, 1);
+    Ok(Diagnosed {
+        diagnosis: Diagnosis::new(bundle, &found, &judged, reasons),
+        outputs: description.channels.output.columns.clone(),
+        tracks: judged,
+        errors: found.errors,
+    })
+}
+
+/// What does not repeat from one period to the next, at one position: differences over the root of two.
+fn unrepeated(bundle: &Bundle, progress: Progress<'_>) -> Result<Vec<Vec<[f64; 2]>>, PipelineError> {
+    /// Records that are enough.
+    const RECORDS: usize = 4;
+    /// Periods in which a transient may still be.
+    const FIRST: usize = 2;
+    let entries = &bundle.description().records;
+    let periodic: Vec<usize> = (0..entries.len())
+        .filter(|i| matches!(entries[*i].record_kind(), RecordKind::Periodic { .. }))
+        .collect();
+    let from = (periodic.len() / 2).saturating_sub(RECORDS / 2);
+    let chosen: Vec<usize> = periodic.into_iter().skip(from).take(RECORDS).collect();
+    let records = load_records(bundle, |i| chosen.contains(&i), progress)?;
+    let differences = |r: &Record| -> Option<Vec<[f64; 2]>> {
+        let RecordKind::Periodic { period } = r.kind else {
+            return None;
+        };
+        let y = &r.outputs.columns;
+        let last = r.len().checked_sub(period)?;
+        let one = |k: usize, i: usize| y.get(i).map_or(0.0, |y| (y[k + period] - y[k]) * FRAC_1_SQRT_2);
+        Some((FIRST * period..last).map(|k| [one(k, 0), one(k, 1)]).collect())
+    };
+    Ok(records
+        .iter()
+        .filter_map(differences)
+        .filter(|d| !d.is_empty())
+        .collect())
+}
+
+/// The xy-table.
+fn table(
+    bundle: &Bundle,
+    geometry: &experiment_data::Geometry,
+    clock: Discrete,
+    reasons: &mut Vec<String>,
+    progress: Progress<'_>,
+) -> Result<FrozenFit, PipelineError> {
+    /// Poles with more damping belong to no mode.
+    const MOST_DAMPING: f64 = 0.5;
+    let config = IdentifyConfig::default();
+    let responses = estimate_bundle(bundle, config.skip_periods, progress)?;
+    let poles = fit_poles(&responses.estimates, clock, &config)?;
+    let middle = &poles.fits[poles.fits.len() / 2];
+    let modes: Vec<f64> = middle
+        .flexible_poles()
+        .iter()
+        .filter(|z| z.im > 0.0)
+        .map(|z| z.ln())
+        .filter(|s| s.re.abs() <= MOST_DAMPING * s.norm())
+        .map(|s| s.norm() / clock.sample_time() / TAU)
+        .collect();
+    progress("first-principles model", 0, 1);
+    let fit = fit_table(geometry, &responses.estimates, clock, &modes)?;
+    progress("first-principles model", 1, 1);
+    reasons.push(format!(
+        "first-principles model from the responses at {} positions, residual {:.2} times what its weights say; modes of the translation and the rotation near {}",
+        responses.estimates.len(),
+        fit.misfit.sqrt(),
+        modes.iter().map(|f| format!("{f:.4}")).collect::<Vec<_>>().join(", ")
+    ));
+    Ok(fit)
+}
+
+fn axis(bundle: &Bundle, records: &[Record], clock: Discrete) -> Result<Base, PipelineError> {
+    let channels = &bundle.description().channels;
+    if channels.input.len() != 1 || channels.output.len() != 1 || !channels.scheduling.is_empty() {
+        return Err(PipelineError::Structure {
+            problem: "a diagnosis has two base models: the xy-table, which needs [geometry], and one servo axis without scheduling",
+        });
+    }
+    let segments: Vec<Segment<'_>> = records
+        .iter()
+        .filter(|r| r.purpose == Purpose::Estimation)
+        .map(Segment::whole)
+        .collect();
+    let settings = lti_ident::rigid_body::RigidBodySettings::new().check()?;
+    let found = lti_ident::rigid_body::identify(&segments, clock, &settings)?;
+    let axis = found.model.axes()[0];
+    Ok(Base::Axis(Axis::new(axis.inertia, axis.viscous, axis.offset)))
+}
+
+/// Deviation of white noise with these third differences.
+fn roughness(records: &[Record]) -> [f64; 2] {
+    std::array::from_fn(|i| {
+        let (mut sum, mut count) = (0.0, 0);
+        for y in records.iter().filter_map(|r| r.outputs.columns.get(i)) {
+            for w in y.windows(4) {
+                sum += (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).powi(2);
+                count += 1;
+            }
+        }
+        (sum / f64::from(20 * count.max(1))).sqrt()
+    })
+}
+
+/// Records to fit and to judge by; where none is held out, the last ones.
+fn split(
+    records: Vec<Record>,
+    reasons: &mut Vec<String>,
+) -> Result<(Vec<Record>, Vec<Record>), PipelineError> {
+    let moves = |r: &Record| {
+        r.references
+            .columns
+            .iter()
+            .chain(&r.injection.columns)
+            .any(|c| !rests(c))
+    };
+    let (mut fitted, mut judged): (Vec<Record>, Vec<Record>) = records
+        .into_iter()
+        .filter(moves)
+        .partition(|r| r.purpose == Purpose::Estimation);
+    if judged.is_empty() && fitted.len() > 1 {
+        let kept = fitted.len() - fitted.len().div_ceil(3);
+        judged = fitted.split_off(kept);
+        reasons.push(format!(
+            "no record has use = \"validation\": the last {} of those for estimation judge",
+            judged.len()
+        ));
+    }
+    if fitted.is_empty() || judged.is_empty() {
+        return Err(PipelineError::Structure {
+            problem: "a diagnosis needs records along moves: at least one to fit and one with use = \"validation\" to judge by",
+        });
+    }
+    Ok((fitted, judged))
+}

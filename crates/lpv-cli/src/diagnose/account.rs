@@ -1,0 +1,298 @@
+//! `diagnosis.json` and its words.
+
+use experiment_data::Bundle;
+use residual_trace::effect::Family;
+use residual_trace::{Added, Character, Judged, Trace, Track, Verdict, characterise};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// `diagnosis.json`, format 1.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Diagnosis {
+    /// 1.
+    pub format: u32,
+    /// Name of the bundle.
+    pub bundle: String,
+    /// The model that effects were added to, in words.
+    pub base_model: String,
+    /// `explained`, `partly-explained`, `unexplained`, `nothing-missing`.
+    pub verdict: &'static str,
+    /// What was added, in order.
+    pub effects: Vec<FoundEffect>,
+    /// Deviation of the noise of one sample as it leaves the loop, by output.
+    pub noise_floor: BTreeMap<String, f64>,
+    /// Errors on the judged records without effects.
+    pub before: Errors,
+    /// The same with them.
+    pub after: Errors,
+    /// Every effect that was tried.
+    pub candidates: Vec<Tested>,
+    /// What the error looks like where it is not explained.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub characterisation: Option<Characterisation>,
+    /// Parameters of the base model, refitted with the effects.
+    pub base_parameters: BTreeMap<String, Value>,
+    /// The choices in words.
+    pub reasons: Vec<String>,
+}
+
+/// An effect that was added.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FoundEffect {
+    /// Name in the catalogue.
+    pub effect: &'static str,
+    /// Its family.
+    pub family: &'static str,
+    /// Channel at which it acts.
+    pub channel: String,
+    /// Its parameters.
+    pub parameters: BTreeMap<&'static str, Value>,
+    /// Why it was added.
+    pub evidence: Evidence,
+}
+
+/// A parameter.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Value {
+    /// Value.
+    pub value: f64,
+    /// Standard deviation; none where it was not estimated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub std: Option<f64>,
+    /// Unit.
+    pub unit: String,
+}
+
+/// Why an effect was added.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Evidence {
+    /// Fall of the squared error on the judged records when it was added.
+    pub held_out_gain_db: f64,
+    /// Probability of such a fall on the fitted records by chance.
+    pub p_value: f64,
+    /// The next best effect.
+    pub runner_up: Option<&'static str>,
+    /// By how much that one is worse on the judged records.
+    pub runner_up_margin_db: Option<f64>,
+}
+
+/// Errors on records.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Errors {
+    /// By output.
+    pub validation: BTreeMap<String, OutputError>,
+}
+
+/// Error of one output.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct OutputError {
+    /// Root mean square, simulated in closed loop.
+    pub rms: f64,
+    /// The same over the noise as it leaves the loop.
+    pub over_noise: f64,
+    /// Root mean square one step ahead.
+    pub rms_one_step: f64,
+}
+
+/// How one effect did.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Tested {
+    /// Name in the catalogue.
+    pub effect: &'static str,
+    /// Channel at which it acts.
+    pub channel: String,
+    /// Fall of the squared error on the judged records.
+    pub held_out_gain_db: f64,
+    /// Whether it was added.
+    pub accepted: bool,
+}
+
+/// What an error looks like.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Characterisation {
+    /// Output with the largest error over its noise.
+    pub channel: String,
+    /// Band with the middle eighty percent of its energy, cycles per unit of time.
+    pub band_hz: [f64; 2],
+    /// Correlation of the error with signals, the largest first.
+    pub correlations: Vec<(&'static str, f64)>,
+}
+
+impl Diagnosis {
+    pub(super) fn new(bundle: &Bundle, found: &Trace, judged: &[Track], reasons: Vec<String>) -> Self {
+        let channels = &bundle.description().channels;
+        let outputs = &channels.output.columns;
+        let channel = |family: Family, index: usize| {
+            let names = match family {
+                Family::Sensor => outputs,
+                _ => &channels.input.columns,
+            };
+            names.get(index).cloned().unwrap_or_default()
+        };
+        let errors = |judged: &Judged| Errors {
+            validation: outputs
+                .iter()
+                .enumerate()
+                .map(|(i, name)| {
+                    let error = OutputError {
+                        rms: judged.closed_loop[i],
+                        over_noise: judged.closed_loop[i] / found.noise[i],
+                        rms_one_step: judged.one_step[i] * found.noise[i],
+                    };
+                    (name.clone(), error)
+                })
+                .collect(),
+        };
+        let unit = |template: &str| units(template, bundle);
+        let effect = |a: &Added| FoundEffect {
+            effect: a.effect.name,
+            family: a.effect.family.name(),
+            channel: channel(a.effect.family, a.effect.channel),
+            parameters: a
+                .effect
+                .parameters
+                .iter()
+                .zip(&a.values)
+                .map(|(p, (value, std))| {
+                    let value = Value {
+                        value: *value,
+                        std: std.is_finite().then_some(*std),
+                        unit: unit(p.unit),
+                    };
+                    (p.name, value)
+                })
+                .collect(),
+            evidence: Evidence {
+                held_out_gain_db: a.gain_db,
+                p_value: a.p_value,
+                runner_up: a.runner_up.map(|(e, _)| e.name),
+                runner_up_margin_db: a.runner_up.map(|(_, margin)| margin),
+            },
+        };
+        let character = |c: Character| Characterisation {
+            channel: outputs[c.output].clone(),
+            band_hz: c.band_hz,
+            correlations: c.correlations,
+        };
+        let noise: Vec<(String, f64)> = outputs.iter().cloned().zip(found.noise).collect();
+        Self {
+            format: 1,
+            bundle: bundle.description().name.clone(),
+            base_model: found.model.base.name().to_owned(),
+            verdict: found.verdict.name(),
+            effects: found.added.iter().map(effect).collect(),
+            noise_floor: noise.into_iter().collect(),
+            before: errors(&found.before),
+            after: errors(&found.after),
+            candidates: found
+                .candidates
+                .iter()
+                .map(|t| Tested {
+                    effect: t.effect.name,
+                    channel: channel(t.effect.family, t.effect.channel),
+                    held_out_gain_db: t.gain_db,
+                    accepted: t.accepted,
+                })
+                .collect(),
+            characterisation: match found.verdict {
+                Verdict::Unexplained | Verdict::PartlyExplained => {
+                    characterise(&found.errors[1], judged, found.noise).map(character)
+                }
+                Verdict::Explained | Verdict::NothingMissing => None,
+            },
+            base_parameters: found
+                .model
+                .base
+                .parameters()
+                .into_iter()
+                .map(|p| {
+                    let value = Value {
+                        value: p.value,
+                        std: None,
+                        unit: p.unit.to_owned(),
+                    };
+                    (p.name.to_owned(), value)
+                })
+                .collect(),
+            reasons,
+        }
+    }
+
+    /// In words.
+    pub fn text(&self) -> String {
+        let mut lines = vec![format!("{}: {}", self.bundle, self.verdict)];
+        for e in &self.effects {
+            let values: Vec<String> = e
+                .parameters
+                .iter()
+                .map(|(name, v)| {
+                    let std = v.std.map_or(String::new(), |s| format!(" ({s:.1e})"));
+                    format!("{name} {:.5e}{std} {}", v.value, v.unit)
+                })
+                .collect();
+            let rival = match (e.evidence.runner_up, e.evidence.runner_up_margin_db) {
+                (Some(name), Some(margin)) => format!(", {margin:.1} dB before {name}"),
+                _ => String::new(),
+            };
+            lines.push(format!(
+                "{} at {}: {:.1} dB on held-out records{rival}; {}",
+                e.effect,
+                e.channel,
+                e.evidence.held_out_gain_db,
+                values.join(", ")
+            ));
+        }
+        for (name, before) in &self.before.validation {
+            let after = &self.after.validation[name];
+            lines.push(format!(
+                "{name}: {:.3e} before ({:.2} times the noise), {:.3e} after ({:.2})",
+                before.rms, before.over_noise, after.rms, after.over_noise
+            ));
+        }
+        if let Some(c) = &self.characterisation {
+            let with: Vec<String> = c
+                .correlations
+                .iter()
+                .take(3)
+                .map(|(name, r)| format!("{name} {r:.2}"))
+                .collect();
+            lines.push(format!(
+                "what is left is in {} between {:.3} and {:.3} cycles per unit of time; correlation with {}",
+                c.channel,
+                c.band_hz[0],
+                c.band_hz[1],
+                with.join(", ")
+            ));
+        }
+        lines.extend(self.reasons.iter().map(|r| format!("- {r}")));
+        lines.join("\n")
+    }
+}
+
+/// The unit of a parameter from a template in `u`, `y` and `y2`: the units of the first input and of the outputs.
+fn units(template: &str, bundle: &Bundle) -> String {
+    let channels = &bundle.description().channels;
+    let unit = |units: &[String], i: usize, name: &str| match units.get(i) {
+        Some(unit) if unit.contains(['/', ' ']) => format!("({unit})"),
+        Some(unit) if !unit.is_empty() => unit.clone(),
+        _ => name.to_owned(),
+    };
+    let word = |w: &str| match w {
+        "u" => unit(&channels.input.units, 0, "u"),
+        "y" => unit(&channels.output.units, 0, "y"),
+        "y2" => unit(&channels.output.units, 1, "y2"),
+        other => other.to_owned(),
+    };
+    let mut out = String::new();
+    let mut rest = template;
+    while let Some(end) = rest.find(['/', ' ', '^']) {
+        out.push_str(&word(&rest[..end]));
+        out.push_str(&rest[end..=end]);
+        rest = &rest[end + 1..];
+    }
+    out.push_str(&word(rest));
+    match out.strip_prefix('(').and_then(|o| o.strip_suffix(')')) {
+        Some(plain) if !plain.contains(['(', ')']) => plain.to_owned(),
+        _ => out,
+    }
+}

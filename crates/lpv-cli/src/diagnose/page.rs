@@ -1,0 +1,97 @@
+//! The page of a diagnosis.
+
+use super::{Diagnosed, OutputError};
+use lpv_report::{Axis, Cell, Figure, Format, Page, Panel, Section, Series, Table};
+
+impl Diagnosed {
+    /// What was found, the errors before and after, and every effect that was tried.
+    pub fn page(&self) -> Page {
+        let d = &self.diagnosis;
+        let mut page = Page::new(format!("Diagnosis of {}", d.bundle))
+            .fact("verdict", d.verdict)
+            .fact("base model", d.base_model.clone());
+        if !d.effects.is_empty() {
+            let mut table = Table::new(
+                "Effects that were added, in order. The gain is the fall of the squared error on held-out records.",
+                [
+                    "effect",
+                    "channel",
+                    "parameter",
+                    "value",
+                    "deviation",
+                    "unit",
+                    "gain, dB",
+                    "next best",
+                ],
+            );
+            for e in &d.effects {
+                for (name, v) in &e.parameters {
+                    table = table.row([
+                        Cell::text(e.effect),
+                        Cell::text(e.channel.clone()),
+                        Cell::text(*name),
+                        Cell::text(format!("{:.5e}", v.value)),
+                        Cell::text(v.std.map_or("-".to_owned(), |s| format!("{s:.1e}"))),
+                        Cell::text(v.unit.clone()),
+                        Cell::number(e.evidence.held_out_gain_db, Format::Fixed(1)),
+                        Cell::text(match (e.evidence.runner_up, e.evidence.runner_up_margin_db) {
+                            (Some(name), Some(margin)) => format!("{name}, {margin:.1} dB worse"),
+                            _ => "-".to_owned(),
+                        }),
+                    ]);
+                }
+            }
+            page = page.section(Section::new("What was missing").table(table));
+        }
+        let mut table = Table::new(
+            "Root mean square on held-out records, simulated in closed loop, in brackets over the noise as it leaves the loop.",
+            ["output", "before", "after"],
+        );
+        for (name, before) in &d.before.validation {
+            let after = &d.after.validation[name];
+            let cell = |e: &OutputError| Cell::text(format!("{:.3e} ({:.2})", e.rms, e.over_noise));
+            table = table.row([Cell::text(name.clone()), cell(before), cell(after)]);
+        }
+        page = page.section(
+            Section::new("Before and after")
+                .table(table)
+                .figure(self.in_time()),
+        );
+        let mut table = Table::new(
+            "Every effect of the catalogue that these data could show, as it did alone on held-out records.",
+            ["effect", "channel", "gain, dB", "added"],
+        );
+        for c in &d.candidates {
+            table = table.row([
+                Cell::text(c.effect),
+                Cell::text(c.channel.clone()),
+                Cell::number(c.held_out_gain_db, Format::Fixed(2)),
+                Cell::text(if c.accepted { "yes" } else { "" }),
+            ]);
+        }
+        page = page.section(Section::new("Candidates").table(table));
+        page.section(Section::new("How it was found").list(d.text().lines().map(str::to_owned)))
+    }
+
+    fn in_time(&self) -> Figure {
+        let mut figure = Figure::new("")
+            .columns(1)
+            .caption("Error in closed loop along the first held-out record.");
+        let Some(track) = self.tracks.first() else {
+            return figure;
+        };
+        for (i, name) in self.outputs.iter().enumerate() {
+            let mut panel = Panel::new(Axis::linear("Time"), Axis::linear("Error")).title(name.clone());
+            for (errors, label) in self.errors.iter().zip(["before", "after"]) {
+                let Some(record) = errors.first() else { continue };
+                let points = record
+                    .iter()
+                    .enumerate()
+                    .map(|(k, e)| (k as f64 * track.step, e[i]));
+                panel = panel.series(Series::line(points.collect()).label(label));
+            }
+            figure = figure.panel(panel);
+        }
+        figure
+    }
+}

@@ -1,0 +1,16 @@
+//! Prints the catalogue: name, family, what it is, and its parameters. `cargo run -p residual-trace --example catalogue`
+
+use residual_trace::catalogue::CATALOGUE;
+
+fn main() {
+    for effect in CATALOGUE {
+        let parameters: Vec<&str> = effect.parameters.iter().map(|p| p.name).collect();
+        println!(
+            "{:24} {:15} {} ({})",
+            effect.name,
+            effect.family.name(),
+            effect.meaning,
+            parameters.join(", ")
+        );
+    }
+}

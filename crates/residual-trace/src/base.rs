@@ -1,0 +1,205 @@
+//! Machines that effects are added to, from first principles.
+
+mod axis;
+mod xy_table;
+
+pub use axis::Axis;
+pub use xy_table::XyTable;
+
+use crate::TraceError;
+use nalgebra::DMatrix;
+
+/// Most states of a base model and its effects together.
+pub(crate) const MOST_STATES: usize = 16;
+
+/// A number for each motor, or for each channel; axes with one leave the second zero.
+pub type Pair = [f64; 2];
+
+/// A base model.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Base {
+    /// Carriage on a beam between two motors.
+    XyTable(XyTable),
+    /// One servo axis.
+    Axis(Axis),
+}
+
+/// One parameter of a base model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BaseParameter {
+    /// Name.
+    pub name: &'static str,
+    /// Unit; empty for a plain number.
+    pub unit: &'static str,
+    /// Value.
+    pub value: f64,
+    /// Whether it is positive, and fitted as a logarithm.
+    pub positive: bool,
+}
+
+/// Motion of the machine at one instant, where effects find it.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Motion {
+    /// Coordinates of the motors.
+    pub motor_position: Pair,
+    /// Their rates.
+    pub motor_speed: Pair,
+    /// Translation and rotation of the load.
+    pub load_position: Pair,
+    /// Their rates.
+    pub load_speed: Pair,
+    /// Deflection of the coupling between motor side and load, translation and rotation.
+    pub deflection: Pair,
+}
+
+/// Forces of one instant.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Forces {
+    /// Of the motors; effects of the drive replace what comes to them, friction adds to it.
+    pub motors: Pair,
+    /// Force and torque on the load.
+    pub load: Pair,
+    /// Force and torque of the coupling beside its own, positive where it pulls the load back.
+    pub coupling: Pair,
+}
+
+macro_rules! each {
+    ($base:expr, $b:ident => $what:expr) => {
+        match $base {
+            Base::XyTable($b) => $what,
+            Base::Axis($b) => $what,
+        }
+    };
+}
+
+impl Base {
+    /// Number of states.
+    pub fn states(&self) -> usize {
+        match self {
+            Self::XyTable(_) => 8,
+            Self::Axis(_) => 2,
+        }
+    }
+    /// Number of motors, inputs and outputs.
+    pub fn channels(&self) -> usize {
+        match self {
+            Self::XyTable(_) => 2,
+            Self::Axis(_) => 1,
+        }
+    }
+    /// What it is, in words.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::XyTable(_) => "xy-table from first principles",
+            Self::Axis(_) => "servo axis",
+        }
+    }
+    /// Its parameters.
+    pub fn parameters(&self) -> Vec<BaseParameter> {
+        each!(self, b => b.parameters())
+    }
+    /// The parameters as the fit sees them: logarithms of positive ones.
+    pub fn coordinates(&self) -> Vec<f64> {
+        let value = |p: &BaseParameter| if p.positive { p.value.ln() } else { p.value };
+        self.parameters().iter().map(value).collect()
+    }
+    /// The same machine with other parameters; missing coordinates stay.
+    #[must_use]
+    pub fn with_coordinates(&self, coordinates: &[f64]) -> Self {
+        let values: Vec<f64> = self
+            .parameters()
+            .iter()
+            .enumerate()
+            .map(|(i, p)| match coordinates.get(i) {
+                None => p.value,
+                Some(c) if p.positive => c.exp(),
+                Some(c) => *c,
+            })
+            .collect();
+        let mut other = self.clone();
+        match &mut other {
+            Self::XyTable(b) => b.set(&values),
+            Self::Axis(b) => b.set(&values),
+        }
+        other
+    }
+    /// Adds mass and inertia to the load.
+    pub(crate) fn load_more(&mut self, mass: f64, inertia: f64) {
+        match self {
+            Self::XyTable(b) => {
+                b.carriage_mass += mass;
+                b.carriage_inertia += inertia;
+            }
+            Self::Axis(b) => b.mass += mass,
+        }
+    }
+    pub(crate) fn coupling_stiffness(&self) -> Pair {
+        match self {
+            Self::XyTable(b) => b.stiffness,
+            Self::Axis(_) => [0.0; 2],
+        }
+    }
+    /// Mass that an input of one unit moves by one unit of acceleration.
+    pub fn moved_mass(&self) -> f64 {
+        match self {
+            Self::XyTable(b) => b.carriage_mass + b.beam_mass,
+            Self::Axis(b) => b.mass,
+        }
+    }
+    pub(crate) fn rest(&self, p: f64, outputs: Pair, x: &mut [f64]) {
+        each!(self, b => b.rest(p, outputs, x));
+    }
+    pub(crate) fn commanded(&self, p: f64, u: Pair) -> Pair {
+        each!(self, b => b.commanded(p, u))
+    }
+    pub(crate) fn motion(&self, x: &[f64], p: f64) -> Motion {
+        each!(self, b => b.motion(x, p))
+    }
+    pub(crate) fn rates(&self, x: &[f64], p: f64, forces: &Forces, rates: &mut [f64]) {
+        each!(self, b => b.rates(x, p, forces, rates));
+    }
+    pub(crate) fn outputs(&self, x: &[f64], p: f64) -> Pair {
+        each!(self, b => b.outputs(x, p))
+    }
+    /// Inputs that do what these motor forces do.
+    pub(crate) fn as_input(&self, p: f64, motors: Pair) -> Pair {
+        let unit = [self.commanded(p, [1.0, 0.0]), self.commanded(p, [0.0, 1.0])];
+        if self.channels() == 1 {
+            return [motors[0] / unit[0][0], 0.0];
+        }
+        let [[a, c], [b, d]] = unit;
+        let det = a * d - b * c;
+        [
+            (d * motors[0] - b * motors[1]) / det,
+            (a * motors[1] - c * motors[0]) / det,
+        ]
+    }
+}
+
+/// The machine that a geometry belongs to.
+///
+/// # Errors
+/// [`TraceError::NoBase`] where the geometry is that of neither kind.
+pub fn table_from_geometry(
+    geometry: &experiment_data::Geometry,
+    modes_hz: [f64; 2],
+    damping: f64,
+) -> Result<XyTable, TraceError> {
+    let map = geometry.motor_from_output_matrix();
+    if map.shape() != (2, 2) || geometry.force_from_input.len() != 3 {
+        return Err(TraceError::NoBase {
+            why: "the first-principles xy-table needs a [geometry] with two motors, two inputs and a quadratic force map",
+        });
+    }
+    let t: Vec<DMatrix<f64>> = geometry
+        .force_from_input
+        .iter()
+        .map(|m| DMatrix::from_fn(2, 2, |i, j| m[i][j]))
+        .collect();
+    XyTable::new(
+        [t[0].clone(), t[1].clone(), t[2].clone()],
+        [map[(0, 1)], map[(1, 1)]],
+        modes_hz,
+        damping,
+    )
+}

@@ -1,0 +1,69 @@
+//! A mass on a guide with one motor.
+
+use super::{BaseParameter, Forces, Motion, Pair};
+
+/// `M q'' + F_v q' + offset = force`, the input the force of the motor, the output its position.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    pub(super) mass: f64,
+    viscous: f64,
+    offset: f64,
+}
+
+impl Axis {
+    /// Mass, viscous friction, and the force that the motor needs at rest.
+    pub fn new(mass: f64, viscous: f64, offset: f64) -> Self {
+        Self {
+            mass,
+            viscous,
+            offset,
+        }
+    }
+
+    pub(super) fn parameters(&self) -> Vec<BaseParameter> {
+        let parameter = |name, unit, value, positive| BaseParameter {
+            name,
+            unit,
+            value,
+            positive,
+        };
+        vec![
+            parameter("mass", "kg", self.mass, true),
+            parameter("viscous friction", "N s/m", self.viscous, false),
+            parameter("offset", "N", self.offset, false),
+        ]
+    }
+
+    pub(super) fn set(&mut self, v: &[f64]) {
+        self.mass = v[0];
+        self.viscous = v[1];
+        self.offset = v[2];
+    }
+
+    pub(super) fn rest(&self, _p: f64, [y, _]: Pair, x: &mut [f64]) {
+        x[..2].copy_from_slice(&[y, 0.0]);
+    }
+
+    pub(super) fn commanded(&self, _p: f64, u: Pair) -> Pair {
+        u
+    }
+
+    pub(super) fn motion(&self, x: &[f64], _p: f64) -> Motion {
+        Motion {
+            motor_position: [x[0], 0.0],
+            motor_speed: [x[1], 0.0],
+            load_position: [x[0], 0.0],
+            load_speed: [x[1], 0.0],
+            deflection: [0.0; 2],
+        }
+    }
+
+    pub(super) fn rates(&self, x: &[f64], _p: f64, forces: &Forces, rates: &mut [f64]) {
+        rates[0] = x[1];
+        rates[1] = (forces.motors[0] + forces.load[0] - self.viscous * x[1] - self.offset) / self.mass;
+    }
+
+    pub(super) fn outputs(&self, x: &[f64], _p: f64) -> Pair {
+        [x[0], 0.0]
+    }
+}

@@ -1,0 +1,161 @@
+//! Carriage and beam: the machine of Tóth et al. (2011), (7) to (9), at a position that is given.
+
+use super::{BaseParameter, Forces, Motion, Pair};
+use crate::TraceError;
+use nalgebra::DMatrix;
+use std::f64::consts::TAU;
+
+/// Two bodies on spring-damper pairs. The carriage (`y1`, `R1`) rides along the beam (`y2`, `R2`) at p; two motors push the
+/// ends of the beam. States `[y1, R1, y2, R2]` and their rates.
+#[derive(Debug, Clone, PartialEq)]
+pub struct XyTable {
+    pub(super) carriage_mass: f64,
+    pub(super) carriage_inertia: f64,
+    pub(super) beam_mass: f64,
+    beam_inertia: f64,
+    pub(super) stiffness: Pair,
+    damping: Pair,
+    /// Arms of the motors over those of the geometry.
+    lever: f64,
+    arms: Pair,
+    /// Motor forces from the inputs: power of p, motor, input.
+    force: [[[f64; 2]; 2]; 3],
+}
+
+impl XyTable {
+    /// From the decoupling `T(p)` (motor forces over inputs, by powers of p), which tells the masses, the arms of the motors,
+    /// and two modes for the couplings (translation, rotation; cycles per unit of time).
+    ///
+    /// `B T(p)` is the mass matrix of the rigid machine `[m1 + m2, m1 p; m1 p, m1 p^2 + J1 + J2]`, B the map from motor
+    /// forces to force and torque.
+    ///
+    /// # Errors
+    /// [`TraceError::NoBase`] for a map that has no such masses.
+    pub fn new(
+        force: [DMatrix<f64>; 3],
+        arms: Pair,
+        modes_hz: [f64; 2],
+        damping: f64,
+    ) -> Result<Self, TraceError> {
+        let b = DMatrix::from_row_slice(2, 2, &[1.0, 1.0, arms[0], arms[1]]);
+        let rigid = [&b * &force[0], &b * &force[1], &b * &force[2]];
+        let (total, inertia) = (rigid[0][(0, 0)], rigid[0][(1, 1)]);
+        let carriage = rigid[1][(0, 1)];
+        let beam = total - carriage;
+        if !(carriage > 0.0 && beam > 0.0 && inertia > 0.0) {
+            return Err(TraceError::NoBase {
+                why: "[geometry] force_from_input is not the decoupling of a carriage on a beam: its masses are not positive",
+            });
+        }
+        // The geometry tells the sum of the inertias only.
+        let (carriage_inertia, beam_inertia) = (0.2 * inertia, 0.8 * inertia);
+        let reduced = [carriage * beam / total, carriage_inertia * beam_inertia / inertia];
+        let w = modes_hz.map(|f| TAU * f);
+        Ok(Self {
+            carriage_mass: carriage,
+            carriage_inertia,
+            beam_mass: beam,
+            beam_inertia,
+            stiffness: [0, 1].map(|i: usize| w[i] * w[i] * reduced[i]),
+            damping: [0, 1].map(|i: usize| 2.0 * damping * w[i] * reduced[i]),
+            lever: 1.0,
+            arms,
+            force: [0, 1, 2].map(|k: usize| [0, 1].map(|i: usize| [0, 1].map(|j: usize| force[k][(i, j)]))),
+        })
+    }
+
+    pub(super) fn parameters(&self) -> Vec<BaseParameter> {
+        let all = [
+            ("carriage mass", "kg", self.carriage_mass),
+            ("carriage inertia", "kg m^2", self.carriage_inertia),
+            ("beam mass", "kg", self.beam_mass),
+            ("beam inertia", "kg m^2", self.beam_inertia),
+            ("stiffness, translation", "N/m", self.stiffness[0]),
+            ("stiffness, rotation", "N m/rad", self.stiffness[1]),
+            ("damping, translation", "N s/m", self.damping[0]),
+            ("damping, rotation", "N m s/rad", self.damping[1]),
+            ("lever arm over that of the geometry", "", self.lever),
+        ];
+        all.map(|(name, unit, value)| BaseParameter {
+            name,
+            unit,
+            value,
+            positive: true,
+        })
+        .to_vec()
+    }
+
+    pub(super) fn set(&mut self, v: &[f64]) {
+        self.carriage_mass = v[0];
+        self.carriage_inertia = v[1];
+        self.beam_mass = v[2];
+        self.beam_inertia = v[3];
+        self.stiffness = [v[4], v[5]];
+        self.damping = [v[6], v[7]];
+        self.lever = v[8];
+    }
+
+    pub(super) fn rest(&self, p: f64, [y, r]: Pair, x: &mut [f64]) {
+        x[..8].copy_from_slice(&[y + p * r, r, y, r, 0.0, 0.0, 0.0, 0.0]);
+    }
+
+    pub(super) fn commanded(&self, p: f64, u: Pair) -> Pair {
+        [0, 1].map(|i: usize| {
+            let at = |j: usize| self.force[0][i][j] + p * (self.force[1][i][j] + p * self.force[2][i][j]);
+            at(0) * u[0] + at(1) * u[1]
+        })
+    }
+
+    pub(super) fn motion(&self, x: &[f64], p: f64) -> Motion {
+        let arms = self.arms.map(|a| a * self.lever);
+        Motion {
+            motor_position: arms.map(|a| x[2] + a * x[3]),
+            motor_speed: arms.map(|a| x[6] + a * x[7]),
+            load_position: [x[0], x[1]],
+            load_speed: [x[4], x[5]],
+            deflection: [x[0] - x[2] - p * x[3], x[1] - x[3]],
+        }
+    }
+
+    pub(super) fn rates(&self, x: &[f64], p: f64, forces: &Forces, rates: &mut [f64]) {
+        let pull =
+            |i: usize, e: f64, v: f64| self.stiffness[i] * e + self.damping[i] * v + forces.coupling[i];
+        let f_y = pull(0, x[0] - x[2] - p * x[3], x[4] - x[6] - p * x[7]);
+        let f_r = pull(1, x[1] - x[3], x[5] - x[7]);
+        let [left, right] = forces.motors;
+        let torque = self.lever * (self.arms[0] * left + self.arms[1] * right);
+        rates[..4].copy_from_slice(&x[4..8]);
+        rates[4] = (forces.load[0] - f_y) / self.carriage_mass;
+        rates[5] = (forces.load[1] - f_r) / self.carriage_inertia;
+        rates[6] = (f_y + left + right) / self.beam_mass;
+        rates[7] = (p * f_y + f_r + torque) / self.beam_inertia;
+    }
+
+    pub(super) fn outputs(&self, x: &[f64], p: f64) -> Pair {
+        [x[0] - p * x[1], x[1]]
+    }
+
+    /// A, B and C of `x' = A x + B u`, `y = C x` at a constant p.
+    pub fn frozen(&self, p: f64) -> [DMatrix<f64>; 3] {
+        let mut a = DMatrix::zeros(8, 8);
+        let mut b = DMatrix::zeros(8, 2);
+        let mut c = DMatrix::zeros(2, 8);
+        let mut column = [0.0; 8];
+        for j in 0..8 {
+            let x: [f64; 8] = std::array::from_fn(|i| f64::from(u8::from(i == j)));
+            self.rates(&x, p, &Forces::default(), &mut column);
+            a.column_mut(j).copy_from_slice(&column);
+            c.column_mut(j).copy_from_slice(&self.outputs(&x, p));
+        }
+        for j in 0..2 {
+            let u: Pair = std::array::from_fn(|i| f64::from(u8::from(i == j)));
+            let forces = Forces {
+                motors: self.commanded(p, u),
+                ..Forces::default()
+            };
+            self.rates(&[0.0; 8], p, &forces, &mut column);
+            b.column_mut(j).copy_from_slice(&column);
+        }
+        [a, b, c]
+    }
+}

@@ -1,0 +1,91 @@
+//! The effects that are tried, one file each.
+//!
+//! To add one: write a file with a `static EFFECT: Effect` and its [`Block`](crate::effect::Block), and name it in
+//! [`CATALOGUE`].
+
+mod abbe_offset;
+mod actuator_lag;
+mod actuator_saturation;
+mod cable_stiffness;
+mod cogging;
+mod coulomb_friction;
+mod cubic_stiffness;
+mod delay;
+mod extra_mode;
+mod hysteresis;
+mod motor_asymmetry;
+mod payload;
+mod periodic_disturbance;
+mod position_dependent_gain;
+mod quantization;
+mod scheduling_rate;
+mod second_scheduling;
+mod sensor_cyclic_error;
+mod sensor_drift;
+mod sensor_gain;
+mod stribeck_friction;
+mod viscous_friction;
+
+use crate::base::{Base, Pair};
+use crate::effect::Effect;
+use crate::screen::{Screen, Trial};
+
+/// All effects.
+pub static CATALOGUE: [&Effect; 22] = [
+    &coulomb_friction::EFFECT,
+    &stribeck_friction::EFFECT,
+    &viscous_friction::EFFECT,
+    &hysteresis::EFFECT,
+    &cogging::EFFECT,
+    &cable_stiffness::EFFECT,
+    &position_dependent_gain::EFFECT,
+    &actuator_saturation::EFFECT,
+    &motor_asymmetry::EFFECT,
+    &actuator_lag::EFFECT,
+    &delay::EFFECT,
+    &extra_mode::EFFECT,
+    &payload::EFFECT,
+    &cubic_stiffness::EFFECT,
+    &scheduling_rate::EFFECT,
+    &second_scheduling::EFFECT,
+    &periodic_disturbance::EFFECT,
+    &abbe_offset::EFFECT,
+    &sensor_gain::EFFECT,
+    &sensor_cyclic_error::EFFECT,
+    &sensor_drift::EFFECT,
+    &quantization::EFFECT,
+];
+
+/// Forces of the motors that together do what this input does in the middle of the range.
+fn motor_forces(screen: &Screen<'_>, input: f64) -> Pair {
+    screen.base.commanded(0.0, [input, 0.0])
+}
+
+fn is_table(screen: &Screen<'_>) -> bool {
+    matches!(screen.base, Base::XyTable(_))
+}
+
+/// Time of one part of the integration.
+fn part(screen: &Screen<'_>) -> f64 {
+    screen.tracks.first().map_or(1.0, |t| t.step / t.substeps as f64)
+}
+
+/// Pitches worth a start, with amplitudes: every one that the travel resolves and that the samples still follow.
+fn pitches(
+    screen: &Screen<'_>,
+    travel: f64,
+    top_speed: f64,
+    trials: impl Fn(f64) -> Vec<Trial> + Sync,
+) -> Vec<(f64, Vec<f64>)> {
+    /// Most pitches that are tried.
+    const MOST: usize = 400;
+    if !(travel > 0.0 && top_speed > 0.0) {
+        return Vec::new();
+    }
+    let width = 0.3 / travel;
+    let most = 0.3 / (top_speed * screen.step());
+    let at = |i: usize| 1.0 / (width * (i + 3) as f64);
+    let count = ((most / width) as usize).clamp(1, MOST);
+    let found = screen.best(count, |i| trials(at(i)));
+    found.into_iter().map(|(i, v)| (at(i), v)).collect()
+}

@@ -1,0 +1,34 @@
+//! The sensor reads a point away from the assumed one.
+
+use crate::base::Pair;
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+
+pub(super) static EFFECT: Effect = Effect {
+    name: "abbe-offset",
+    family: Family::Sensor,
+    channel: 0,
+    meaning: "sensor of the translation that reads a point away from the assumed one",
+    parameters: &[EffectParameter {
+        name: "offset",
+        unit: "y",
+        scale: Scale::Linear,
+    }],
+    extends: None,
+    starts: |screen| {
+        if super::is_table(screen) {
+            vec![vec![0.0]]
+        } else {
+            vec![]
+        }
+    },
+    block: |v, _| Box::new(Abbe(v[0])),
+};
+
+#[derive(Debug)]
+struct Abbe(f64);
+
+impl Block for Abbe {
+    fn sense(&self, _at: &Moment<'_>, outputs: &mut Pair) {
+        outputs[0] += self.0 * outputs[1];
+    }
+}

@@ -1,0 +1,27 @@
+//! First-order lag of the amplifier.
+
+use crate::effect::{Block, Effect, EffectParameter, Family, Scale};
+
+pub(super) static EFFECT: Effect = Effect {
+    name: "actuator-lag",
+    family: Family::Timing,
+    channel: 0,
+    meaning: "first-order lag of the amplifiers",
+    parameters: &[EffectParameter {
+        name: "time_constant",
+        unit: "s",
+        scale: Scale::NotNegative,
+    }],
+    extends: None,
+    starts: |screen| vec![vec![1e-4 * screen.step()], vec![0.3 * screen.step()]],
+    block: |v, _| Box::new(Late(v[0])),
+};
+
+#[derive(Debug)]
+struct Late(f64);
+
+impl Block for Late {
+    fn lag(&self) -> f64 {
+        self.0
+    }
+}

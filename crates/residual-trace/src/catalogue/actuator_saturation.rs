@@ -1,0 +1,42 @@
+//! Force that grows less than proportionally.
+
+use crate::base::{Forces, Pair};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+
+pub(super) static EFFECT: Effect = Effect {
+    name: "actuator-saturation",
+    family: Family::Actuator,
+    channel: 0,
+    meaning: "force that grows less than proportionally with the command",
+    parameters: &[EffectParameter {
+        name: "softness",
+        unit: "1/u^2",
+        scale: Scale::NotNegative,
+    }],
+    extends: None,
+    starts: |_| vec![vec![0.0]],
+    block: |v, screen| {
+        Box::new(Saturation {
+            root: v[0].sqrt(),
+            unit: super::motor_forces(screen, 1.0),
+        })
+    },
+};
+
+/// `F_max tanh(F / F_max)` with `softness = 1 / F_max^2`.
+#[derive(Debug)]
+struct Saturation {
+    root: f64,
+    unit: Pair,
+}
+
+impl Block for Saturation {
+    fn act(&self, _at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
+        for i in 0..2 {
+            let part = self.root / self.unit[i];
+            if part > 0.0 && part.is_finite() {
+                forces.motors[i] = (part * forces.motors[i]).tanh() / part;
+            }
+        }
+    }
+}

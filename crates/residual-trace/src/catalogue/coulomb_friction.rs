@@ -1,0 +1,46 @@
+//! Constant force against the direction of motion.
+
+use crate::base::{Forces, Pair};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+
+pub(super) static EFFECT: Effect = Effect {
+    name: "coulomb-friction",
+    family: Family::Friction,
+    channel: 0,
+    meaning: "constant force of the guides against the direction of motion",
+    parameters: &[
+        EffectParameter {
+            name: "level",
+            unit: "u",
+            scale: Scale::NotNegative,
+        },
+        EffectParameter {
+            name: "creep_speed",
+            unit: "y/s",
+            scale: Scale::Logarithmic,
+        },
+    ],
+    extends: None,
+    starts: |screen| vec![vec![0.0, screen.top_speed() / 300.0]],
+    block: |v, screen| {
+        Box::new(Coulomb {
+            force: super::motor_forces(screen, v[0]),
+            creep: v[1],
+        })
+    },
+};
+
+/// `-F tanh(v / creep)`: what creeps slower than that sticks nearly.
+#[derive(Debug)]
+struct Coulomb {
+    force: Pair,
+    creep: f64,
+}
+
+impl Block for Coulomb {
+    fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
+        for i in 0..2 {
+            forces.motors[i] -= self.force[i] * (at.motion.motor_speed[i] / self.creep).tanh();
+        }
+    }
+}

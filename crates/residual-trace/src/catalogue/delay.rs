@@ -1,0 +1,27 @@
+//! Commands that come late.
+
+use crate::effect::{Block, Effect, EffectParameter, Family, Scale};
+
+pub(super) static EFFECT: Effect = Effect {
+    name: "delay",
+    family: Family::Timing,
+    channel: 0,
+    meaning: "pure delay of the commands, of any part of a sample",
+    parameters: &[EffectParameter {
+        name: "time",
+        unit: "s",
+        scale: Scale::NotNegative,
+    }],
+    extends: None,
+    starts: |screen| vec![vec![1e-4 * screen.step()], vec![0.3 * screen.step()]],
+    block: |v, _| Box::new(Late(v[0])),
+};
+
+#[derive(Debug)]
+struct Late(f64);
+
+impl Block for Late {
+    fn delay(&self) -> f64 {
+        self.0
+    }
+}

@@ -1,0 +1,89 @@
+//! A resonance that the model does not have.
+
+use crate::base::Forces;
+use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Scale};
+use crate::screen::Screen;
+use std::f64::consts::TAU;
+
+pub(super) static EFFECT: Effect = Effect {
+    name: "extra-mode",
+    family: Family::Structure,
+    channel: 0,
+    meaning: "mass on the load that swings on a spring",
+    parameters: &[
+        EffectParameter {
+            name: "mass",
+            unit: "kg",
+            scale: Scale::NotNegative,
+        },
+        EffectParameter {
+            name: "frequency",
+            unit: "1/s",
+            scale: Scale::Logarithmic,
+        },
+        EffectParameter {
+            name: "damping",
+            unit: "",
+            scale: Scale::Logarithmic,
+        },
+    ],
+    extends: Some(Extends {
+        name: "payload",
+        // Far below its resonance a mass on a spring is a mass.
+        starts: |v, screen| match v[0] {
+            mass if mass > 0.0 => frequencies(screen, 30.0)
+                .into_iter()
+                .map(|f| vec![mass, f, 0.02])
+                .collect(),
+            _ => Vec::new(),
+        },
+    }),
+    starts: |screen| {
+        frequencies(screen, 2.0)
+            .into_iter()
+            .map(|f| vec![0.0, f, 0.02])
+            .collect()
+    },
+    block: |v, _| {
+        Box::new(Swing {
+            mass: v[0],
+            rate: TAU * v[1],
+            damping: v[2],
+        })
+    },
+};
+
+/// From what a record shows a few times to near Nyquist, so many to a factor of e.
+fn frequencies(screen: &Screen<'_>, density: f64) -> Vec<f64> {
+    let high = 0.45 / screen.step();
+    let low = (4.0 / screen.duration()).max(high / 60.0);
+    let count = (density * (high / low).ln()).ceil() as usize;
+    (0..=count)
+        .map(|i| low * (high / low).powf(i as f64 / count as f64))
+        .collect()
+}
+
+#[derive(Debug)]
+struct Swing {
+    mass: f64,
+    rate: f64,
+    damping: f64,
+}
+
+impl Block for Swing {
+    fn states(&self) -> usize {
+        2
+    }
+
+    fn start(&self, at: &Moment<'_>, own: &mut [f64]) {
+        own.copy_from_slice(&[at.motion.load_position[0], at.motion.load_speed[0]]);
+    }
+
+    fn act(&self, at: &Moment<'_>, own: &[f64], rates: &mut [f64], forces: &mut Forces) {
+        let stretch = own[0] - at.motion.load_position[0];
+        let speed = own[1] - at.motion.load_speed[0];
+        let pull = self.rate * (self.rate * stretch + 2.0 * self.damping * speed);
+        rates.copy_from_slice(&[own[1], -pull]);
+        forces.load[0] += self.mass * pull;
+    }
+}

@@ -1,0 +1,79 @@
+//! Force at a fixed frequency in time.
+
+use crate::base::{Forces, Pair};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::screen::Trial;
+use std::f64::consts::TAU;
+
+pub(super) static EFFECT: Effect = Effect {
+    name: "periodic-disturbance",
+    family: Family::Disturbance,
+    channel: 0,
+    meaning: "force at a fixed frequency in time, counted from the start of a record",
+    parameters: &[
+        EffectParameter {
+            name: "sine",
+            unit: "u",
+            scale: Scale::Linear,
+        },
+        EffectParameter {
+            name: "cosine",
+            unit: "u",
+            scale: Scale::Linear,
+        },
+        EffectParameter {
+            name: "frequency",
+            unit: "1/s",
+            scale: Scale::Logarithmic,
+        },
+    ],
+    extends: None,
+    starts: |screen| {
+        let unit = super::motor_forces(screen, 1.0);
+        let width = 0.25 / screen.duration();
+        let mut found = Vec::new();
+        for peak in screen.peaks(2) {
+            // A line may lie between those of the spectrum.
+            let at = |i: usize| peak + (i as f64 - 4.0) * width;
+            let trials = |i: usize| {
+                let one = |phase: f64| {
+                    Trial::Motors(screen.signal(|track, k, _| {
+                        let wave = (TAU * at(i) * k as f64 * track.step + phase).sin();
+                        [unit[0] * wave, unit[1] * wave]
+                    }))
+                };
+                vec![one(0.0), one(0.25 * TAU)]
+            };
+            let best = screen.best(9, trials).into_iter().next();
+            found.extend(
+                best.filter(|(i, _)| at(*i) > 0.0)
+                    .map(|(i, v)| vec![v[0], v[1], at(i)]),
+            );
+        }
+        found
+    },
+    block: |v, screen| {
+        let unit = super::motor_forces(screen, 1.0);
+        Box::new(Periodic {
+            sine: unit.map(|f| f * v[0]),
+            cosine: unit.map(|f| f * v[1]),
+            rate: TAU * v[2],
+        })
+    },
+};
+
+#[derive(Debug)]
+struct Periodic {
+    sine: Pair,
+    cosine: Pair,
+    rate: f64,
+}
+
+impl Block for Periodic {
+    fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
+        let (s, c) = (self.rate * at.time).sin_cos();
+        for i in 0..2 {
+            forces.motors[i] += self.sine[i] * s + self.cosine[i] * c;
+        }
+    }
+}

@@ -1,0 +1,35 @@
+//! Scale error.
+
+use crate::base::Pair;
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+
+pub(super) static EFFECT: Effect = Effect {
+    name: "sensor-gain",
+    family: Family::Sensor,
+    channel: 0,
+    meaning: "scale error of a sensor",
+    parameters: &[EffectParameter {
+        name: "gain",
+        unit: "",
+        scale: Scale::Linear,
+    }],
+    extends: None,
+    // A scale of the only sensor is one of mass and friction.
+    starts: |screen| {
+        if super::is_table(screen) {
+            vec![vec![0.0]]
+        } else {
+            vec![]
+        }
+    },
+    block: |v, _| Box::new(Gain(v[0])),
+};
+
+#[derive(Debug)]
+struct Gain(f64);
+
+impl Block for Gain {
+    fn sense(&self, _at: &Moment<'_>, outputs: &mut Pair) {
+        outputs[0] *= 1.0 + self.0;
+    }
+}

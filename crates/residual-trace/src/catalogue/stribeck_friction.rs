@@ -1,0 +1,76 @@
+//! Coulomb friction that is larger near zero speed.
+
+use crate::base::{Forces, Pair};
+use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Scale};
+
+pub(super) static EFFECT: Effect = Effect {
+    name: "stribeck-friction",
+    family: Family::Friction,
+    channel: 0,
+    meaning: "friction of the guides that is larger near zero speed",
+    parameters: &[
+        EffectParameter {
+            name: "level",
+            unit: "u",
+            scale: Scale::Linear,
+        },
+        EffectParameter {
+            name: "breakaway",
+            unit: "u",
+            scale: Scale::Linear,
+        },
+        EffectParameter {
+            name: "creep_speed",
+            unit: "y/s",
+            scale: Scale::Logarithmic,
+        },
+        EffectParameter {
+            name: "stribeck_speed",
+            unit: "y/s",
+            scale: Scale::Logarithmic,
+        },
+    ],
+    extends: Some(Extends {
+        name: "coulomb-friction",
+        starts: |v, screen| {
+            let top = screen.top_speed();
+            [3.0, 10.0, 40.0]
+                .map(|part| vec![v[0], 0.2 * v[0], v[1], top / part])
+                .to_vec()
+        },
+    }),
+    starts: |screen| {
+        let top = screen.top_speed();
+        vec![
+            vec![0.0, 0.0, top / 300.0, top / 10.0],
+            vec![0.0, 0.0, top / 300.0, top / 40.0],
+        ]
+    },
+    block: |v, screen| {
+        Box::new(Stribeck {
+            level: super::motor_forces(screen, v[0]),
+            more: super::motor_forces(screen, v[1]),
+            creep: v[2],
+            fall: v[3],
+        })
+    },
+};
+
+/// `-(F_c + F_s exp(-(v / fall)^2)) tanh(v / creep)`.
+#[derive(Debug)]
+struct Stribeck {
+    level: Pair,
+    more: Pair,
+    creep: f64,
+    fall: f64,
+}
+
+impl Block for Stribeck {
+    fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
+        for i in 0..2 {
+            let v = at.motion.motor_speed[i];
+            let level = self.level[i] + self.more[i] * (-(v / self.fall).powi(2)).exp();
+            forces.motors[i] -= level * (v / self.creep).tanh();
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! Force proportional to speed.
+
+use crate::base::{Forces, Pair};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+
+pub(super) static EFFECT: Effect = Effect {
+    name: "viscous-friction",
+    family: Family::Friction,
+    channel: 0,
+    meaning: "force of the guides proportional to speed",
+    parameters: &[EffectParameter {
+        name: "coefficient",
+        unit: "u s/y",
+        scale: Scale::Linear,
+    }],
+    extends: None,
+    // An axis has viscous friction of its own.
+    starts: |screen| {
+        if super::is_table(screen) {
+            vec![vec![0.0]]
+        } else {
+            vec![]
+        }
+    },
+    block: |v, screen| Box::new(Viscous(super::motor_forces(screen, v[0]))),
+};
+
+#[derive(Debug)]
+struct Viscous(Pair);
+
+impl Block for Viscous {
+    fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
+        for i in 0..2 {
+            forces.motors[i] -= self.0[i] * at.motion.motor_speed[i];
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! What an effect is.
+
+use crate::base::{Base, Forces, Motion, Pair};
+use crate::screen::Screen;
+use crate::track::Track;
+use std::fmt::Debug;
+
+/// Families of effects, as the contract of `diagnosis.json` names them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Family {
+    /// Forces against the motion of the guides.
+    Friction,
+    /// Forces that depend on where a motor is.
+    PositionForce,
+    /// Force constants.
+    Actuator,
+    /// When commands act.
+    Timing,
+    /// Masses and couplings.
+    Structure,
+    /// Dependence on the scheduling.
+    Scheduling,
+    /// Forces from outside.
+    Disturbance,
+    /// What the sensors tell.
+    Sensor,
+}
+
+impl Family {
+    /// The name in `diagnosis.json`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Friction => "friction",
+            Self::PositionForce => "position-force",
+            Self::Actuator => "actuator",
+            Self::Timing => "timing",
+            Self::Structure => "structure",
+            Self::Scheduling => "scheduling",
+            Self::Disturbance => "disturbance",
+            Self::Sensor => "sensor",
+        }
+    }
+}
+
+/// How a parameter is fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scale {
+    /// As it is; zero is no effect.
+    Linear,
+    /// As its logarithm.
+    Logarithmic,
+    /// As it is, and not below zero.
+    NotNegative,
+}
+
+/// One parameter of an effect.
+#[derive(Debug, Clone, Copy)]
+pub struct EffectParameter {
+    /// Name in `diagnosis.json`.
+    pub name: &'static str,
+    /// Unit; `u`, `y` and `s` stand for the units of the first input, of the first output and of time.
+    pub unit: &'static str,
+    /// How it is fitted.
+    pub scale: Scale,
+}
+
+/// How an effect refines another.
+#[derive(Debug, Clone, Copy)]
+pub struct Extends {
+    /// The simpler effect.
+    pub name: &'static str,
+    /// Starts from the fitted values of the simpler one.
+    pub starts: fn(&[f64], &Screen<'_>) -> Vec<Vec<f64>>,
+}
+
+/// An entry of the catalogue: what it is called, what it predicts, how it is simulated.
+#[derive(Debug)]
+pub struct Effect {
+    /// Name in `diagnosis.json`.
+    pub name: &'static str,
+    /// Family.
+    pub family: Family,
+    /// Channel at which it acts, counted from zero; of the inputs, for sensors of the outputs.
+    pub channel: usize,
+    /// What it is, in a sentence.
+    pub meaning: &'static str,
+    /// Its parameters; amplitudes first.
+    pub parameters: &'static [EffectParameter],
+    /// An effect that this one is a refinement of, and how its values become starts: a refinement is hard to see before the
+    /// rough part is fitted.
+    pub extends: Option<Extends>,
+    /// Points from which to start, in the order of the parameters; none where the base or the data do not know it.
+    pub starts: fn(&Screen<'_>) -> Vec<Vec<f64>>,
+    /// The block at given values.
+    pub block: fn(&[f64], &Screen<'_>) -> Box<dyn Block>,
+}
+
+/// One instant of a simulation.
+pub struct Moment<'a> {
+    /// Time from the start of the record.
+    pub time: f64,
+    /// Scheduling.
+    pub p: f64,
+    /// Its rate.
+    pub rate: f64,
+    /// Where the machine is.
+    pub motion: Motion,
+    /// The machine.
+    pub machine: &'a Base,
+    pub(crate) track: &'a Track,
+    pub(crate) sample: usize,
+    pub(crate) part: f64,
+}
+
+impl Moment<'_> {
+    /// A further measured signal.
+    pub fn auxiliary(&self, signal: usize) -> f64 {
+        self.track.auxiliary_at(signal, self.sample, self.part)
+    }
+}
+
+/// An effect in a simulation. Every part does nothing unless it is given.
+pub trait Block: Debug + Send + Sync {
+    /// Changes the machine before the start.
+    fn mount(&self, _machine: &mut Base) {}
+    /// States of its own.
+    fn states(&self) -> usize {
+        0
+    }
+    /// Their values at the start.
+    fn start(&self, _at: &Moment<'_>, _own: &mut [f64]) {}
+    /// Adds to the forces, and gives the rates of its states.
+    fn act(&self, _at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], _forces: &mut Forces) {}
+    /// Changes what the sensors tell.
+    fn sense(&self, _at: &Moment<'_>, _outputs: &mut Pair) {}
+    /// Time by which commands come late.
+    fn delay(&self) -> f64 {
+        0.0
+    }
+    /// Time constant with which commands act.
+    fn lag(&self) -> f64 {
+        0.0
+    }
+    /// Steps of the sensors.
+    fn resolution(&self) -> Option<Pair> {
+        None
+    }
+}

@@ -1,0 +1,43 @@
+//! What can go wrong.
+
+use thiserror::Error;
+
+/// Errors of this crate.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum TraceError {
+    /// There is no base model for these data.
+    #[error("no base model: {why}")]
+    NoBase {
+        /// What is missing.
+        why: &'static str,
+    },
+    /// A record cannot be used.
+    #[error("record {record}: {problem}")]
+    Record {
+        /// Its name.
+        record: String,
+        /// What is wrong, and what to do.
+        problem: String,
+    },
+    /// The base model leaves all numbers along a record.
+    #[error(
+        "record {record}: the base model diverges in closed loop; check the signs in [controller] and [geometry]"
+    )]
+    Diverges {
+        /// Its name.
+        record: String,
+    },
+    /// Too few records.
+    #[error("{what}")]
+    TooFew {
+        /// What is needed.
+        what: &'static str,
+    },
+    /// Of lpv-core.
+    #[error(transparent)]
+    Core(#[from] lpv_core::CoreError),
+    /// Of the bundle.
+    #[error(transparent)]
+    Data(#[from] experiment_data::DataError),
+}

@@ -1,0 +1,390 @@
+//! Parameters of the machine and of its effects together, from records in closed loop.
+
+use crate::TraceError;
+use crate::base::{Base, Motion, Pair};
+use crate::effect::{Block, Effect, Scale};
+use crate::screen::Screen;
+use crate::simulate::simulate;
+use crate::track::Track;
+use crate::whiten::Whitening;
+use experiment_data::ControllerState;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// A machine and the effects that were added to it, with their values.
+#[derive(Debug, Clone)]
+pub struct Explained {
+    /// The machine.
+    pub base: Base,
+    /// Effects and their values, in the order in which they were added.
+    pub effects: Vec<(&'static Effect, Vec<f64>)>,
+}
+
+impl Explained {
+    pub(crate) fn blocks(&self, screen: &Screen<'_>) -> Vec<Box<dyn Block>> {
+        self.effects.iter().map(|(e, v)| (e.block)(v, screen)).collect()
+    }
+
+    /// The machine's coordinates, then those of the effects.
+    pub(crate) fn coordinates(&self) -> Vec<f64> {
+        let mut all = self.base.coordinates();
+        for (effect, values) in &self.effects {
+            all.extend(values.iter().zip(effect.parameters).map(|(v, p)| match p.scale {
+                Scale::Logarithmic => v.ln(),
+                _ => *v,
+            }));
+        }
+        all
+    }
+
+    /// Which coordinates are logarithms.
+    fn bounded(&self) -> Vec<bool> {
+        let machine = self.base.parameters().into_iter().map(|p| p.positive);
+        let effects = self.effects.iter().flat_map(|(e, _)| e.parameters);
+        machine
+            .chain(effects.map(|p| p.scale == Scale::Logarithmic))
+            .collect()
+    }
+
+    pub(crate) fn with(&self, coordinates: &[f64]) -> Self {
+        let own = self.base.coordinates().len();
+        let mut rest = coordinates[own..].iter();
+        Self {
+            base: self.base.with_coordinates(&coordinates[..own]),
+            effects: self
+                .effects
+                .iter()
+                .map(|(effect, _)| {
+                    let values = effect.parameters.iter().zip(rest.by_ref());
+                    let value = |(p, c): (&crate::effect::EffectParameter, &f64)| match p.scale {
+                        Scale::Linear => *c,
+                        Scale::Logarithmic => c.exp(),
+                        Scale::NotNegative => c.max(0.0),
+                    };
+                    (*effect, values.map(value).collect())
+                })
+                .collect(),
+        }
+    }
+}
+
+/// What is known of the machine's coordinates before the moves: `|W (c - c0)|^2` joins the sum of squares.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prior {
+    /// c0.
+    pub mean: DVector<f64>,
+    /// W.
+    pub weight: DMatrix<f64>,
+}
+
+/// Records to explain.
+pub(crate) struct Problem<'a> {
+    pub(crate) tracks: &'a [Track],
+    pub(crate) controller: &'a ControllerState,
+    pub(crate) whitening: &'a Whitening,
+    pub(crate) prior: Option<&'a Prior>,
+}
+
+/// A fit with its account.
+#[derive(Debug, Clone)]
+pub(crate) struct Fitted {
+    pub(crate) model: Explained,
+    /// See [`Problem::objective`].
+    pub(crate) objective: f64,
+    /// Sum of squares over what noise leaves, at least one.
+    pub(crate) excess: f64,
+    /// Whitened errors, then what departs from the prior in units of the excess.
+    pub(crate) residual: Vec<f64>,
+    /// Upper triangle with `R^T R = J^T J` at the result; J in coordinates.
+    pub(crate) factor: DMatrix<f64>,
+    /// Machine's columns of J, for screening.
+    pub(crate) columns: DMatrix<f64>,
+    /// Difference steps by coordinate.
+    pub(crate) steps: Vec<f64>,
+}
+
+/// Root-mean-square change of the whitened residual that a difference step makes.
+const STEP: f64 = 0.03;
+
+impl Problem<'_> {
+    /// Errors in closed loop by record.
+    pub(crate) fn errors(&self, model: &Explained, screen: &Screen<'_>) -> Option<Vec<Vec<Pair>>> {
+        let blocks = model.blocks(screen);
+        self.tracks
+            .par_iter()
+            .map(|track| {
+                let found = simulate(&model.base, &blocks, self.controller, track, None, &mut ())?;
+                let error = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
+                Some(track.outputs.iter().zip(&found.outputs).map(error).collect())
+            })
+            .collect()
+    }
+
+    /// Motions of the machine by record.
+    pub(crate) fn motions(&self, model: &Explained, screen: &Screen<'_>) -> Option<Vec<Vec<Motion>>> {
+        let blocks = model.blocks(screen);
+        self.tracks
+            .par_iter()
+            .map(|track| {
+                let mut motions = Vec::with_capacity(track.samples);
+                simulate(&model.base, &blocks, self.controller, track, None, &mut motions)?;
+                Some(motions)
+            })
+            .collect()
+    }
+
+    /// Whitened errors, then what departs from the prior.
+    pub(crate) fn residual(&self, model: &Explained, screen: &Screen<'_>) -> Option<Vec<f64>> {
+        let mut all = Vec::new();
+        for error in self.errors(model, screen)? {
+            self.whitening.apply(&error, &mut all);
+        }
+        if let Some(prior) = self.prior {
+            let c = DVector::from_vec(model.base.coordinates());
+            all.extend((&prior.weight * (c - &prior.mean)).iter());
+        }
+        all.iter().all(|r| r.is_finite()).then_some(all)
+    }
+
+    /// What the fit minimises: `N ln(S / N)` of the whitened errors with their sum of squares S, `S - N` below N, and the squares
+    /// of the departure from the prior. As long as the errors are not noise, they do not outweigh what is known of the machine.
+    pub(crate) fn objective(&self, residual: &[f64]) -> f64 {
+        let (errors, departure) = residual.split_at(residual.len() - self.known());
+        let (n, s) = (errors.len() as f64, squares(errors));
+        squares(departure) + if s > n { n * (s / n).ln() } else { s - n }
+    }
+
+    /// Sum of squares of the whitened errors over its expectation, at least one: the weight of the prior beside them.
+    fn excess(&self, residual: &[f64]) -> f64 {
+        let errors = &residual[..residual.len() - self.known()];
+        (squares(errors) / errors.len() as f64).max(1.0)
+    }
+
+    /// Weighs the rows of the prior against errors that exceed the noise.
+    pub(crate) fn weigh(&self, rows: &mut [f64], excess: f64) {
+        let first = rows.len() - self.known();
+        rows[first..].iter_mut().for_each(|r| *r *= excess.sqrt());
+    }
+
+    pub(crate) fn weigh_columns(&self, matrix: &mut DMatrix<f64>, excess: f64) {
+        let (rows, known) = (matrix.nrows(), self.known());
+        let mut prior = matrix.rows_mut(rows - known, known);
+        prior *= excess.sqrt();
+    }
+
+    fn known(&self) -> usize {
+        self.prior.map_or(0, |p| p.weight.nrows())
+    }
+
+    /// Columns of the Jacobian for some coordinates, by forward differences whose steps change the residual by a small
+    /// part of its noise.
+    pub(crate) fn columns(
+        &self,
+        model: &Explained,
+        screen: &Screen<'_>,
+        residual: &[f64],
+        which: std::ops::Range<usize>,
+        steps: &mut Vec<f64>,
+    ) -> Option<DMatrix<f64>> {
+        let at = model.coordinates();
+        if steps.len() < at.len() {
+            steps.resize(at.len(), 0.0);
+        }
+        let found: Option<Vec<(f64, Vec<f64>)>> = which
+            .clone()
+            .into_par_iter()
+            .map(|j| {
+                let mut h = if steps[j] == 0.0 {
+                    first_step(model, j, at[j])
+                } else {
+                    steps[j]
+                };
+                let mut best = None;
+                for _ in 0..8 {
+                    let mut there = at.clone();
+                    there[j] += h;
+                    let Some(moved) = self.residual(&model.with(&there), screen) else {
+                        h *= 0.01;
+                        continue;
+                    };
+                    let column: Vec<f64> = moved.iter().zip(residual).map(|(a, b)| (a - b) / h).collect();
+                    let size = h * (column.iter().map(|c| c * c).sum::<f64>() / column.len() as f64).sqrt();
+                    best = Some((h, column));
+                    if size > 0.1 * STEP && size < 10.0 * STEP {
+                        break;
+                    }
+                    let change = (STEP / size.max(1e-12)).clamp(1e-6, 1e6);
+                    h *= change;
+                }
+                best
+            })
+            .collect();
+        let found = found?;
+        let mut matrix = DMatrix::zeros(residual.len(), found.len());
+        for (j, (h, column)) in found.into_iter().enumerate() {
+            steps[which.start + j] = h;
+            matrix.column_mut(j).copy_from_slice(&column);
+        }
+        Some(matrix)
+    }
+
+    /// Levenberg-Marquardt from a model. The machine's columns that are `known` from a neighbouring model serve for
+    /// the first step.
+    ///
+    /// # Errors
+    /// [`TraceError::Diverges`] if the start has no response.
+    pub(crate) fn fit(
+        &self,
+        start: &Explained,
+        screen: &Screen<'_>,
+        iterations: usize,
+        known: Option<&Fitted>,
+    ) -> Result<Fitted, TraceError> {
+        let diverges = || TraceError::Diverges {
+            record: self.tracks.first().map_or(String::new(), |t| t.name.clone()),
+        };
+        let mut model = start.clone();
+        let mut residual = self.residual(&model, screen).ok_or_else(diverges)?;
+        let mut cost = self.objective(&residual);
+        let own = model.base.coordinates().len();
+        let all = model.coordinates().len();
+        let bounded = model.bounded();
+        let mut steps = known.map_or(Vec::new(), |k| k.steps[..own].to_vec());
+        let mut columns = known.map(|k| {
+            let mut columns = k.columns.clone();
+            self.weigh_columns(&mut columns, 1.0 / k.excess);
+            columns
+        });
+        let mut fresh = false;
+        let mut damping = 1e-4;
+        let mut iteration = 0;
+        loop {
+            let base = match columns.take() {
+                Some(columns) => columns,
+                None => {
+                    fresh = true;
+                    self.columns(&model, screen, &residual, 0..own, &mut steps)
+                        .ok_or_else(diverges)?
+                }
+            };
+            let more = self
+                .columns(&model, screen, &residual, own..all, &mut steps)
+                .ok_or_else(diverges)?;
+            let mut jacobian = DMatrix::zeros(residual.len(), all);
+            jacobian.columns_mut(0, own).copy_from(&base);
+            jacobian.columns_mut(own, all - own).copy_from(&more);
+            let excess = self.excess(&residual);
+            self.weigh_columns(&mut jacobian, excess);
+            let mut weighed = residual.clone();
+            self.weigh(&mut weighed, excess);
+            let r = triangle(&jacobian, &weighed);
+            let before = cost;
+            let mut stuck = true;
+            if iteration < iterations {
+                for _ in 0..6 {
+                    let mut step = damped(&r, all, damping);
+                    for (s, _) in step.iter_mut().zip(&bounded).filter(|(_, b)| **b) {
+                        *s = s.clamp(-MOST_STEP, MOST_STEP);
+                    }
+                    let there: Vec<f64> = model
+                        .coordinates()
+                        .iter()
+                        .zip(step.iter())
+                        .map(|(a, b)| a + b)
+                        .collect();
+                    let next = model.with(&there);
+                    if let Some(found) = self.residual(&next, screen)
+                        && self.objective(&found) < cost
+                    {
+                        cost = self.objective(&found);
+                        (model, residual) = (next, found);
+                        damping = f64::max(damping * 0.1, 1e-9);
+                        stuck = false;
+                        break;
+                    }
+                    damping *= 10.0;
+                }
+            }
+            iteration += 1;
+            let fall = before - cost;
+            let settled = stuck || fall < 0.3;
+            if iteration >= iterations || (settled && (fresh || own == all)) {
+                let (mut base, mut residual) = (base, residual);
+                self.weigh_columns(&mut base, excess);
+                self.weigh(&mut residual, excess);
+                return Ok(Fitted {
+                    model,
+                    objective: cost,
+                    excess,
+                    residual,
+                    factor: r.view((0, 0), (all, all)).into_owned(),
+                    columns: base,
+                    steps,
+                });
+            }
+            fresh = false;
+            if settled {
+                damping = 1e-4;
+            }
+        }
+    }
+}
+
+/// Largest change of a logarithm in one step.
+const MOST_STEP: f64 = 2.0;
+
+fn first_step(model: &Explained, j: usize, at: f64) -> f64 {
+    if j < model.base.coordinates().len() || at != 0.0 {
+        1e-4 * at.abs().clamp(0.1, 1.0)
+    } else {
+        1e-6
+    }
+}
+
+pub(crate) fn squares(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum()
+}
+
+/// Triangular factor of `[J r]`.
+pub(crate) fn triangle(jacobian: &DMatrix<f64>, residual: &[f64]) -> DMatrix<f64> {
+    let n = jacobian.ncols();
+    let mut both = DMatrix::zeros(jacobian.nrows(), n + 1);
+    both.columns_mut(0, n).copy_from(jacobian);
+    both.column_mut(n).copy_from_slice(residual);
+    both.qr().unpack_r()
+}
+
+/// Step that minimises `|R_11 s + r|^2 + damping |D s|^2`, D the lengths of the columns.
+pub(crate) fn damped(r: &DMatrix<f64>, n: usize, damping: f64) -> DVector<f64> {
+    let mut rows = DMatrix::zeros(2 * n, n);
+    let mut right = DVector::zeros(2 * n);
+    let lengths: Vec<f64> = (0..n).map(|j| r.column(j).norm().max(1e-30)).collect();
+    for j in 0..n {
+        for i in 0..=j {
+            rows[(i, j)] = r[(i, j)] / lengths[j];
+        }
+        rows[(n + j, j)] = damping.sqrt();
+        right[j] = -r[(j, n)];
+    }
+    let qr = rows.qr();
+    let mut q = qr.q().transpose() * right;
+    if !qr.r().solve_upper_triangular_mut(&mut q) {
+        return DVector::zeros(n);
+    }
+    DVector::from_fn(n, |j, _| q[j] / lengths[j])
+}
+
+/// Standard deviations of the coordinates of a fit.
+pub(crate) fn deviations(factor: &DMatrix<f64>) -> Vec<f64> {
+    let n = factor.ncols();
+    let lengths: Vec<f64> = (0..n).map(|j| factor.column(j).norm().max(1e-30)).collect();
+    let scaled = DMatrix::from_fn(
+        n,
+        n,
+        |i, j| if i <= j { factor[(i, j)] / lengths[j] } else { 0.0 },
+    );
+    match scaled.solve_upper_triangular(&DMatrix::identity(n, n)) {
+        Some(inverse) => (0..n).map(|j| inverse.row(j).norm() / lengths[j]).collect(),
+        None => vec![f64::INFINITY; n],
+    }
+}

@@ -1,0 +1,237 @@
+//! What effects see of the data before they are fitted.
+
+use crate::base::{Base, Motion, Pair};
+use crate::track::Track;
+use crate::whiten::Whitening;
+use experiment_data::ControllerState;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// The records along the present model, and its residual with all that the machine's parameters explain taken out.
+pub struct Screen<'a> {
+    /// The machine.
+    pub base: &'a Base,
+    /// Records.
+    pub tracks: &'a [Track],
+    /// Motions of the present model, by record and sample.
+    pub motions: Vec<Vec<Motion>>,
+    pub(crate) controller: &'a ControllerState,
+    pub(crate) whitening: &'a Whitening,
+    pub(crate) known: Option<Known>,
+}
+
+/// Residual and columns of the machine's parameters.
+pub(crate) struct Known {
+    /// Orthonormal basis of the columns.
+    pub(crate) basis: DMatrix<f64>,
+    /// Residual outside it.
+    pub(crate) left: DVector<f64>,
+}
+
+impl Known {
+    pub(crate) fn new(columns: &DMatrix<f64>, residual: &[f64]) -> Self {
+        let basis = columns.clone().qr().q();
+        let residual = DVector::from_column_slice(residual);
+        let left = &residual - &basis * basis.tr_mul(&residual);
+        Self { basis, left }
+    }
+}
+
+/// A force or a sensor error to try, by record and sample.
+pub enum Trial {
+    /// Forces of the motors.
+    Motors(Vec<Vec<Pair>>),
+    /// Added to the outputs.
+    Outputs(Vec<Vec<Pair>>),
+}
+
+impl Screen<'_> {
+    /// Largest travel of a motor in a record.
+    pub fn travel(&self) -> f64 {
+        let position = |m: &Motion| m.motor_position[0];
+        let spans = self.motions.iter().map(|record| {
+            let (low, high) = record
+                .iter()
+                .map(position)
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), y| {
+                    (l.min(y), h.max(y))
+                });
+            high - low
+        });
+        spans.fold(0.0, f64::max)
+    }
+
+    /// Largest speed of a motor.
+    pub fn top_speed(&self) -> f64 {
+        let all = self.motions.iter().flatten();
+        all.map(|m| m.motor_speed[0].abs()).fold(0.0, f64::max)
+    }
+
+    /// Root mean square of the deflection of a coupling.
+    pub fn deflection(&self, i: usize) -> f64 {
+        let count = self.motions.iter().map(Vec::len).sum::<usize>().max(1);
+        let sum: f64 = self
+            .motions
+            .iter()
+            .flatten()
+            .map(|m| m.deflection[i].powi(2))
+            .sum();
+        (sum / count as f64).sqrt()
+    }
+
+    /// Further measured signals.
+    pub fn auxiliaries(&self) -> usize {
+        self.tracks.iter().map(|t| t.auxiliary.len()).min().unwrap_or(0)
+    }
+
+    /// Longest record in time.
+    pub fn duration(&self) -> f64 {
+        self.tracks
+            .iter()
+            .map(|t| t.step * t.samples as f64)
+            .fold(0.0, f64::max)
+    }
+
+    /// Time from sample to sample.
+    pub fn step(&self) -> f64 {
+        self.tracks.first().map_or(1.0, |t| t.step)
+    }
+
+    /// Builds a signal from every sample.
+    pub fn signal(&self, mut value: impl FnMut(&Track, usize, &Motion) -> Pair) -> Vec<Vec<Pair>> {
+        self.tracks
+            .iter()
+            .zip(&self.motions)
+            .map(|(track, motions)| {
+                motions
+                    .iter()
+                    .enumerate()
+                    .map(|(k, m)| value(track, k, m))
+                    .collect()
+            })
+            .collect()
+    }
+
+    /// Amplitudes of some signals that explain the most of the residual, and the part of its squares that they explain.
+    ///
+    /// A quick look: the machine counts as rigid, and its decoupling as perfect, so that each channel is a double integrator in
+    /// its loop.
+    pub fn explain(&self, trials: &[Trial]) -> Option<(f64, Vec<f64>)> {
+        let known = self.known.as_ref()?;
+        let rows = known.left.len();
+        let mut columns = DMatrix::zeros(rows, trials.len());
+        for (j, trial) in trials.iter().enumerate() {
+            let mut column = Vec::with_capacity(rows);
+            for (r, track) in self.tracks.iter().enumerate() {
+                let error = match trial {
+                    Trial::Motors(f) => self.rigid(track, &f[r], None),
+                    Trial::Outputs(y) => self.rigid(track, &[], Some(&y[r])),
+                };
+                self.whitening.apply(&error, &mut column);
+            }
+            column.resize(rows, 0.0);
+            columns.column_mut(j).copy_from_slice(&column);
+        }
+        let columns = &columns - &known.basis * known.basis.tr_mul(&columns);
+        let normal = columns.tr_mul(&columns);
+        let right = columns.tr_mul(&known.left);
+        let scale = normal.diagonal().max();
+        let ridge = DMatrix::identity(trials.len(), trials.len()) * (1e-12 * scale);
+        let found = (normal + ridge).cholesky()?.solve(&right);
+        let part = found.dot(&right) / known.left.norm_squared();
+        Some((part, found.iter().copied().collect()))
+    }
+
+    /// The best of many sets of signals, as its index and amplitudes; and the next best that is no neighbour.
+    pub fn best(&self, count: usize, trials: impl Fn(usize) -> Vec<Trial> + Sync) -> Vec<(usize, Vec<f64>)> {
+        let found: Vec<(f64, Vec<f64>)> = (0..count)
+            .into_par_iter()
+            .map(|i| self.explain(&trials(i)).unwrap_or((0.0, Vec::new())))
+            .collect();
+        let mut order: Vec<usize> = (0..count).filter(|i| !found[*i].1.is_empty()).collect();
+        order.sort_by(|a, b| found[*b].0.total_cmp(&found[*a].0));
+        let mut chosen: Vec<(usize, Vec<f64>)> = Vec::new();
+        for i in order {
+            if chosen.len() < 2 && chosen.iter().all(|(other, _)| other.abs_diff(i) > 3) {
+                chosen.push((i, found[i].1.clone()));
+            }
+        }
+        chosen
+    }
+
+    /// The frequencies of the highest lines of the residual, all records and outputs together, cycles per unit of time.
+    pub fn peaks(&self, count: usize) -> Vec<f64> {
+        let Some(known) = &self.known else {
+            return Vec::new();
+        };
+        let (width, top) = (0.5 / self.duration(), 0.45 / self.step());
+        let lines = (top / width) as usize;
+        let power: Vec<f64> = (1..=lines)
+            .into_par_iter()
+            .map(|line| {
+                let (s, c) = (TAU * width * line as f64 * self.step()).sin_cos();
+                let mut first = 0;
+                let mut sum = 0.0;
+                for track in self.tracks {
+                    for _ in 0..self.base.channels() {
+                        let w = &known.left.as_slice()[first..first + track.samples];
+                        first += track.samples;
+                        // Goertzel: one rotating sum.
+                        let (mut a, mut b) = (0.0, 0.0);
+                        for w in w {
+                            (a, b) = (w + 2.0 * c * a - b, a);
+                        }
+                        let (re, im) = (a - c * b, s * b);
+                        sum += re * re + im * im;
+                    }
+                }
+                sum
+            })
+            .collect();
+        let mut order: Vec<usize> = (0..lines).collect();
+        order.sort_by(|a, b| power[*b].total_cmp(&power[*a]));
+        let mut chosen: Vec<usize> = Vec::new();
+        for line in order {
+            if chosen.len() < count && chosen.iter().all(|other| other.abs_diff(line) > 6) {
+                chosen.push(line);
+            }
+        }
+        chosen.into_iter().map(|line| width * (line + 1) as f64).collect()
+    }
+
+    fn rigid(&self, track: &Track, motors: &[Pair], sensor: Option<&[Pair]>) -> Vec<Pair> {
+        let mut controller = self.controller.clone();
+        let (mut position, mut speed) = ([0.0; 2], [0.0; 2]);
+        let t = track.step;
+        let mut errors = Vec::with_capacity(track.samples);
+        let unit = 1.0 / self.input_unit();
+        for k in 0..track.samples {
+            let mut y = position;
+            if let Some(sensor) = sensor {
+                (0..2).for_each(|i| y[i] += sensor[k][i]);
+            }
+            let mut u = [0.0; 2];
+            controller.step(&[0.0; 2], &y, &mut u);
+            if let Some(force) = motors.get(k) {
+                let d = self.base.as_input(track.scheduling(k)[0], *force);
+                (0..2).for_each(|i| u[i] += d[i]);
+            }
+            errors.push(y);
+            for i in 0..2 {
+                let a = u[i] * unit;
+                position[i] += t * speed[i] + 0.5 * t * t * a;
+                speed[i] += t * a;
+            }
+        }
+        errors
+    }
+
+    /// Mass behind an input: one where the decoupling makes it one.
+    fn input_unit(&self) -> f64 {
+        match self.base {
+            Base::XyTable(_) => 1.0,
+            Base::Axis(_) => self.base.moved_mass(),
+        }
+    }
+}

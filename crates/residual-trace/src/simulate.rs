@@ -1,0 +1,210 @@
+//! A base model with effects in the loop of the experiment.
+
+use crate::base::{Base, Forces, MOST_STATES, Motion, Pair};
+use crate::effect::{Block, Moment};
+use crate::track::Track;
+use experiment_data::ControllerState;
+
+/// Response of a closed loop to the references of a record.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Response {
+    /// Outputs as the sensors tell them, by sample.
+    pub(crate) outputs: Vec<Pair>,
+    /// Inputs of the machine, by sample.
+    pub(crate) inputs: Vec<Pair>,
+}
+
+/// What is to be seen along a simulation beside the response.
+pub(crate) trait Watch {
+    fn sample(&mut self, _k: usize, _motion: &Motion) {}
+}
+
+impl Watch for () {}
+
+impl Watch for Vec<Motion> {
+    fn sample(&mut self, _k: usize, motion: &Motion) {
+        self.push(*motion);
+    }
+}
+
+/// Simulates a record from rest at its first reference, with the classical Runge-Kutta rule in equal parts of a sample.
+/// Commands are held; where a delay or a lag changes them inside a part, it gets their mean there.
+///
+/// `noise` is added to the outputs before the controller reads them. None where the numbers leave all bounds.
+pub(crate) fn simulate(
+    base: &Base,
+    blocks: &[Box<dyn Block>],
+    controller: &ControllerState,
+    track: &Track,
+    noise: Option<&[Pair]>,
+    watch: &mut impl Watch,
+) -> Option<Response> {
+    let mut machine = base.clone();
+    blocks.iter().for_each(|b| b.mount(&mut machine));
+    let mut controller = controller.clone();
+    let own: Vec<usize> = blocks.iter().map(|b| b.states()).collect();
+    let bodies = machine.states();
+    let total = bodies + own.iter().sum::<usize>();
+    if total > MOST_STATES {
+        return None;
+    }
+    let mut x = [0.0; MOST_STATES];
+    machine.rest(track.path[0][0], track.references[0], &mut x);
+    let first = moment(&machine, track, &x, 0, 0, true);
+    let mut from = bodies;
+    for (block, states) in blocks.iter().zip(&own) {
+        block.start(&first, &mut x[from..from + states]);
+        from += states;
+    }
+    let parts = track.substeps;
+    let h = track.step / parts as f64;
+    let delay: f64 = blocks.iter().map(|b| b.delay()).sum();
+    let lag: f64 = blocks.iter().map(|b| b.lag()).sum();
+    let resolution: Vec<Pair> = blocks.iter().filter_map(|b| b.resolution()).collect();
+    let mut lagged = [0.0; 2];
+    let mut response = Response {
+        outputs: Vec::with_capacity(track.samples),
+        inputs: Vec::with_capacity(track.samples),
+    };
+    for k in 0..track.samples {
+        let now = moment(&machine, track, &x, k, 0, true);
+        watch.sample(k, &now.motion);
+        let mut y = machine.outputs(&x, now.p);
+        blocks.iter().for_each(|b| b.sense(&now, &mut y));
+        if let Some(noise) = noise {
+            (0..2).for_each(|i| y[i] += noise[k][i]);
+        }
+        for step in &resolution {
+            (0..2)
+                .filter(|&i| step[i] > 0.0)
+                .for_each(|i| y[i] = (y[i] / step[i]).round() * step[i]);
+        }
+        let mut u = [0.0; 2];
+        controller.step(&track.references[k], &y, &mut u);
+        (0..2).for_each(|i| u[i] += track.injections[k][i]);
+        response.outputs.push(y);
+        response.inputs.push(u);
+        if !(y[0].is_finite() && y[1].is_finite() && x[0].abs() < 1e6) {
+            return None;
+        }
+        for part in 0..parts {
+            let command = if delay <= 0.0 && lag <= 0.0 {
+                u
+            } else {
+                let wanted = delayed(
+                    &response.inputs,
+                    k,
+                    part as f64 / parts as f64,
+                    1.0 / parts as f64,
+                    delay / track.step,
+                );
+                if lag <= 0.0 {
+                    wanted
+                } else {
+                    let decay = (-h / lag).exp();
+                    let mean = lag / h * (1.0 - decay);
+                    let before = lagged;
+                    lagged = [0, 1].map(|i: usize| wanted[i] + (before[i] - wanted[i]) * decay);
+                    [0, 1].map(|i: usize| wanted[i] + (before[i] - wanted[i]) * mean)
+                }
+            };
+            runge_kutta(&machine, blocks, &own, track, &mut x, total, k, part, command, h);
+        }
+    }
+    Some(response)
+}
+
+/// Mean over a part of a sample of a command that comes `delay` samples late; before the first sample there was none.
+fn delayed(inputs: &[Pair], k: usize, from: f64, wide: f64, delay: f64) -> Pair {
+    let at = |t: f64| -> Pair {
+        let i = t.floor();
+        if i < 0.0 {
+            [0.0; 2]
+        } else {
+            inputs[(i as usize).min(inputs.len() - 1)]
+        }
+    };
+    let (start, end) = (k as f64 + from - delay, k as f64 + from + wide - delay);
+    let edge = end.floor();
+    let (before, after) = (at(start), at(end));
+    // Parts are shorter than a sample: at most one change of the command lies inside.
+    let late = ((end - edge) / wide).clamp(0.0, 1.0);
+    [0, 1].map(|i: usize| before[i] + late * (after[i] - before[i]))
+}
+
+#[allow(clippy::too_many_arguments)]
+#[inline]
+fn runge_kutta(
+    machine: &Base,
+    blocks: &[Box<dyn Block>],
+    own: &[usize],
+    track: &Track,
+    x: &mut [f64; MOST_STATES],
+    total: usize,
+    k: usize,
+    part: usize,
+    command: Pair,
+    h: f64,
+) {
+    let rates = |x: &[f64; MOST_STATES], stage: usize, out: &mut [f64; MOST_STATES]| {
+        let at = moment(machine, track, x, k, 2 * part + stage, !blocks.is_empty());
+        let mut forces = Forces {
+            motors: machine.commanded(at.p, command),
+            ..Forces::default()
+        };
+        let mut from = machine.states();
+        for (block, states) in blocks.iter().zip(own) {
+            block.act(
+                &at,
+                &x[from..from + states],
+                &mut out[from..from + states],
+                &mut forces,
+            );
+            from += states;
+        }
+        machine.rates(x, at.p, &forces, out);
+    };
+    let along = |x: &[f64; MOST_STATES], k: &[f64; MOST_STATES], h: f64| {
+        let mut to = *x;
+        for i in 0..total {
+            to[i] += h * k[i];
+        }
+        to
+    };
+    let mut k1 = [0.0; MOST_STATES];
+    let (mut k2, mut k3, mut k4) = (k1, k1, k1);
+    rates(x, 0, &mut k1);
+    rates(&along(x, &k1, 0.5 * h), 1, &mut k2);
+    rates(&along(x, &k2, 0.5 * h), 1, &mut k3);
+    rates(&along(x, &k3, h), 2, &mut k4);
+    for i in 0..total {
+        x[i] += h / 6.0 * ((k1[i] + k4[i]) + 2.0 * (k2[i] + k3[i]));
+    }
+}
+
+fn moment<'a>(
+    machine: &'a Base,
+    track: &'a Track,
+    x: &[f64],
+    k: usize,
+    point: usize,
+    whole: bool,
+) -> Moment<'a> {
+    let points = 2 * track.substeps;
+    let index = (k * points + point).min(track.path.len() - 1);
+    let [p, rate] = track.path[index];
+    Moment {
+        time: (k as f64 + point as f64 / points as f64) * track.step,
+        p,
+        rate,
+        motion: if whole {
+            machine.motion(x, p)
+        } else {
+            Motion::default()
+        },
+        machine,
+        track,
+        sample: k,
+        part: point as f64 / points as f64,
+    }
+}

@@ -1,0 +1,357 @@
+//! The competition: which effects of the catalogue earn a place.
+
+mod bench;
+mod noise;
+
+use crate::TraceError;
+use crate::base::{Base, Pair};
+use crate::catalogue::CATALOGUE;
+use crate::effect::{Effect, Scale};
+use crate::fit::{Explained, Fitted, Prior, deviations};
+use crate::track::Track;
+use bench::{Bench, Candidate};
+use experiment_data::ControllerState;
+use noise::loop_noise;
+pub use noise::sensor_noise;
+use rayon::prelude::*;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// What is known before.
+pub struct Case<'a> {
+    /// Base model.
+    pub base: &'a Base,
+    /// What other data tell of its coordinates.
+    pub prior: Option<&'a Prior>,
+    /// The loop of the experiment, at rest.
+    pub controller: &'a ControllerState,
+    /// Deviation of the noise of the sensors, by output; see [`sensor_noise`].
+    pub noise: Pair,
+    /// Records to fit.
+    pub fitted: &'a [Track],
+    /// Records to judge by.
+    pub judged: &'a [Track],
+}
+
+/// What came out.
+#[derive(Debug, Clone)]
+pub struct Trace {
+    /// Verdict.
+    pub verdict: Verdict,
+    /// The machine, refitted, without effects.
+    pub before: Judged,
+    /// With the effects that were added.
+    pub after: Judged,
+    /// The model.
+    pub model: Explained,
+    /// The effects that were added, in their order.
+    pub added: Vec<Added>,
+    /// Every effect that was tried, in the order of the catalogue, the first time.
+    pub candidates: Vec<Tried>,
+    /// Deviation of the noise as it leaves the loop.
+    pub noise: Pair,
+    /// Errors in closed loop on the judged records, by record and sample: without effects, and with those that were added.
+    pub errors: [Vec<Vec<Pair>>; 2],
+}
+
+/// Verdicts of `diagnosis.json`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// What remains is noise.
+    Explained,
+    /// The error fell, more remains.
+    PartlyExplained,
+    /// No effect of the catalogue explains what is there.
+    Unexplained,
+    /// The base model explains the data.
+    NothingMissing,
+}
+
+impl Verdict {
+    /// The name in `diagnosis.json`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Explained => "explained",
+            Self::PartlyExplained => "partly-explained",
+            Self::Unexplained => "unexplained",
+            Self::NothingMissing => "nothing-missing",
+        }
+    }
+}
+
+/// Errors on the judged records.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judged {
+    /// Root mean square by output, simulated in closed loop.
+    pub closed_loop: Pair,
+    /// The same of the whitened error, in units of the sensor's noise: the error one step ahead.
+    pub one_step: Pair,
+    /// Sum of squares of the whitened error over its expectation.
+    pub cost: f64,
+    /// Whitened samples.
+    pub samples: usize,
+}
+
+/// An effect that was added.
+#[derive(Debug, Clone)]
+pub struct Added {
+    /// The effect.
+    pub effect: &'static Effect,
+    /// Values and standard deviations of its parameters.
+    pub values: Vec<(f64, f64)>,
+    /// Fall of the squared error on the judged records when it was added.
+    pub gain_db: f64,
+    /// Probability of such a fall on the fitted records without the effect.
+    pub p_value: f64,
+    /// The next best effect, and by how much it is worse on the judged records.
+    pub runner_up: Option<(&'static Effect, f64)>,
+}
+
+/// How one effect did.
+#[derive(Debug, Clone)]
+pub struct Tried {
+    /// The effect.
+    pub effect: &'static Effect,
+    /// Fall of the squared error on the judged records.
+    pub gain_db: f64,
+    /// Whether it was added.
+    pub accepted: bool,
+}
+
+/// Most effects at once.
+const MOST_EFFECTS: usize = 3;
+/// Effects that are fitted in full after the quick look.
+const FINALISTS: usize = 4;
+/// Iterations of a full fit.
+const ITERATIONS: usize = 12;
+/// Fall of the squared whitened error on judged records that no chance makes.
+const SURE: f64 = 14.0;
+/// Cost over its expectation up to which what is left is noise.
+const NOISE: f64 = 1.21;
+/// Part of the excess over the noise that may be left where effects are named.
+const LEFT: f64 = 0.15;
+/// Part of the excess that an effect must take to be tried further.
+const SHARE: f64 = 0.2;
+
+/// Finds the effects that a base model lacks.
+///
+/// The machine's parameters are refitted along the records; each effect of the catalogue is tried from its starts by one
+/// linear step, the most promising ones are fitted in full together with the machine, and the best of them is added if it
+/// lowers the error on records that it was not fitted to. This is repeated until nothing but noise is left or no effect
+/// helps.
+///
+/// # Errors
+/// [`TraceError::TooFew`] without records to fit or to judge by; [`TraceError::Diverges`].
+pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
+    if case.fitted.is_empty() || case.judged.is_empty() {
+        return Err(TraceError::TooFew {
+            what: "a diagnosis needs at least one record to fit and one with use = \"validation\" to judge by",
+        });
+    }
+    let bench = Bench {
+        whitening: loop_noise(case)?,
+        case,
+    };
+    let bare = Explained {
+        base: case.base.clone(),
+        effects: Vec::new(),
+    };
+    let blank = bench.screen(case.base, case.fitted);
+    let mut now = bench.problem().fit(&bare, &blank, ITERATIONS, None)?;
+    let reference = now.model.base.clone();
+    let judging = bench.screen(&reference, case.judged);
+    let before = bench.judge(&now.model, &judging);
+    let errors = |model: &Explained| bench.judging().errors(model, &judging).unwrap_or_default();
+    let mut judged = before.clone();
+    let mut trace = Trace {
+        verdict: Verdict::NothingMissing,
+        before: before.clone(),
+        after: before.clone(),
+        model: now.model.clone(),
+        added: Vec::new(),
+        candidates: Vec::new(),
+        noise: bench.whitening.deviation,
+        errors: [errors(&now.model), Vec::new()],
+    };
+    for _ in 0..MOST_EFFECTS {
+        let Some(screen) = bench.look(&reference, &now) else {
+            break;
+        };
+        let taken: Vec<&str> = now.model.effects.iter().map(|(e, _)| e.name).collect();
+        let mut found: Vec<Candidate> = CATALOGUE
+            .iter()
+            .filter(|e| !taken.contains(&e.name))
+            .flat_map(|e| (e.starts)(&screen).into_iter().map(|v| (*e, v)))
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .filter_map(|(e, v)| bench.candidate(e, v, &now, &screen))
+            .collect();
+        found.sort_by(|a, b| b.predicted.total_cmp(&a.predicted));
+        let mut best_of: Vec<Candidate> = Vec::new();
+        for candidate in found {
+            if best_of.iter().all(|c| c.effect.name != candidate.effect.name) {
+                best_of.push(candidate);
+            }
+        }
+        // Nothing promises more than chance gives.
+        let luck = (now.residual.len() as f64).ln();
+        if best_of.first().is_none_or(|c| c.predicted < luck) {
+            break;
+        }
+        let mut actual: Vec<(f64, usize)> = best_of
+            .iter()
+            .enumerate()
+            .map(|(i, c)| (bench.cost(&c.start, &screen), i))
+            .collect();
+        actual.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut chosen: Vec<usize> = (0..FINALISTS.min(best_of.len())).collect();
+        chosen.extend(actual.iter().map(|a| a.1).filter(|i| *i >= FINALISTS).take(2));
+        let starts: Vec<&Explained> = chosen.iter().map(|i| &best_of[*i].start).collect();
+        let mut finals = bench.finals(&starts, &now, &screen);
+        // Refinements of what did well.
+        let mut refined: Vec<Explained> = Vec::new();
+        for (effect, rough) in &finals {
+            let Some((_, values)) = rough.model.effects.last() else {
+                continue;
+            };
+            for finer in CATALOGUE.iter().filter(|e| !taken.contains(&e.name)) {
+                if let Some(extends) = finer.extends
+                    && extends.name == effect.name
+                {
+                    let starts = (extends.starts)(values, &screen);
+                    let mut rest = rough.model.clone();
+                    rest.effects.pop();
+                    let best = starts
+                        .into_par_iter()
+                        .filter_map(|v| {
+                            let mut start = rest.clone();
+                            start.effects.push((finer, v));
+                            Some((bench.promise(&start, &now, &screen)?, start))
+                        })
+                        .min_by(|a, b| a.0.total_cmp(&b.0));
+                    refined.extend(best.map(|b| b.1));
+                }
+            }
+        }
+        let starts: Vec<&Explained> = refined.iter().collect();
+        finals.extend(bench.finals(&starts, &now, &screen));
+        let mut finals: Vec<(&'static Effect, Fitted, Judged)> = finals
+            .into_iter()
+            .map(|(e, f)| {
+                let judged = bench.judge(&f.model, &screen);
+                (e, f, judged)
+            })
+            .collect();
+        let rows = now.residual.len() as f64;
+        let length = |f: &Fitted| {
+            let parameters = f.model.coordinates().len() as f64;
+            f.objective + parameters * rows.ln()
+        };
+        finals.sort_by(|a, b| length(&a.1).total_cmp(&length(&b.1)));
+        if trace.candidates.is_empty() {
+            trace.candidates = best_of
+                .iter()
+                .map(|c| Tried {
+                    effect: c.effect,
+                    gain_db: match finals.iter().find(|(e, ..)| e.name == c.effect.name) {
+                        Some((.., j)) => decibel(before.cost / j.cost),
+                        None => decibel(before.cost / bench.judge(&c.start, &screen).cost),
+                    },
+                    accepted: false,
+                })
+                .collect();
+        }
+        simpler_first(&mut finals);
+        let Some((effect, fit, after)) = finals.first().cloned() else {
+            break;
+        };
+        let fall = (judged.cost - after.cost) * judged.samples as f64;
+        let shorter = length(&now) - length(&fit);
+        let excess = (judged.cost - 1.0).max(0.0);
+        let enough = after.cost <= NOISE || judged.cost - after.cost >= SHARE * excess;
+        if fall < SURE || shorter <= 0.0 || !enough {
+            break;
+        }
+        let added = Added {
+            effect,
+            values: Vec::new(),
+            gain_db: decibel(judged.cost / after.cost),
+            p_value: chance(now.objective - fit.objective, effect.parameters.len()),
+            runner_up: finals
+                .iter()
+                .find(|(e, ..)| e.name != effect.name)
+                .map(|(e, _, j)| (*e, decibel(j.cost / after.cost))),
+        };
+        trace.added.push(added);
+        (now, judged) = (fit, after);
+        if judged.cost <= 1.0 + 3.0 * (2.0 / judged.samples as f64).sqrt() {
+            break;
+        }
+    }
+    let spread = now.excess.sqrt();
+    let deviations = deviations(&now.factor);
+    let mut at = now.model.base.coordinates().len();
+    for (added, (effect, values)) in trace.added.iter_mut().zip(&now.model.effects) {
+        for (v, p) in values.iter().zip(effect.parameters) {
+            let s = spread * deviations[at];
+            added.values.push((
+                *v,
+                if p.scale == Scale::Logarithmic {
+                    s * v.abs()
+                } else {
+                    s
+                },
+            ));
+            at += 1;
+        }
+    }
+    trace.after = judged;
+    trace.model = now.model;
+    let left = (trace.after.cost - 1.0).max(0.0) / (before.cost - 1.0).max(1e-9);
+    let at_noise = trace.after.cost <= NOISE;
+    trace.verdict = match (trace.added.is_empty(), at_noise) {
+        (true, true) => Verdict::NothingMissing,
+        (true, false) => Verdict::Unexplained,
+        (false, true) => Verdict::Explained,
+        (false, false) if left <= LEFT => Verdict::PartlyExplained,
+        (false, false) => Verdict::Unexplained,
+    };
+    if trace.verdict == Verdict::Unexplained {
+        trace.added.clear();
+        trace.after = before;
+        trace.errors[1] = trace.errors[0].clone();
+    } else {
+        trace.errors[1] = errors(&trace.model);
+    }
+    for tried in &mut trace.candidates {
+        tried.accepted = trace.added.iter().any(|a| a.effect.name == tried.effect.name);
+    }
+    Ok(trace)
+}
+
+/// A refinement is taken for the effect that it refines only if it is worth it on the judged records.
+fn simpler_first(finals: &mut [(&'static Effect, Fitted, Judged)]) {
+    let Some((best, _, fine)) = finals.first() else {
+        return;
+    };
+    let Some(extends) = best.extends else { return };
+    let simpler = finals.iter().position(|(e, ..)| e.name == extends.name);
+    if let Some(simpler) = simpler {
+        let rough = &finals[simpler].2;
+        let fall = (rough.cost - fine.cost) * rough.samples as f64;
+        if fall < SURE || rough.cost < WORTH * fine.cost {
+            finals.swap(0, simpler);
+        }
+    }
+}
+
+/// Factor by which a refinement must lower the squared error.
+const WORTH: f64 = 1.02;
+
+fn decibel(ratio: f64) -> f64 {
+    let db = 10.0 * ratio.log10();
+    if db.is_finite() { db } else { -300.0 }
+}
+
+fn chance(fall: f64, parameters: usize) -> f64 {
+    ChiSquared::new(parameters as f64).map_or(1.0, |d| d.sf(fall.max(0.0)))
+}

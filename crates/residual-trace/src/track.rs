@@ -1,0 +1,147 @@
+//! Records as the simulation reads them.
+
+use crate::TraceError;
+use crate::base::Pair;
+use lpv_core::Record;
+
+/// One record: signals by sample, and the scheduling between the samples.
+#[derive(Debug, Clone)]
+pub struct Track {
+    /// Name of the record.
+    pub name: String,
+    /// Samples.
+    pub samples: usize,
+    /// Time from sample to sample.
+    pub step: f64,
+    /// Outputs, by sample.
+    pub outputs: Vec<Pair>,
+    /// Recorded inputs, by sample.
+    pub inputs: Vec<Pair>,
+    /// Further measured signals, by signal and sample.
+    pub auxiliary: Vec<Vec<f64>>,
+    pub(crate) references: Vec<Pair>,
+    pub(crate) injections: Vec<Pair>,
+    /// p and its rate at the ends and middles of the sub-steps, `2 * substeps` a sample.
+    pub(crate) path: Vec<[f64; 2]>,
+    pub(crate) substeps: usize,
+}
+
+impl Track {
+    /// # Errors
+    /// [`TraceError::Record`] where there are no references, or more channels than a base model has.
+    pub fn new(record: &Record, step: f64, substeps: usize) -> Result<Self, TraceError> {
+        let refused = |problem: &str| TraceError::Record {
+            record: record.name.clone(),
+            problem: problem.to_owned(),
+        };
+        let samples = record.len();
+        if record.outputs.channels() > 2 || record.inputs.channels() > 2 {
+            return Err(refused("a base model has one or two inputs and outputs"));
+        }
+        if record.references.channels() == 0 {
+            return Err(refused("the closed loop needs [channels.reference]"));
+        }
+        if samples < 32 {
+            return Err(refused("at least 32 samples are needed"));
+        }
+        let pairs = |columns: &[Vec<f64>]| -> Vec<Pair> {
+            (0..samples)
+                .map(|k| [0, 1].map(|i: usize| columns.get(i).map_or(0.0, |c| c[k])))
+                .collect()
+        };
+        let still = vec![0.0; samples];
+        let p = record.scheduling.columns.first().unwrap_or(&still);
+        Ok(Self {
+            name: record.name.clone(),
+            samples,
+            step,
+            outputs: pairs(&record.outputs.columns),
+            inputs: pairs(&record.inputs.columns),
+            auxiliary: record.auxiliary.columns.clone(),
+            references: pairs(&record.references.columns),
+            injections: pairs(&record.injection.columns),
+            path: between(p, step, substeps),
+            substeps,
+        })
+    }
+
+    /// The same record with the scheduling held at its ends and in the middle.
+    pub(crate) fn at_rest(&self) -> Vec<Self> {
+        let (low, high) = self
+            .path
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), [p, _]| {
+                (l.min(*p), h.max(*p))
+            });
+        [low, 0.5 * (low + high), high]
+            .map(|p| Self {
+                path: vec![[p, 0.0]; self.path.len()],
+                ..self.clone()
+            })
+            .to_vec()
+    }
+
+    /// p and its rate at a sample.
+    pub fn scheduling(&self, k: usize) -> [f64; 2] {
+        self.path[2 * self.substeps * k]
+    }
+
+    /// Value of a further signal between two samples.
+    pub(crate) fn auxiliary_at(&self, signal: usize, k: usize, part: f64) -> f64 {
+        let Some(column) = self.auxiliary.get(signal) else {
+            return 0.0;
+        };
+        let next = column[(k + 1).min(self.samples - 1)];
+        column[k] + part * (next - column[k])
+    }
+}
+
+/// A smooth signal and its rate between the samples: cubic pieces with slopes from four neighbours.
+fn between(p: &[f64], step: f64, substeps: usize) -> Vec<[f64; 2]> {
+    let n = p.len();
+    let at = |i: isize| p[i.clamp(0, n as isize - 1) as usize];
+    let slope = |k: usize| {
+        let i = k as isize;
+        if k < 2 || k + 2 >= n {
+            let (before, after) = (at(i - 1), at(i + 1));
+            let wide = (i + 1).min(n as isize - 1) - (i - 1).max(0);
+            (after - before) / wide.max(1) as f64
+        } else {
+            (8.0 * (at(i + 1) - at(i - 1)) - (at(i + 2) - at(i - 2))) / 12.0
+        }
+    };
+    let points = 2 * substeps;
+    let mut path = Vec::with_capacity(n * points);
+    for k in 0..n {
+        let (a, b) = (at(k as isize), at(k as isize + 1));
+        let (da, db) = (slope(k), slope((k + 1).min(n - 1)));
+        for j in 0..points {
+            let s = j as f64 / points as f64;
+            let (s2, s3) = (s * s, s * s * s);
+            let value = (2.0 * s3 - 3.0 * s2 + 1.0) * a
+                + (s3 - 2.0 * s2 + s) * da
+                + (3.0 * s2 - 2.0 * s3) * b
+                + (s3 - s2) * db;
+            let rate =
+                (6.0 * s2 - 6.0 * s) * (a - b) + (3.0 * s2 - 4.0 * s + 1.0) * da + (3.0 * s2 - 2.0 * s) * db;
+            path.push([value, rate / step]);
+        }
+    }
+    path
+}
+
+#[cfg(test)]
+mod tests {
+    use super::between;
+
+    #[test]
+    fn a_sine_between_its_samples() {
+        let p: Vec<f64> = (0..200).map(|k| (0.1 * f64::from(k)).sin()).collect();
+        let path = between(&p, 0.5, 4);
+        for (j, [value, rate]) in path.iter().enumerate().skip(40).take(1400) {
+            let t = 0.1 * j as f64 / 8.0;
+            assert!((value - t.sin()).abs() < 1e-6, "{value} at {t}");
+            assert!((rate - 0.2 * t.cos()).abs() < 1e-5, "{rate} at {t}");
+        }
+    }
+}

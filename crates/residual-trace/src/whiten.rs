@@ -1,0 +1,86 @@
+//! The noise as it leaves the loop, and the filter that makes it white.
+
+use crate::base::Pair;
+
+/// Taps of the filter.
+const ORDER: usize = 24;
+
+/// One prediction-error filter an output: `w = (e - prediction from the past) / deviation`.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Whitening {
+    taps: [Vec<f64>; 2],
+    channels: usize,
+    /// Deviation of the noise as it leaves the loop, by output.
+    pub(crate) deviation: Pair,
+}
+
+impl Whitening {
+    /// From samples of the noise as it leaves the loop, one vector a record.
+    pub(crate) fn new(noise: &[Vec<Pair>], channels: usize) -> Self {
+        let mut taps = [Vec::new(), Vec::new()];
+        let mut deviation = [0.0; 2];
+        for (i, taps) in taps.iter_mut().enumerate().take(channels) {
+            let mut r = vec![0.0; ORDER + 1];
+            let mut count = 0.0;
+            for record in noise {
+                for (lag, r) in r.iter_mut().enumerate() {
+                    *r += record[lag..]
+                        .iter()
+                        .zip(record)
+                        .map(|(a, b)| a[i] * b[i])
+                        .sum::<f64>();
+                }
+                count += record.len() as f64;
+            }
+            deviation[i] = (r[0] / count).sqrt();
+            let (a, variance) = levinson(&r);
+            let scale = (variance / count).sqrt().recip();
+            *taps = a.iter().map(|a| a * scale).collect();
+        }
+        Self {
+            taps,
+            channels,
+            deviation,
+        }
+    }
+
+    /// The white sequence of an error, output after output.
+    pub(crate) fn apply(&self, error: &[Pair], out: &mut Vec<f64>) {
+        for (i, taps) in self.taps.iter().enumerate().take(self.channels) {
+            for k in 0..error.len() {
+                let past = taps.len().min(k + 1);
+                out.push((0..past).map(|j| taps[j] * error[k - j][i]).sum());
+            }
+        }
+    }
+}
+
+/// Prediction-error filter `[1, a_1, ...]` of an autocovariance and the variance that it leaves.
+fn levinson(r: &[f64]) -> (Vec<f64>, f64) {
+    let mut a = vec![1.0];
+    let mut variance = r[0];
+    for m in 1..r.len() {
+        let reflection = -a.iter().enumerate().map(|(j, a)| a * r[m - j]).sum::<f64>() / variance;
+        a.push(0.0);
+        let old = a.clone();
+        for j in 1..=m {
+            a[j] = old[j] + reflection * old[m - j];
+        }
+        variance *= 1.0 - reflection * reflection;
+    }
+    (a, variance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::levinson;
+
+    #[test]
+    fn a_first_order_process_by_hand() {
+        // e(k) = 0.8 e(k-1) + w, variance of w one.
+        let r: Vec<f64> = (0..5).map(|j| 0.8_f64.powi(j) / (1.0 - 0.64)).collect();
+        let (a, variance) = levinson(&r);
+        assert!((variance - 1.0).abs() < 1e-12);
+        assert!((a[1] + 0.8).abs() < 1e-12 && a[2..].iter().all(|a| a.abs() < 1e-12));
+    }
+}

@@ -27,7 +27,7 @@ pub struct Diagnosed {
 }
 
 /// Finds the effects that a first-principles model of the bundle's machine lacks: an xy-table where the bundle has the
-/// [geometry] of one, servo axes without scheduling.
+/// `[geometry]` of one, servo axes without scheduling.
 ///
 /// # Errors
 /// A bundle without moves, controller or a base model; whatever is wrong with its records.

@@ -338,14 +338,15 @@ fn simpler_first(finals: &mut [(&'static Effect, Fitted, Judged)]) {
     if let Some(simpler) = simpler {
         let rough = &finals[simpler].2;
         let fall = (rough.cost - fine.cost) * rough.samples as f64;
-        if fall < SURE || rough.cost < WORTH * fine.cost {
+        let fair = fine.cost <= NOISE || rough.cost >= WORTH * fine.cost;
+        if fall < SURE || !fair {
             finals.swap(0, simpler);
         }
     }
 }
 
-/// Factor by which a refinement must lower the squared error.
-const WORTH: f64 = 1.02;
+/// Factor by which a refinement must lower a squared error that is not noise.
+const WORTH: f64 = 1.05;
 
 fn decibel(ratio: f64) -> f64 {
     let db = 10.0 * ratio.log10();

@@ -1,7 +1,7 @@
 //! The page of a diagnosis.
 
 use super::{Diagnosed, OutputError};
-use lpv_report::{Axis, Cell, Figure, Format, Page, Panel, Section, Series, Table};
+use lpv_report::{Axis, Cell, Colour, Figure, Format, Page, Panel, Section, Series, Table};
 
 impl Diagnosed {
     /// What was found, the errors before and after, and every effect that was tried.
@@ -82,13 +82,14 @@ impl Diagnosed {
         };
         for (i, name) in self.outputs.iter().enumerate() {
             let mut panel = Panel::new(Axis::linear("Time"), Axis::linear("Error")).title(name.clone());
-            for (errors, label) in self.errors.iter().zip(["before", "after"]) {
+            let labels = [("before", Colour::Reference), ("after", Colour::Model)];
+            for (errors, (label, colour)) in self.errors.iter().zip(labels) {
                 let Some(record) = errors.first() else { continue };
                 let points = record
                     .iter()
                     .enumerate()
                     .map(|(k, e)| (k as f64 * track.step, e[i]));
-                panel = panel.series(Series::line(points.collect()).label(label));
+                panel = panel.series(Series::line(points.collect()).label(label).colour(colour));
             }
             figure = figure.panel(panel);
         }

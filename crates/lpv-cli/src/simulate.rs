@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use xytable_plant::{
     Experiment, ExperimentSettings, HiddenEffect, Machine, MoveKind, MovingExperiment, MovingSettings,
-    Multisine, PlantError, VerifiedController, split_seed,
+    Multisine, PlantError, VerifiedController, second_signal, split_seed,
 };
 
 /// What was simulated.
@@ -105,8 +105,9 @@ pub fn simulate(
             let simulated = result?;
             account.substeps = account.substeps.max(simulated.substeps);
             account.integration_error = account.integration_error.max(simulated.error);
-            for record in &simulated.records {
-                writer.write(record)?;
+            for mut record in simulated.records {
+                setup.add_second_signal(&mut record);
+                writer.write(&record)?;
                 account.records += 1;
                 account.samples += record.len();
                 progress(account.records, records);
@@ -263,6 +264,14 @@ impl<'a> Setup<'a> {
         })
     }
 
+    fn add_second_signal(&self, record: &mut Record) {
+        if self.file.second_signal {
+            let t = self.clock.sample_time();
+            let values = (0..record.len()).map(|k| second_signal(k as f64 * t)).collect();
+            record.auxiliary = Signals::new(&AUXILIARY, vec![values]);
+        }
+    }
+
     fn transient_periods(&self) -> usize {
         let amplitude = self.file.multisine.amplitude;
         let [y1, y2] = self.file.noise.noise().deviations();
@@ -288,6 +297,9 @@ impl<'a> Setup<'a> {
         channels.input = group(&INPUTS, ["m/s^2", "rad/s^2"]);
         channels.reference = group(&REFERENCES, ["m", "rad"]);
         channels.scheduling = group(&SCHEDULING, ["m", ""]);
+        if self.file.second_signal {
+            channels.auxiliary = ChannelGroup::new(&AUXILIARY);
+        }
         let digital = self.controller.digital();
         let numerator: Vec<Vec<f64>> = digital.iter().map(|k| k.numerator().to_vec()).collect();
         description.controller = Some(Controller {
@@ -317,3 +329,4 @@ const OUTPUTS: [&str; 2] = ["y1", "y2"];
 const INPUTS: [&str; 2] = ["u1", "u2"];
 const REFERENCES: [&str; 2] = ["r1", "r2"];
 const SCHEDULING: [&str; 1] = ["p"];
+const AUXILIARY: [&str; 1] = ["height"];

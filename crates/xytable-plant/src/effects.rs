@@ -8,22 +8,27 @@ mod actuator;
 mod disturbance;
 mod friction;
 mod position_force;
+mod scheduling;
 mod sensor;
 mod structure;
 mod timing;
 
+pub use scheduling::second_signal;
+
 use crate::mechanics::State;
-use crate::{MachineParameters, PlantError};
+use crate::{MachineParameters, PlantError, split_seed};
+use std::f64::consts::TAU;
 use std::fmt;
 use std::str::FromStr;
 
 /// The families in the order of the signal path, which is the order in which effects act on a force or an output.
-const FAMILIES: [&[EffectInfo]; 7] = [
+const FAMILIES: [&[EffectInfo]; 8] = [
     timing::EFFECTS,
     actuator::EFFECTS,
     friction::EFFECTS,
     position_force::EFFECTS,
     structure::EFFECTS,
+    scheduling::EFFECTS,
     disturbance::EFFECTS,
     sensor::EFFECTS,
 ];
@@ -58,7 +63,7 @@ pub struct EffectInfo {
     pub range: [f64; 2],
     /// Which records have it.
     pub since: Since,
-    pub(crate) make: fn(f64, &MachineParameters) -> Box<dyn Effect>,
+    pub(crate) make: fn(f64, &MachineParameters, Shape) -> Box<dyn Effect>,
 }
 
 /// An effect with its severity, from `"name"` or `"name=severity"`.
@@ -66,6 +71,27 @@ pub struct EffectInfo {
 pub struct HiddenEffect {
     info: &'static EffectInfo,
     severity: f64,
+    shape: Shape,
+}
+
+/// What a severity does not say: pitches, phases, frequencies, time constants. The usual ones, or drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Shape(Option<u64>);
+
+impl Shape {
+    /// The usual value, or one between two bounds, uniform in its logarithm.
+    pub(crate) fn pick(self, what: &str, usual: f64, [least, most]: [f64; 2]) -> f64 {
+        self.0.map_or(usual, |seed| least * (most / least).powf(part(seed, what)))
+    }
+    /// The usual phase, or any, rad.
+    pub(crate) fn phase(self, what: &str, usual: f64) -> f64 {
+        self.0.map_or(usual, |seed| TAU * part(seed, what))
+    }
+}
+
+/// Uniform from zero to one.
+fn part(seed: u64, what: &str) -> f64 {
+    (split_seed(seed, what) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
 impl HiddenEffect {
@@ -81,8 +107,32 @@ impl HiddenEffect {
     pub fn severity(&self) -> f64 {
         self.severity
     }
+    /// The same effect with another severity.
+    ///
+    /// # Errors
+    /// [`PlantError::Severity`].
+    pub fn with_severity(self, severity: f64) -> Result<Self, PlantError> {
+        let Self { info, shape, .. } = self;
+        if !(info.range[0]..=info.range[1]).contains(&severity) {
+            return Err(info.refuse(&severity.to_string()));
+        }
+        Ok(Self { info, severity, shape })
+    }
+    /// The same severity with pitches, phases, frequencies and time constants drawn from a seed.
+    #[must_use]
+    pub fn varied(self, seed: u64) -> Self {
+        let seed = split_seed(seed, self.info.name);
+        Self {
+            shape: Shape(Some(seed)),
+            ..self
+        }
+    }
+    /// Its numbers by name, severity and shape, in SI units, forces over the mass as in [`EffectInfo`].
+    pub fn facts(&self, machine: &MachineParameters) -> Vec<(&'static str, f64)> {
+        self.make(machine).facts(machine)
+    }
     pub(crate) fn make(&self, machine: &MachineParameters) -> Box<dyn Effect> {
-        (self.info.make)(self.severity, machine)
+        (self.info.make)(self.severity, machine, self.shape)
     }
 
     /// In the order of the signal path, so that the order of asking does not matter.
@@ -101,7 +151,7 @@ impl HiddenEffect {
 
 impl PartialEq for HiddenEffect {
     fn eq(&self, other: &Self) -> bool {
-        self.info.name == other.info.name && self.severity == other.severity
+        self.info.name == other.info.name && self.severity == other.severity && self.shape == other.shape
     }
 }
 
@@ -124,22 +174,27 @@ impl FromStr for HiddenEffect {
         let info = Self::catalogue()
             .find(|info| info.name == name)
             .ok_or_else(|| unknown(name))?;
-        let severity = match value {
-            None => info.default,
-            Some(value) => value
-                .parse()
-                .ok()
-                .filter(|v| (info.range[0]..=info.range[1]).contains(v))
-                .ok_or_else(|| PlantError::Severity {
-                    name: info.name,
-                    value: value.to_owned(),
-                    least: info.range[0],
-                    most: info.range[1],
-                    unit: info.unit,
-                    meaning: info.meaning,
-                })?,
+        let plain = Self {
+            info,
+            severity: info.default,
+            shape: Shape(None),
         };
-        Ok(Self { info, severity })
+        let Some(value) = value else { return Ok(plain) };
+        let severity = value.parse().map_err(|_| info.refuse(value))?;
+        plain.with_severity(severity)
+    }
+}
+
+impl EffectInfo {
+    fn refuse(&self, value: &str) -> PlantError {
+        PlantError::Severity {
+            name: self.name,
+            value: value.to_owned(),
+            least: self.range[0],
+            most: self.range[1],
+            unit: self.unit,
+            meaning: self.meaning,
+        }
     }
 }
 
@@ -180,6 +235,16 @@ impl Moment<'_> {
         let turn = self.machine.half_beam_m * self.state[at + 1];
         [self.state[at] - turn, self.state[at] + turn]
     }
+    /// Of the coupling between carriage and beam in y.
+    pub(crate) fn deflection(&self) -> f64 {
+        let [p, y1, _, y2, turn, ..] = *self.state;
+        y1 - y2 - p * turn
+    }
+    /// Its rate, that of p left out as in (8).
+    pub(crate) fn deflection_rate(&self) -> f64 {
+        let x = self.state;
+        x[6] - x[8] - x[0] * x[9]
+    }
 }
 
 /// Forces at one stage of the integration.
@@ -195,6 +260,12 @@ impl Forces {
     pub(crate) fn push_ends(&mut self, machine: &MachineParameters, [left, right]: [f64; 2]) {
         self.bodies[3] += left + right;
         self.bodies[4] += machine.half_beam_m * (right - left);
+    }
+    /// Adds a force of the coupling in y, positive where it pulls the carriage back.
+    pub(crate) fn pull_coupling(&mut self, at: &Moment<'_>, pull: f64) {
+        self.bodies[1] -= pull;
+        self.bodies[3] += pull;
+        self.bodies[4] += at.state[0] * pull;
     }
 }
 
@@ -218,11 +289,20 @@ pub(crate) trait Effect: fmt::Debug + Send + Sync {
     fn resolution(&self) -> Option<[f64; 2]> {
         None
     }
+    /// See [`HiddenEffect::facts`].
+    fn facts(&self, _machine: &MachineParameters) -> Vec<(&'static str, f64)> {
+        Vec::new()
+    }
 }
 
 /// Force of each of two motors or guides for a severity in m/s².
 fn half_force(severity: f64, machine: &MachineParameters) -> f64 {
     0.5 * severity * (machine.carriage_mass_kg + machine.beam_mass_kg)
+}
+
+/// The other way round.
+fn severity_of(half_force: f64, machine: &MachineParameters) -> f64 {
+    half_force / (0.5 * (machine.carriage_mass_kg + machine.beam_mass_kg))
 }
 
 #[cfg(test)]

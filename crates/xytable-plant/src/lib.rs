@@ -84,7 +84,7 @@ mod separation;
 
 pub use controller::{ControllerSettings, DigitalController, Discretisation, design_controller, discretise};
 pub use crest::CrestStop;
-pub use effects::{EffectInfo, HiddenEffect, Since};
+pub use effects::{EffectInfo, HiddenEffect, Since, second_signal};
 pub use error::PlantError;
 pub use experiment::{Experiment, ExperimentAccount, ExperimentSettings, LoopKind};
 pub use lines::Lines;

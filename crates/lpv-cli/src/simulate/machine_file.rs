@@ -19,6 +19,8 @@ pub struct MachineFile {
     pub sample_rate: f64,
     /// Seed of every random choice and of the noise.
     pub seed: u64,
+    /// Whether a second signal that moves by itself is measured beside the rest.
+    pub second_signal: bool,
     /// Masses, springs, sizes.
     pub machine: MachineParameters,
     /// Rule of both controllers of y'.
@@ -99,6 +101,7 @@ impl Default for MachineFile {
             name: "simulated machine".to_owned(),
             sample_rate: 20.0,
             seed: 0,
+            second_signal: false,
             machine: MachineParameters::default(),
             controller: ControllerSettings::default(),
             servo: ServoFile::default(),

@@ -1,6 +1,7 @@
 //! Effects of the linear motors.
 
-use super::{Effect, EffectInfo, Forces, Moment, Since, half_force};
+use super::{Effect, EffectInfo, Forces, Moment, Since, half_force, severity_of};
+use crate::MachineParameters;
 
 pub(super) const EFFECTS: &[EffectInfo] = &[
     EffectInfo {
@@ -11,7 +12,7 @@ pub(super) const EFFECTS: &[EffectInfo] = &[
         default: 6e-5,
         range: [-1.0, 1.0],
         since: Since::Grid,
-        make: |severity, _| Box::new(PositionGain(severity / 0.1)),
+        make: |severity, _, _| Box::new(PositionGain(severity / 0.1)),
     },
     EffectInfo {
         name: "motor-asymmetry",
@@ -21,7 +22,7 @@ pub(super) const EFFECTS: &[EffectInfo] = &[
         default: 2e-4,
         range: [-1.0, 1.0],
         since: Since::Grid,
-        make: |severity, _| Box::new(Asymmetry(severity)),
+        make: |severity, _, _| Box::new(Asymmetry(severity)),
     },
     EffectInfo {
         name: "actuator-saturation",
@@ -31,7 +32,7 @@ pub(super) const EFFECTS: &[EffectInfo] = &[
         default: 5.0,
         range: [1e-6, 1e9],
         since: Since::Grid,
-        make: |severity, machine| Box::new(Saturation(half_force(severity, machine))),
+        make: |severity, machine, _| Box::new(Saturation(half_force(severity, machine))),
     },
 ];
 
@@ -45,6 +46,9 @@ impl Effect for PositionGain {
             *force *= 1.0 + self.0 * y;
         }
     }
+    fn facts(&self, _machine: &MachineParameters) -> Vec<(&'static str, f64)> {
+        vec![("slope", self.0)]
+    }
 }
 
 #[derive(Debug)]
@@ -55,6 +59,9 @@ impl Effect for Asymmetry {
         forces.motors[0] *= 1.0 + 0.5 * self.0;
         forces.motors[1] *= 1.0 - 0.5 * self.0;
     }
+    fn facts(&self, _machine: &MachineParameters) -> Vec<(&'static str, f64)> {
+        vec![("difference", self.0)]
+    }
 }
 
 /// Largest force of a motor, N.
@@ -64,5 +71,8 @@ struct Saturation(f64);
 impl Effect for Saturation {
     fn act(&self, _at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
         forces.motors = forces.motors.map(|f| self.0 * (f / self.0).tanh());
+    }
+    fn facts(&self, machine: &MachineParameters) -> Vec<(&'static str, f64)> {
+        vec![("softness", severity_of(self.0, machine).powi(-2))]
     }
 }

@@ -1,6 +1,8 @@
 //! Errors of the position sensors.
 
 use super::{Effect, EffectInfo, Moment, Since};
+use crate::{MachineParameters, split_seed};
+use std::f64::consts::TAU;
 
 pub(super) const EFFECTS: &[EffectInfo] = &[
     EffectInfo {
@@ -11,7 +13,7 @@ pub(super) const EFFECTS: &[EffectInfo] = &[
         default: 5e-5,
         range: [-0.9, 10.0],
         since: Since::Grid,
-        make: |severity, _| Box::new(Gain(severity)),
+        make: |severity, _, _| Box::new(Gain(severity)),
     },
     EffectInfo {
         name: "sensor-drift",
@@ -21,7 +23,12 @@ pub(super) const EFFECTS: &[EffectInfo] = &[
         default: 3e-4,
         range: [-1.0, 1.0],
         since: Since::Grid,
-        make: |severity, _| Box::new(Drift(severity)),
+        make: |severity, _, shape| {
+            Box::new(Drift {
+                size: severity,
+                time_constant: shape.pick("time", 20.0, [10.0, 60.0]),
+            })
+        },
     },
     EffectInfo {
         name: "quantization",
@@ -31,7 +38,43 @@ pub(super) const EFFECTS: &[EffectInfo] = &[
         default: 5e-6,
         range: [0.0, 1.0],
         since: Since::Grid,
-        make: |severity, machine| Box::new(Quantization([severity, severity / machine.half_beam_m])),
+        make: |severity, machine, _| Box::new(Quantization([severity, severity / machine.half_beam_m])),
+    },
+    EffectInfo {
+        name: "abbe-offset",
+        family: "sensor",
+        unit: "m",
+        meaning: "distance of the point that the sensor of y'_1 reads from the assumed one: it adds so many times y'_2",
+        default: 1e-3,
+        range: [-1.0, 1.0],
+        since: Since::Grid,
+        make: |severity, _, _| Box::new(Abbe(severity)),
+    },
+    EffectInfo {
+        name: "sensor-cyclic-error",
+        family: "sensor",
+        unit: "m",
+        meaning: "amplitude of an error of y'_1 periodic in it, period 20 mm",
+        default: 3e-6,
+        range: [0.0, 1.0],
+        since: Since::Grid,
+        make: |severity, _, shape| {
+            Box::new(Cyclic {
+                amplitude: severity,
+                period: shape.pick("period", 0.02, [8e-3, 0.04]),
+                phase: shape.phase("phase", 0.0),
+            })
+        },
+    },
+    EffectInfo {
+        name: "lost-samples",
+        family: "sensor",
+        unit: "s",
+        meaning: "age of the reading that stands in for one sample in fifty of y'_1, at random",
+        default: 5e-4,
+        range: [0.0, 1.0],
+        since: Since::Grid,
+        make: |severity, _, _| Box::new(Lost(severity)),
     },
 ];
 
@@ -42,16 +85,23 @@ impl Effect for Gain {
     fn sense(&self, _at: &Moment<'_>, outputs: &mut [f64; 2]) {
         outputs[0] *= 1.0 + self.0;
     }
+    fn facts(&self, _machine: &MachineParameters) -> Vec<(&'static str, f64)> {
+        vec![("gain", self.0)]
+    }
 }
 
-const WARM_UP_TIME: f64 = 20.0;
-
 #[derive(Debug)]
-struct Drift(f64);
+struct Drift {
+    size: f64,
+    time_constant: f64,
+}
 
 impl Effect for Drift {
     fn sense(&self, at: &Moment<'_>, outputs: &mut [f64; 2]) {
-        outputs[0] -= self.0 * (-at.time / WARM_UP_TIME).exp_m1();
+        outputs[0] -= self.size * (-at.time / self.time_constant).exp_m1();
+    }
+    fn facts(&self, _machine: &MachineParameters) -> Vec<(&'static str, f64)> {
+        vec![("drift", self.size), ("time_constant", self.time_constant)]
     }
 }
 
@@ -61,5 +111,55 @@ struct Quantization([f64; 2]);
 impl Effect for Quantization {
     fn resolution(&self) -> Option<[f64; 2]> {
         (self.0[0] > 0.0).then_some(self.0)
+    }
+    fn facts(&self, _machine: &MachineParameters) -> Vec<(&'static str, f64)> {
+        vec![("step", self.0[0]), ("other_step", self.0[1])]
+    }
+}
+
+#[derive(Debug)]
+struct Abbe(f64);
+
+impl Effect for Abbe {
+    fn sense(&self, _at: &Moment<'_>, outputs: &mut [f64; 2]) {
+        outputs[0] += self.0 * outputs[1];
+    }
+    fn facts(&self, _machine: &MachineParameters) -> Vec<(&'static str, f64)> {
+        vec![("offset", self.0)]
+    }
+}
+
+#[derive(Debug)]
+struct Cyclic {
+    amplitude: f64,
+    period: f64,
+    phase: f64,
+}
+
+impl Effect for Cyclic {
+    fn sense(&self, _at: &Moment<'_>, outputs: &mut [f64; 2]) {
+        outputs[0] += self.amplitude * (TAU * outputs[0] / self.period + self.phase).sin();
+    }
+    fn facts(&self, _machine: &MachineParameters) -> Vec<(&'static str, f64)> {
+        vec![
+            ("sine", self.amplitude * self.phase.cos()),
+            ("cosine", self.amplitude * self.phase.sin()),
+            ("period", self.period),
+        ]
+    }
+}
+
+/// Age, s.
+#[derive(Debug)]
+struct Lost(f64);
+
+impl Effect for Lost {
+    fn sense(&self, at: &Moment<'_>, outputs: &mut [f64; 2]) {
+        // The moment itself draws the lot.
+        if split_seed(at.time.to_bits(), "lost") % 50 == 0 {
+            let x = at.state;
+            let rate = x[6] - x[0] * x[7] - x[5] * x[2];
+            outputs[0] -= self.0 * rate;
+        }
     }
 }

@@ -271,3 +271,67 @@ fn names_are_parsed_and_misspelt_ones_answered() {
         Err(PlantError::EffectTwice { .. })
     ));
 }
+
+#[test]
+fn stribeck_friction_falls_with_speed() {
+    let force_at = |speed: f64| {
+        let mut p = plant("stribeck-friction=0.004", SHORT, [0.0; 3]);
+        p.state_mut()[8] = speed;
+        forces(&mut p, [0.0; 2], SHORT)
+    };
+    let half = 0.5 * 0.004 * MASS;
+    close(force_at(0.1), [-half; 2]);
+    // exp(-1) of the 0.6 that is more is left at 10 mm/s.
+    close(force_at(0.01), [-half * (1.0 + 0.6 * (-1.0_f64).exp()); 2]);
+}
+
+#[test]
+fn dahl_friction_builds_up_with_travel() {
+    let mut p = plant("hysteresis=0.004", 1e-3, [0.0; 3]);
+    let half = 0.5 * 0.004 * MASS;
+    // Far along at a steady speed: one sample each of 0.1 mm, the beam held by hand.
+    for _ in 0..300 {
+        p.state_mut()[8] = 0.1;
+        p.state_mut()[6] = 0.1;
+        p.advance(0.0, [0.0; 2], 4);
+    }
+    let before = momenta(&p);
+    p.advance(0.0, [0.0; 2], 4);
+    let force = (momenta(&p)[0] - before[0]) / 1e-3;
+    assert!((force + 2.0 * half).abs() < 1e-3 * half, "{force}, by hand {}", -2.0 * half);
+}
+
+#[test]
+fn coriolis_is_the_product_of_two_speeds() {
+    let mut p = plant("scheduling-rate=0.5", SHORT, [0.0; 3]);
+    p.state_mut()[5] = 0.2;
+    p.state_mut()[6] = 0.1;
+    p.state_mut()[8] = 0.1;
+    let before = p.state()[7];
+    p.advance(0.0, [0.0; 2], 4);
+    // Torque -0.5 * 12 kg * 0.2 * 0.1 on the carriage's 0.25 kg m^2.
+    let rate = (p.state()[7] - before) / SHORT;
+    assert!((rate + 0.5 * 12.0 * 0.2 * 0.1 / 0.25).abs() < 1e-3, "{rate}");
+}
+
+#[test]
+fn readings_from_elsewhere() {
+    let abbe = plant("abbe-offset=0.01", SHORT, [0.1, 0.0, 2e-3]).measure([0.0; 2], Rounding::Off);
+    close(abbe, [2e-5, 2e-3]);
+    let cyclic = plant("sensor-cyclic-error=1e-6", SHORT, [0.0, 0.005, 0.0]).measure([0.0; 2], Rounding::Off);
+    assert!((cyclic[0] - 0.005 - 1e-6).abs() < 1e-12, "{cyclic:?}");
+}
+
+#[test]
+fn drawn_shapes_stay_within_their_bounds_and_differ() {
+    let machine = MachineParameters::default();
+    let pitch = |seed| {
+        let effect: HiddenEffect = "cogging".parse().unwrap();
+        let facts = effect.varied(seed).facts(&machine);
+        facts.iter().find(|(name, _)| *name == "pitch").unwrap().1
+    };
+    let all: Vec<f64> = (0..50).map(pitch).collect();
+    assert!(all.iter().all(|p| (0.012..=0.05).contains(p)), "{all:?}");
+    assert!(all.windows(2).all(|w| w[0] != w[1]));
+    assert_eq!(pitch(3), pitch(3));
+}

@@ -1,6 +1,7 @@
 //! Effects between the controller's command and the force.
 
 use super::{Effect, EffectInfo, Forces, Moment, Since};
+use crate::MachineParameters;
 use crate::mechanics::State;
 
 pub(super) const EFFECTS: &[EffectInfo] = &[
@@ -12,7 +13,7 @@ pub(super) const EFFECTS: &[EffectInfo] = &[
         default: 4e-5,
         range: [0.0, 1.0],
         since: Since::Grid,
-        make: |severity, _| Box::new(Delay(severity)),
+        make: |severity, _, _| Box::new(Delay(severity)),
     },
     EffectInfo {
         name: "actuator-lag",
@@ -22,7 +23,7 @@ pub(super) const EFFECTS: &[EffectInfo] = &[
         default: 1e-3,
         range: [1e-4, 1.0],
         since: Since::Grid,
-        make: |severity, _| Box::new(Lag(severity)),
+        make: |severity, _, _| Box::new(Lag(severity)),
     },
 ];
 
@@ -32,6 +33,9 @@ struct Delay(f64);
 impl Effect for Delay {
     fn delay(&self) -> f64 {
         self.0
+    }
+    fn facts(&self, _machine: &MachineParameters) -> Vec<(&'static str, f64)> {
+        vec![("time", self.0)]
     }
 }
 
@@ -49,5 +53,8 @@ impl Effect for Lag {
             *rate = (*commanded - force) / self.0;
             *commanded = *force;
         }
+    }
+    fn facts(&self, _machine: &MachineParameters) -> Vec<(&'static str, f64)> {
+        vec![("time_constant", self.0)]
     }
 }

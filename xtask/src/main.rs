@@ -1,5 +1,6 @@
 //! `cargo xtask`: the reproduction of the paper, and the measured bundles.
 
+mod blind;
 mod check;
 mod experiment;
 mod figures;
@@ -36,6 +37,38 @@ enum Task {
     /// Fit small LFRs to the experiments of the paper and to three other machines, and write docs/small-lfr.md.
     #[command(after_help = "Example:\n  cargo xtask small")]
     Small(Small),
+    /// Hide effects in random machines, diagnose their bundles, and write docs/blind.md.
+    #[command(after_help = "Example:\n  cargo xtask blind --quick")]
+    Blind(Blind),
+}
+
+/// Options of the bench of hidden effects.
+#[derive(clap::Args)]
+pub(crate) struct Blind {
+    /// Write the page and the figures to docs/ too.
+    #[arg(long)]
+    bless: bool,
+    /// About a minute, with bars of its own: fails where they are missed.
+    #[arg(long, conflicts_with_all = ["bless", "seeds", "only", "severities", "minutes"])]
+    quick: bool,
+    /// Machines by effect and severity; clean machines are twenty times, pairs ten times as many.
+    #[arg(long, default_value_t = 10)]
+    seeds: u64,
+    /// Start no new machine after so many minutes.
+    #[arg(long, default_value_t = 1e6)]
+    minutes: f64,
+    /// These effects only.
+    #[arg(long, value_delimiter = ',')]
+    only: Vec<String>,
+    /// These deviations over the noise only.
+    #[arg(long, value_delimiter = ',')]
+    severities: Vec<f64>,
+    /// Seed of every random number.
+    #[arg(long, default_value_t = 2011)]
+    seed: u64,
+    /// Where the results go.
+    #[arg(long, value_name = "FOLDER", default_value = "target/blind")]
+    output: PathBuf,
 }
 
 /// Options of the small LFRs.
@@ -94,6 +127,7 @@ fn main() -> ExitCode {
         Task::Reproduce(options) => reproduce::run(&options),
         Task::Measured(options) => run_measured(&options).map(|()| true),
         Task::Small(options) => run_small(&options).map(|()| true),
+        Task::Blind(options) => run_blind(&options),
     };
     match done {
         Ok(true) => ExitCode::SUCCESS,
@@ -149,6 +183,37 @@ fn run_small(options: &Small) -> Result<(), TaskError> {
     std::fs::write(&page, small_page::page(&metrics))?;
     println!("page: {}", page.display());
     Ok(())
+}
+
+fn run_blind(options: &Blind) -> Result<bool, TaskError> {
+    let extent = if options.quick {
+        blind::Extent::quick()
+    } else {
+        let alone = !options.only.is_empty();
+        blind::Extent {
+            seeds: options.seeds,
+            clean: if alone { 0 } else { 20 * options.seeds },
+            pairs: if alone { 0 } else { 10 * options.seeds },
+            minutes: options.minutes,
+            only: options.only.clone(),
+            severities: options.severities.clone(),
+        }
+    };
+    std::fs::create_dir_all(&options.output)?;
+    let (all, seconds) = blind::run(&extent, options.seed, &options.output.join("cases.jsonl"))?;
+    let metrics = blind::score(&all, seconds);
+    let figures = serde_json::to_value(&metrics)?;
+    let command = format!("cargo xtask blind --seeds {} --minutes {} --seed {}", options.seeds, options.minutes, options.seed);
+    let page = blind::page(&metrics, &all, &command);
+    reproduce::write_json(&options.output.join("metrics.json"), &figures)?;
+    std::fs::write(options.output.join("blind.md"), &page)?;
+    if options.bless {
+        let docs = root().join("docs");
+        reproduce::write_json(&docs.join("metrics/blind.json"), &figures)?;
+        std::fs::write(docs.join("blind.md"), &page)?;
+    }
+    println!("{}", serde_json::to_string_pretty(&figures)?);
+    Ok(!options.quick || metrics.meets_quick_bars())
 }
 
 /// The root of the workspace.

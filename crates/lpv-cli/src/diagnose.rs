@@ -1,8 +1,10 @@
 //! What a base model lacks, found on the moves of a bundle, and told as `diagnosis.json`.
 
 mod account;
+mod axis;
 mod page;
 
+pub use axis::AxisErrors;
 pub use account::{Characterisation, Diagnosis, Errors, Evidence, FoundEffect, OutputError, Tested, Value};
 
 use crate::PipelineError;
@@ -42,56 +44,64 @@ pub fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagnosed, Pi
     let transient = |i: usize| description.records[i].record_kind() == RecordKind::Transient;
     let records = load_records(bundle, transient, progress)?;
     let mut reasons = Vec::new();
-    let (base, prior) = match &description.geometry {
+    let (base, prior, free) = match &description.geometry {
         Some(geometry) => {
             let fit = table(bundle, geometry, clock, &mut reasons, progress)?;
-            (fit.base, Some(fit.prior))
+            (fit.base, Some(fit.prior), fit.free)
         }
-        None => (axis(bundle, &records, clock)?, None),
+        None => (servo_axis(bundle, &records, clock)?, None, None),
     };
     let substeps = match &base {
         Base::XyTable(_) => 6,
         Base::Axis(_) => 2,
     };
-    let (fitted, judged) = split(records, &mut reasons)?;
+    let (fit_records, judge_records) = split(records, &mut reasons)?;
     let tracks = |records: &[Record]| -> Result<Vec<Track>, PipelineError> {
         Ok(records
             .iter()
             .map(|r| Track::new(r, clock.sample_time(), substeps))
             .collect::<Result<Vec<_>, _>>()?)
     };
-    let rough = roughness(&fitted);
-    let (fitted, judged) = (tracks(&fitted)?, tracks(&judged)?);
+    let rough = roughness(&fit_records);
+    let (fitted, judged) = (tracks(&fit_records)?, tracks(&judge_records)?);
     let start = controller.start()?;
     let noise = match unrepeated(bundle, progress)? {
-        left if left.is_empty() => {
+        (_, left) if left.is_empty() => {
             reasons.push(
                 "no periodic records: the noise of a sample is taken from the third differences of the outputs".to_owned(),
             );
             rough
         }
-        left => sensor_noise(&base, &start, &fitted[0], &left)?,
+        (position, left) => sensor_noise(&base, &start, &fitted[0], position, &left)?,
     };
     progress("competition of effects", 0, 1);
     let found = trace(&Case {
         base: &base,
         prior: prior.as_ref(),
+        free: free.as_ref().map(|(base, prior, freed)| (base, prior, *freed)),
         controller: &start,
         noise,
         fitted: &fitted,
         judged: &judged,
     })?;
     progress("competition of effects", 1, 1);
+    let models = [&found.bare, &found.model];
+    let mut axis = axis::errors(models, &start, clock, &fit_records, &fitted)?;
+    axis.extend(axis::errors(models, &start, clock, &judge_records, &judged)?);
+    let diagnosis = Diagnosis {
+        axis,
+        ..Diagnosis::new(bundle, &found, &judged, reasons)
+    };
     Ok(Diagnosed {
-        diagnosis: Diagnosis::new(bundle, &found, &judged, reasons),
+        diagnosis,
         outputs: description.channels.output.columns.clone(),
         tracks: judged,
         errors: found.errors,
     })
 }
 
-/// What does not repeat from one period to the next, at one position: differences over the root of two.
-fn unrepeated(bundle: &Bundle, progress: Progress<'_>) -> Result<Vec<Vec<[f64; 2]>>, PipelineError> {
+/// What does not repeat from one period to the next, differences over the root of two; near which position.
+fn unrepeated(bundle: &Bundle, progress: Progress<'_>) -> Result<(f64, Vec<Vec<[f64; 2]>>), PipelineError> {
     /// Records that are enough.
     const RECORDS: usize = 4;
     /// Periods in which a transient may still be.
@@ -112,11 +122,10 @@ fn unrepeated(bundle: &Bundle, progress: Progress<'_>) -> Result<Vec<Vec<[f64; 2
         let one = |k: usize, i: usize| y.get(i).map_or(0.0, |y| (y[k + period] - y[k]) * FRAC_1_SQRT_2);
         Some((FIRST * period..last).map(|k| [one(k, 0), one(k, 1)]).collect())
     };
-    Ok(records
-        .iter()
-        .filter_map(differences)
-        .filter(|d| !d.is_empty())
-        .collect())
+    let positions: Vec<f64> = records.iter().filter_map(|r| r.position).collect();
+    let position = positions.iter().sum::<f64>() / positions.len().max(1) as f64;
+    let left = records.iter().filter_map(differences).filter(|d| !d.is_empty());
+    Ok((position, left.collect()))
 }
 
 /// The xy-table.
@@ -153,7 +162,7 @@ fn table(
     Ok(fit)
 }
 
-fn axis(bundle: &Bundle, records: &[Record], clock: Discrete) -> Result<Base, PipelineError> {
+fn servo_axis(bundle: &Bundle, records: &[Record], clock: Discrete) -> Result<Base, PipelineError> {
     let channels = &bundle.description().channels;
     if channels.input.len() != 1 || channels.output.len() != 1 || !channels.scheduling.is_empty() {
         return Err(PipelineError::Structure {

@@ -118,6 +118,35 @@ pub fn simulate(
     Ok(account)
 }
 
+/// Largest root mean square over the first moves of each kind by which the effects change an output, in units of its
+/// sensor's noise.
+///
+/// # Errors
+/// [`PipelineError::Plant`] for settings out of range.
+pub fn deviation(file: &MachineFile, hidden: &[HiddenEffect]) -> Result<f64, PipelineError> {
+    let (with, without) = (Setup::new(file, hidden)?, Setup::new(file, &[])?);
+    let mut most = 0.0_f64;
+    let mut sums = [(0.0, 0_usize); 2];
+    for (index, &kind) in file.moves.kinds.iter().enumerate().take(file.moves.estimation) {
+        let name = move_name(index);
+        let run = |setup: &Setup<'_>| -> Result<Record, PipelineError> {
+            let simulated = setup.moving(&name, kind, Purpose::Estimation)?;
+            simulated.records.into_iter().next().ok_or(PipelineError::Structure {
+                problem: "a move makes one record",
+            })
+        };
+        let (a, b) = rayon::join(|| run(&with), || run(&without));
+        for ((a, b), (sum, count)) in a?.outputs.columns.iter().zip(&b?.outputs.columns).zip(&mut sums) {
+            *sum += a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+            *count += a.len();
+        }
+    }
+    for ((sum, count), noise) in sums.into_iter().zip(file.noise.noise().deviations()) {
+        most = most.max((sum / count.max(1) as f64).sqrt() / noise);
+    }
+    Ok(most)
+}
+
 impl Job {
     fn records(&self) -> usize {
         match self {

@@ -16,6 +16,7 @@ pub use check::{ErrorFigure, Evidence, FrozenCheck, OutputCheck, RecordCheck, Sc
 pub use machine::Machine;
 pub use predict::{Predictor, riccati_gain};
 pub use residual::{CrossCorrelation, Whiteness};
+pub(crate) use rigid::check_axis;
 pub use rigid::{AxisCheck, ClosedLoopAxis};
 pub use simulate::{Frozen, Run, closed_loop, open_loop, rms_error};
 pub(crate) use start::cut;

@@ -11,13 +11,14 @@ mod cogging;
 mod coulomb_friction;
 mod cubic_stiffness;
 mod delay;
+mod direction_dependent_friction;
 mod extra_mode;
 mod hysteresis;
 mod motor_asymmetry;
 mod payload;
 mod periodic_disturbance;
 mod position_dependent_gain;
-mod quantization;
+pub(crate) mod quantization;
 mod scheduling_rate;
 mod second_scheduling;
 mod sensor_cyclic_error;
@@ -30,10 +31,11 @@ use crate::base::{Base, Pair};
 use crate::effect::Effect;
 use crate::screen::{Screen, Trial};
 
-/// All effects.
-pub static CATALOGUE: [&Effect; 22] = [
+/// All effects; of two that a record cannot tell apart, the first is named.
+pub static CATALOGUE: [&Effect; 23] = [
     &coulomb_friction::EFFECT,
     &stribeck_friction::EFFECT,
+    &direction_dependent_friction::EFFECT,
     &viscous_friction::EFFECT,
     &hysteresis::EFFECT,
     &cogging::EFFECT,
@@ -41,8 +43,8 @@ pub static CATALOGUE: [&Effect; 22] = [
     &position_dependent_gain::EFFECT,
     &actuator_saturation::EFFECT,
     &motor_asymmetry::EFFECT,
-    &actuator_lag::EFFECT,
     &delay::EFFECT,
+    &actuator_lag::EFFECT,
     &extra_mode::EFFECT,
     &payload::EFFECT,
     &cubic_stiffness::EFFECT,
@@ -57,33 +59,28 @@ pub static CATALOGUE: [&Effect; 22] = [
 ];
 
 /// Forces of the motors that together do what this input does in the middle of the range.
-fn motor_forces(screen: &Screen<'_>, input: f64) -> Pair {
-    screen.base.commanded(0.0, [input, 0.0])
+fn motor_forces(machine: &Base, input: f64) -> Pair {
+    machine.commanded(0.0, [input, 0.0])
 }
 
 fn is_table(screen: &Screen<'_>) -> bool {
     matches!(screen.base, Base::XyTable(_))
 }
 
-/// Time of one part of the integration.
-fn part(screen: &Screen<'_>) -> f64 {
-    screen.tracks.first().map_or(1.0, |t| t.step / t.substeps as f64)
-}
-
-/// Pitches worth a start, with amplitudes: every one that the travel resolves and that the samples still follow.
+/// Pitches worth a start, with amplitudes: those that the travel resolves, down to the least.
 fn pitches(
     screen: &Screen<'_>,
-    travel: f64,
-    top_speed: f64,
+    least: f64,
     trials: impl Fn(f64) -> Vec<Trial> + Sync,
 ) -> Vec<(f64, Vec<f64>)> {
     /// Most pitches that are tried.
-    const MOST: usize = 400;
-    if !(travel > 0.0 && top_speed > 0.0) {
+    const MOST: usize = 300;
+    let travel = screen.travel();
+    if !(travel > 0.0 && least > 0.0) {
         return Vec::new();
     }
     let width = 0.3 / travel;
-    let most = 0.3 / (top_speed * screen.step());
+    let most = 1.0 / least;
     let at = |i: usize| 1.0 / (width * (i + 3) as f64);
     let count = ((most / width) as usize).clamp(1, MOST);
     let found = screen.best(count, |i| trials(at(i)));

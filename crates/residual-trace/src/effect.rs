@@ -91,8 +91,8 @@ pub struct Effect {
     pub extends: Option<Extends>,
     /// Points from which to start, in the order of the parameters; none where the base or the data do not know it.
     pub starts: fn(&Screen<'_>) -> Vec<Vec<f64>>,
-    /// The block at given values.
-    pub block: fn(&[f64], &Screen<'_>) -> Box<dyn Block>,
+    /// The block at given values, on a machine.
+    pub block: fn(&[f64], &Base) -> Box<dyn Block>,
 }
 
 /// One instant of a simulation.
@@ -103,6 +103,8 @@ pub struct Moment<'a> {
     pub p: f64,
     /// Its rate.
     pub rate: f64,
+    /// Time of one step of the integration.
+    pub step: f64,
     /// Where the machine is.
     pub motion: Motion,
     /// The machine.
@@ -140,9 +142,5 @@ pub trait Block: Debug + Send + Sync {
     /// Time constant with which commands act.
     fn lag(&self) -> f64 {
         0.0
-    }
-    /// Steps of the sensors.
-    fn resolution(&self) -> Option<Pair> {
-        None
     }
 }

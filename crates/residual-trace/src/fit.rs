@@ -3,8 +3,7 @@
 use crate::TraceError;
 use crate::base::{Base, Motion, Pair};
 use crate::effect::{Block, Effect, Scale};
-use crate::screen::Screen;
-use crate::simulate::simulate;
+use crate::simulate::{simulate, simulate_in};
 use crate::track::Track;
 use crate::whiten::Whitening;
 use experiment_data::ControllerState;
@@ -21,8 +20,8 @@ pub struct Explained {
 }
 
 impl Explained {
-    pub(crate) fn blocks(&self, screen: &Screen<'_>) -> Vec<Box<dyn Block>> {
-        self.effects.iter().map(|(e, v)| (e.block)(v, screen)).collect()
+    pub(crate) fn blocks(&self) -> Vec<Box<dyn Block>> {
+        self.effects.iter().map(|(e, v)| (e.block)(v, &self.base)).collect()
     }
 
     /// The machine's coordinates, then those of the effects.
@@ -85,6 +84,15 @@ pub(crate) struct Problem<'a> {
     pub(crate) prior: Option<&'a Prior>,
 }
 
+/// How finely a simulation follows a sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Grain {
+    /// As a result needs it.
+    Fine,
+    /// As a difference needs it.
+    Rough,
+}
+
 /// A fit with its account.
 #[derive(Debug, Clone)]
 pub(crate) struct Fitted {
@@ -108,12 +116,22 @@ const STEP: f64 = 0.03;
 
 impl Problem<'_> {
     /// Errors in closed loop by record.
-    pub(crate) fn errors(&self, model: &Explained, screen: &Screen<'_>) -> Option<Vec<Vec<Pair>>> {
-        let blocks = model.blocks(screen);
+    pub(crate) fn errors(&self, model: &Explained) -> Option<Vec<Vec<Pair>>> {
+        self.errors_in(Track::fine, model)
+    }
+
+    /// The same with these parts of a sample.
+    fn errors_in(
+        &self,
+        parts: fn(&Track) -> usize,
+        model: &Explained,
+    ) -> Option<Vec<Vec<Pair>>> {
+        let blocks = model.blocks();
         self.tracks
             .par_iter()
             .map(|track| {
-                let found = simulate(&model.base, &blocks, self.controller, track, None, &mut ())?;
+                let (base, parts) = (&model.base, parts(track));
+                let found = simulate_in(parts, base, &blocks, Some(self.controller), track, None, &mut ())?;
                 let error = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
                 Some(track.outputs.iter().zip(&found.outputs).map(error).collect())
             })
@@ -121,8 +139,8 @@ impl Problem<'_> {
     }
 
     /// Motions of the machine by record.
-    pub(crate) fn motions(&self, model: &Explained, screen: &Screen<'_>) -> Option<Vec<Vec<Motion>>> {
-        let blocks = model.blocks(screen);
+    pub(crate) fn motions(&self, model: &Explained) -> Option<Vec<Vec<Motion>>> {
+        let blocks = model.blocks();
         self.tracks
             .par_iter()
             .map(|track| {
@@ -134,9 +152,18 @@ impl Problem<'_> {
     }
 
     /// Whitened errors, then what departs from the prior.
-    pub(crate) fn residual(&self, model: &Explained, screen: &Screen<'_>) -> Option<Vec<f64>> {
+    pub(crate) fn residual(&self, model: &Explained) -> Option<Vec<f64>> {
+        self.whitened(self.errors(model)?, model)
+    }
+
+    /// The same from a coarse integration: for small differences only.
+    pub(crate) fn rough(&self, model: &Explained) -> Option<Vec<f64>> {
+        self.whitened(self.errors_in(Track::coarse, model)?, model)
+    }
+
+    fn whitened(&self, errors: Vec<Vec<Pair>>, model: &Explained) -> Option<Vec<f64>> {
         let mut all = Vec::new();
-        for error in self.errors(model, screen)? {
+        for error in errors {
             self.whitening.apply(&error, &mut all);
         }
         if let Some(prior) = self.prior {
@@ -177,12 +204,11 @@ impl Problem<'_> {
     }
 
     /// Columns of the Jacobian for some coordinates, by forward differences whose steps change the residual by a small
-    /// part of its noise.
+    /// part of its noise. `residual` is that of the model, [rough](Self::rough) or not; so are then the differences.
     pub(crate) fn columns(
         &self,
         model: &Explained,
-        screen: &Screen<'_>,
-        residual: &[f64],
+        (grain, residual): (Grain, &[f64]),
         which: std::ops::Range<usize>,
         steps: &mut Vec<f64>,
     ) -> Option<DMatrix<f64>> {
@@ -203,14 +229,21 @@ impl Problem<'_> {
                 for _ in 0..8 {
                     let mut there = at.clone();
                     there[j] += h;
-                    let Some(moved) = self.residual(&model.with(&there), screen) else {
+                    let there = model.with(&there);
+                    let moved = match grain {
+                        Grain::Fine => self.residual(&there),
+                        Grain::Rough => self.rough(&there),
+                    };
+                    let Some(moved) = moved else {
                         h *= 0.01;
                         continue;
                     };
                     let column: Vec<f64> = moved.iter().zip(residual).map(|(a, b)| (a - b) / h).collect();
                     let size = h * (column.iter().map(|c| c * c).sum::<f64>() / column.len() as f64).sqrt();
                     best = Some((h, column));
-                    if size > 0.1 * STEP && size < 10.0 * STEP {
+                    // What starts from nothing is nearly linear.
+                    let most = if at[j] == 0.0 { 1e3 } else { 10.0 };
+                    if size > 0.01 * STEP && size < most * STEP {
                         break;
                     }
                     let change = (STEP / size.max(1e-12)).clamp(1e-6, 1e6);
@@ -236,7 +269,6 @@ impl Problem<'_> {
     pub(crate) fn fit(
         &self,
         start: &Explained,
-        screen: &Screen<'_>,
         iterations: usize,
         known: Option<&Fitted>,
     ) -> Result<Fitted, TraceError> {
@@ -244,7 +276,7 @@ impl Problem<'_> {
             record: self.tracks.first().map_or(String::new(), |t| t.name.clone()),
         };
         let mut model = start.clone();
-        let mut residual = self.residual(&model, screen).ok_or_else(diverges)?;
+        let mut residual = self.residual(&model).ok_or_else(diverges)?;
         let mut cost = self.objective(&residual);
         let own = model.base.coordinates().len();
         let all = model.coordinates().len();
@@ -263,12 +295,13 @@ impl Problem<'_> {
                 Some(columns) => columns,
                 None => {
                     fresh = true;
-                    self.columns(&model, screen, &residual, 0..own, &mut steps)
+                    let rough = self.rough(&model).ok_or_else(diverges)?;
+                    self.columns(&model, (Grain::Rough, &rough), 0..own, &mut steps)
                         .ok_or_else(diverges)?
                 }
             };
             let more = self
-                .columns(&model, screen, &residual, own..all, &mut steps)
+                .columns(&model, (Grain::Fine, &residual), own..all, &mut steps)
                 .ok_or_else(diverges)?;
             let mut jacobian = DMatrix::zeros(residual.len(), all);
             jacobian.columns_mut(0, own).copy_from(&base);
@@ -293,7 +326,7 @@ impl Problem<'_> {
                         .map(|(a, b)| a + b)
                         .collect();
                     let next = model.with(&there);
-                    if let Some(found) = self.residual(&next, screen)
+                    if let Some(found) = self.residual(&next)
                         && self.objective(&found) < cost
                     {
                         cost = self.objective(&found);

@@ -20,6 +20,9 @@ pub struct FrozenFit {
     pub misfit: f64,
     /// Standard deviations of the coordinates.
     pub deviations: Vec<f64>,
+    /// Where the responses agree with the masses of the geometry, `base` takes them for true, and this is the fit that does
+    /// not, with the number of those masses.
+    pub free: Option<(Base, Prior, usize)>,
 }
 
 /// Shares of the inertia that the carriage may have at the start.
@@ -97,29 +100,35 @@ pub fn fit_table(
             return Ok(FrozenFit::distorted(base, cost / rows as f64));
         }
     }
-    let (base, cost, factor, rows) = found.ok_or(TraceError::NoBase {
+    let found = found.ok_or(TraceError::NoBase {
         why: "the fit of the first-principles xy-table to the responses found no finite error",
     })?;
-    let free = rows as f64 - factor.ncols() as f64;
-    let misfit = cost / free;
-    // Where more than noise is left, what is left is no noise: the parameters are worth much less than it says.
-    let doubt = if misfit > 1.3 {
-        10.0 * misfit
-    } else {
-        misfit.max(1.0)
+    // The masses that the geometry tells may be those of the machine: then little is lost by taking them for true. What is
+    // lost may be an effect that was there when the responses were measured.
+    let exact = Told {
+        deviation: EXACT,
+        ..told
     };
-    let weight = &factor / doubt.sqrt();
-    let deviations = crate::fit::deviations(&weight);
-    Ok(FrozenFit {
-        prior: Prior {
-            mean: DVector::from_vec(base.coordinates()),
-            weight,
+    let strict = fit(&exact.put(&found.0), estimates, clock, FLOORS[3], 20, &exact)
+        .filter(|strict| strict.1 <= LOSS * found.1.max(found.3 as f64));
+    let free = FrozenFit::new(found, 10.0);
+    Ok(match strict {
+        None => free,
+        Some(strict) => FrozenFit {
+            free: Some((free.base, free.prior, TOLD)),
+            ..FrozenFit::new(strict, 100.0)
         },
-        base,
-        misfit,
-        deviations,
     })
 }
+
+/// Masses that the geometry tells.
+const TOLD: usize = 4;
+
+/// Factor by which the squared error against the responses may be larger with them.
+const LOSS: f64 = 2.0;
+
+/// Relative deviation of what is taken for true.
+const EXACT: f64 = 1e-8;
 
 /// Lowest frequency of the uncoupled modes.
 fn base_modes(base: &Base) -> f64 {
@@ -232,6 +241,16 @@ impl Told {
         [v[0], v[2], v[1] + v[3], v[8]]
     }
 
+    /// The machine with these masses, and the same share of the inertia on the carriage.
+    fn put(&self, base: &Base) -> Base {
+        let mut v: Vec<f64> = base.parameters().iter().map(|p| p.value).collect();
+        let share = v[1] / (v[1] + v[3]);
+        let [carriage, beam, inertia, lever] = self.values;
+        (v[0], v[2], v[8]) = (carriage, beam, lever);
+        (v[1], v[3]) = (share * inertia, (1.0 - share) * inertia);
+        base.with_coordinates(&v.iter().map(|v| v.ln()).collect::<Vec<_>>())
+    }
+
     /// Departure from it, in units of its deviation.
     fn departure(&self, base: &Base) -> [f64; 4] {
         let now = Self::of(base);
@@ -240,6 +259,26 @@ impl Told {
 }
 
 impl FrozenFit {
+    /// `doubt` divides the information of the responses: an effect that was there when they were measured has bent them.
+    fn new((base, cost, factor, rows): Found, doubt: f64) -> Self {
+        let misfit = cost / (rows as f64 - factor.ncols() as f64);
+        // Where more than noise is left, what is left is no noise.
+        let doubt = doubt * misfit.max(1.0);
+        let weight = &factor / doubt.sqrt();
+        let deviations = crate::fit::deviations(&weight);
+        let prior = Prior {
+            mean: DVector::from_vec(base.coordinates()),
+            weight,
+        };
+        Self {
+            base,
+            prior,
+            misfit,
+            deviations,
+            free: None,
+        }
+    }
+
     /// From responses that are distorted: the geometry tells the masses, the responses where the modes are, both roughly.
     fn distorted(base: Base, misfit: f64) -> Self {
         let deviations = vec![0.03, 0.2, 0.03, 0.1, 0.1, 0.1, 0.5, 0.5, 0.01];
@@ -251,6 +290,7 @@ impl FrozenFit {
             base,
             misfit,
             deviations,
+            free: None,
         }
     }
 }

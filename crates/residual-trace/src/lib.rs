@@ -93,6 +93,7 @@
 //! let found = trace(&Case {
 //!     base: &Base::Axis(Axis::new(10.0, 0.0, 0.0)),
 //!     prior: None,
+//!     free: None,
 //!     controller: &controller.start()?,
 //!     noise: [1e-5, 0.0],
 //!     fitted: &fitted,
@@ -123,5 +124,6 @@ pub use error::TraceError;
 pub use fit::{Explained, Prior};
 pub use frozen::{FrozenFit, fit_table};
 pub use screen::{Screen, Trial};
+pub use simulate::Response;
 pub use trace::{Added, Case, Judged, Trace, Tried, Verdict, sensor_noise, trace};
 pub use track::Track;

@@ -27,14 +27,22 @@ pub(crate) struct Known {
     pub(crate) basis: DMatrix<f64>,
     /// Residual outside it.
     pub(crate) left: DVector<f64>,
+    /// The whole residual, and from the coarse integration.
+    pub(crate) residual: DVector<f64>,
+    pub(crate) rough: Vec<f64>,
 }
 
 impl Known {
-    pub(crate) fn new(columns: &DMatrix<f64>, residual: &[f64]) -> Self {
+    pub(crate) fn new(columns: &DMatrix<f64>, residual: &[f64], rough: Vec<f64>) -> Self {
         let basis = columns.clone().qr().q();
         let residual = DVector::from_column_slice(residual);
         let left = &residual - &basis * basis.tr_mul(&residual);
-        Self { basis, left }
+        Self {
+            basis,
+            left,
+            residual,
+            rough,
+        }
     }
 }
 

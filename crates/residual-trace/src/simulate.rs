@@ -2,16 +2,62 @@
 
 use crate::base::{Base, Forces, MOST_STATES, Motion, Pair};
 use crate::effect::{Block, Moment};
+use crate::fit::Explained;
 use crate::track::Track;
 use experiment_data::ControllerState;
 
 /// Response of a closed loop to the references of a record.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Response {
+pub struct Response {
     /// Outputs as the sensors tell them, by sample.
-    pub(crate) outputs: Vec<Pair>,
+    pub outputs: Vec<Pair>,
     /// Inputs of the machine, by sample.
-    pub(crate) inputs: Vec<Pair>,
+    pub inputs: Vec<Pair>,
+}
+
+impl Explained {
+    /// Response in the closed loop of a record. None where the numbers leave all bounds.
+    pub fn closed_loop(&self, controller: &ControllerState, track: &Track) -> Option<Response> {
+        simulate(&self.base, &self.blocks(), controller, track, None, &mut ())
+    }
+
+    /// Response to the recorded inputs. None where the numbers leave all bounds.
+    pub fn open_loop(&self, track: &Track) -> Option<Response> {
+        simulate_in(track.fine(), &self.base, &self.blocks(), None, track, None, &mut ())
+    }
+
+    /// What the effects do to the forces of the motors along a motion of a record, by sample; effects with states of their own
+    /// stay at their start.
+    pub fn forces_along(&self, track: &Track, motions: &[Motion]) -> Vec<Pair> {
+        let blocks = self.blocks();
+        let mut own = [0.0; MOST_STATES];
+        let mut rates = own;
+        motions
+            .iter()
+            .enumerate()
+            .map(|(k, motion)| {
+                let [p, rate] = track.scheduling(k);
+                let at = Moment {
+                    time: k as f64 * track.step,
+                    p,
+                    rate,
+                    step: track.step,
+                    motion: *motion,
+                    machine: &self.base,
+                    track,
+                    sample: k,
+                    part: 0.0,
+                };
+                let mut forces = Forces::default();
+                for block in &blocks {
+                    let states = block.states();
+                    block.start(&at, &mut own[..states]);
+                    block.act(&at, &own[..states], &mut rates[..states], &mut forces);
+                }
+                forces.motors
+            })
+            .collect()
+    }
 }
 
 /// What is to be seen along a simulation beside the response.
@@ -28,7 +74,8 @@ impl Watch for Vec<Motion> {
 }
 
 /// Simulates a record from rest at its first reference, with the classical Runge-Kutta rule in equal parts of a sample.
-/// Commands are held; where a delay or a lag changes them inside a part, it gets their mean there.
+/// Commands are held; where a delay or a lag changes them inside a part, it gets the straight line with their mean
+/// and first moment there.
 ///
 /// `noise` is added to the outputs before the controller reads them. None where the numbers leave all bounds.
 pub(crate) fn simulate(
@@ -39,9 +86,25 @@ pub(crate) fn simulate(
     noise: Option<&[Pair]>,
     watch: &mut impl Watch,
 ) -> Option<Response> {
+    simulate_in(track.fine(), base, blocks, Some(controller), track, noise, watch)
+}
+
+/// The same in other equal parts of a sample, a divisor of those of the track; without a controller from the recorded
+/// inputs.
+pub(crate) fn simulate_in(
+    parts: usize,
+    base: &Base,
+    blocks: &[Box<dyn Block>],
+    controller: Option<&ControllerState>,
+    track: &Track,
+    noise: Option<&[Pair]>,
+    watch: &mut impl Watch,
+) -> Option<Response> {
+    let stride = track.substeps / parts;
+    let h = track.step / parts as f64;
     let mut machine = base.clone();
     blocks.iter().for_each(|b| b.mount(&mut machine));
-    let mut controller = controller.clone();
+    let mut controller = controller.cloned();
     let own: Vec<usize> = blocks.iter().map(|b| b.states()).collect();
     let bodies = machine.states();
     let total = bodies + own.iter().sum::<usize>();
@@ -50,38 +113,37 @@ pub(crate) fn simulate(
     }
     let mut x = [0.0; MOST_STATES];
     machine.rest(track.path[0][0], track.references[0], &mut x);
-    let first = moment(&machine, track, &x, 0, 0, true);
+    let first = moment(&machine, track, &x, (0, 0), h, true);
     let mut from = bodies;
     for (block, states) in blocks.iter().zip(&own) {
         block.start(&first, &mut x[from..from + states]);
         from += states;
     }
-    let parts = track.substeps;
-    let h = track.step / parts as f64;
     let delay: f64 = blocks.iter().map(|b| b.delay()).sum();
     let lag: f64 = blocks.iter().map(|b| b.lag()).sum();
-    let resolution: Vec<Pair> = blocks.iter().filter_map(|b| b.resolution()).collect();
     let mut lagged = [0.0; 2];
     let mut response = Response {
         outputs: Vec::with_capacity(track.samples),
         inputs: Vec::with_capacity(track.samples),
     };
     for k in 0..track.samples {
-        let now = moment(&machine, track, &x, k, 0, true);
+        let now = moment(&machine, track, &x, (k, 0), h, true);
         watch.sample(k, &now.motion);
         let mut y = machine.outputs(&x, now.p);
         blocks.iter().for_each(|b| b.sense(&now, &mut y));
         if let Some(noise) = noise {
             (0..2).for_each(|i| y[i] += noise[k][i]);
         }
-        for step in &resolution {
-            (0..2)
-                .filter(|&i| step[i] > 0.0)
-                .for_each(|i| y[i] = (y[i] / step[i]).round() * step[i]);
-        }
-        let mut u = [0.0; 2];
-        controller.step(&track.references[k], &y, &mut u);
-        (0..2).for_each(|i| u[i] += track.injections[k][i]);
+        let u = match &mut controller {
+            Some(controller) => {
+                let mut u = track.injections[k];
+                let mut own = [0.0; 2];
+                controller.step(&track.references[k], &y, &mut own);
+                (0..2).for_each(|i| u[i] += own[i]);
+                u
+            }
+            None => track.inputs[k],
+        };
         response.outputs.push(y);
         response.inputs.push(u);
         if !(y[0].is_finite() && y[1].is_finite() && x[0].abs() < 1e6) {
@@ -89,33 +151,48 @@ pub(crate) fn simulate(
         }
         for part in 0..parts {
             let command = if delay <= 0.0 && lag <= 0.0 {
-                u
+                [u; 3]
             } else {
-                let wanted = delayed(
-                    &response.inputs,
-                    k,
-                    part as f64 / parts as f64,
-                    1.0 / parts as f64,
-                    delay / track.step,
-                );
+                let (from, wide) = (part as f64 / parts as f64, 1.0 / parts as f64);
+                let wanted = delayed(&response.inputs, k, from, wide, delay / track.step);
                 if lag <= 0.0 {
-                    wanted
+                    wanted.along()
                 } else {
-                    let decay = (-h / lag).exp();
-                    let mean = lag / h * (1.0 - decay);
-                    let before = lagged;
-                    lagged = [0, 1].map(|i: usize| wanted[i] + (before[i] - wanted[i]) * decay);
-                    [0, 1].map(|i: usize| wanted[i] + (before[i] - wanted[i]) * mean)
+                    let (gap, rest) = ([0, 1].map(|i: usize| lagged[i] - wanted.mean[i]), h / lag);
+                    let decay = (-rest).exp();
+                    let mean = (1.0 - decay) / rest;
+                    let moment = (1.0 - decay * (1.0 + rest)) / (rest * rest) - 0.5 * mean;
+                    lagged = [0, 1].map(|i: usize| wanted.mean[i] + gap[i] * decay);
+                    Slope {
+                        mean: [0, 1].map(|i: usize| wanted.mean[i] + gap[i] * mean),
+                        moment: [0, 1].map(|i: usize| wanted.moment[i] + gap[i] * moment),
+                    }
+                    .along()
                 }
             };
-            runge_kutta(&machine, blocks, &own, track, &mut x, total, k, part, command, h);
+            let from = 2 * part * stride;
+            let points = [from, from + stride, from + 2 * stride];
+            runge_kutta(&machine, blocks, &own, track, &mut x, total, k, points, command, h);
         }
     }
     Some(response)
 }
 
-/// Mean over a part of a sample of a command that comes `delay` samples late; before the first sample there was none.
-fn delayed(inputs: &[Pair], k: usize, from: f64, wide: f64, delay: f64) -> Pair {
+/// A signal over one part of a sample, known by its mean and by its first moment about the middle, both over the length.
+struct Slope {
+    mean: Pair,
+    moment: Pair,
+}
+
+impl Slope {
+    /// The straight line with that mean and moment, at start, middle and end: what it moves in that part, it moves as far.
+    fn along(&self) -> [Pair; 3] {
+        [-6.0, 0.0, 6.0].map(|ahead| [0, 1].map(|i: usize| self.mean[i] + ahead * self.moment[i]))
+    }
+}
+
+/// A command that comes `delay` samples late, over a part of a sample; before the first sample there was none.
+fn delayed(inputs: &[Pair], k: usize, from: f64, wide: f64, delay: f64) -> Slope {
     let at = |t: f64| -> Pair {
         let i = t.floor();
         if i < 0.0 {
@@ -129,7 +206,11 @@ fn delayed(inputs: &[Pair], k: usize, from: f64, wide: f64, delay: f64) -> Pair 
     let (before, after) = (at(start), at(end));
     // Parts are shorter than a sample: at most one change of the command lies inside.
     let late = ((end - edge) / wide).clamp(0.0, 1.0);
-    [0, 1].map(|i: usize| before[i] + late * (after[i] - before[i]))
+    let change = [0, 1].map(|i: usize| after[i] - before[i]);
+    Slope {
+        mean: [0, 1].map(|i: usize| before[i] + late * change[i]),
+        moment: change.map(|c| 0.5 * c * late * (1.0 - late)),
+    }
 }
 
 #[allow(clippy::too_many_arguments)]
@@ -142,14 +223,14 @@ fn runge_kutta(
     x: &mut [f64; MOST_STATES],
     total: usize,
     k: usize,
-    part: usize,
-    command: Pair,
+    points: [usize; 3],
+    command: [Pair; 3],
     h: f64,
 ) {
     let rates = |x: &[f64; MOST_STATES], stage: usize, out: &mut [f64; MOST_STATES]| {
-        let at = moment(machine, track, x, k, 2 * part + stage, !blocks.is_empty());
+        let at = moment(machine, track, x, (k, points[stage]), h, !blocks.is_empty());
         let mut forces = Forces {
-            motors: machine.commanded(at.p, command),
+            motors: machine.commanded(at.p, command[stage]),
             ..Forces::default()
         };
         let mut from = machine.states();
@@ -186,8 +267,8 @@ fn moment<'a>(
     machine: &'a Base,
     track: &'a Track,
     x: &[f64],
-    k: usize,
-    point: usize,
+    (k, point): (usize, usize),
+    step: f64,
     whole: bool,
 ) -> Moment<'a> {
     let points = 2 * track.substeps;
@@ -197,6 +278,7 @@ fn moment<'a>(
         time: (k as f64 + point as f64 / points as f64) * track.step,
         p,
         rate,
+        step,
         motion: if whole {
             machine.motion(x, p)
         } else {

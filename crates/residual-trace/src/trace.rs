@@ -5,7 +5,7 @@ mod noise;
 
 use crate::TraceError;
 use crate::base::{Base, Pair};
-use crate::catalogue::CATALOGUE;
+use crate::catalogue::{CATALOGUE, quantization};
 use crate::effect::{Effect, Scale};
 use crate::fit::{Explained, Fitted, Prior, deviations};
 use crate::track::Track;
@@ -22,6 +22,9 @@ pub struct Case<'a> {
     pub base: &'a Base,
     /// What other data tell of its coordinates.
     pub prior: Option<&'a Prior>,
+    /// Base and prior with parameters free that `base` takes as known, and how many those are: tried where effects do not
+    /// explain the error in fewer words.
+    pub free: Option<(&'a Base, &'a Prior, usize)>,
     /// The loop of the experiment, at rest.
     pub controller: &'a ControllerState,
     /// Deviation of the noise of the sensors, by output; see [`sensor_noise`].
@@ -41,8 +44,12 @@ pub struct Trace {
     pub before: Judged,
     /// With the effects that were added.
     pub after: Judged,
+    /// The machine, refitted, without effects.
+    pub bare: Explained,
     /// The model.
     pub model: Explained,
+    /// Standard deviations of the machine's parameters in it.
+    pub deviations: Vec<f64>,
     /// The effects that were added, in their order.
     pub added: Vec<Added>,
     /// Every effect that was tried, in the order of the catalogue, the first time.
@@ -51,7 +58,12 @@ pub struct Trace {
     pub noise: Pair,
     /// Errors in closed loop on the judged records, by record and sample: without effects, and with those that were added.
     pub errors: [Vec<Vec<Pair>>; 2],
+    /// Length of the description of the fitted records.
+    length: f64,
 }
+
+/// Lengths of description, in units of the likelihood's logarithm, within which two effects are equals.
+const EQUAL: f64 = 6.0;
 
 /// Verdicts of `diagnosis.json`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -121,12 +133,18 @@ pub struct Tried {
 const MOST_EFFECTS: usize = 3;
 /// Effects that are fitted in full after the quick look.
 const FINALISTS: usize = 4;
+/// Effects whose promise is compared with what they do.
+const LOOKED_AT: usize = 10;
+/// Part of the price of its parameters that an effect must promise.
+const PROMISE: f64 = 1.0;
 /// Iterations of a full fit.
 const ITERATIONS: usize = 12;
 /// Fall of the squared whitened error on judged records that no chance makes.
 const SURE: f64 = 14.0;
 /// Cost over its expectation up to which what is left is noise.
 const NOISE: f64 = 1.21;
+/// Step of a grid of readings, in units of the noise, from which it matters.
+const ROUGH: f64 = 3.0;
 /// Part of the excess over the noise that may be left where effects are named.
 const LEFT: f64 = 0.15;
 /// Part of the excess that an effect must take to be tried further.
@@ -147,6 +165,49 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
             what: "a diagnosis needs at least one record to fit and one with use = \"validation\" to judge by",
         });
     }
+    // Readings on a grid: rounding is noise to all that follows.
+    let steps = quantization::steps(case.fitted);
+    let coarse: [bool; 2] = std::array::from_fn(|i| steps[i].0 > ROUGH * case.noise[i]);
+    let noise = std::array::from_fn(|i| match coarse[i] {
+        true => case.noise[i].hypot(steps[i].0 / 12.0_f64.sqrt()),
+        false => case.noise[i],
+    });
+    let case = Case { noise, ..*case };
+    let mut found = compete(&case)?;
+    if let Some((base, prior, freed)) = case.free
+        && found.verdict != Verdict::NothingMissing
+    {
+        let free = Case {
+            base,
+            prior: Some(prior),
+            free: None,
+            ..case
+        };
+        if alone(&free, freed)? < found.length {
+            found = compete(&free)?;
+        }
+    }
+    if coarse.contains(&true) && found.verdict != Verdict::Unexplained {
+        let values = [0, 1].map(|i: usize| if coarse[i] { steps[i] } else { (0.0, 0.0) });
+        found.added.insert(
+            0,
+            Added {
+                effect: &quantization::EFFECT,
+                values: values.to_vec(),
+                gain_db: 0.0,
+                p_value: 0.0,
+                runner_up: None,
+            },
+        );
+        if found.verdict == Verdict::NothingMissing {
+            found.verdict = Verdict::Explained;
+        }
+    }
+    Ok(found)
+}
+
+/// Length of the description by the base model alone, of which some parameters cost.
+fn alone(case: &Case<'_>, freed: usize) -> Result<f64, TraceError> {
     let bench = Bench {
         whitening: loop_noise(case)?,
         case,
@@ -155,22 +216,38 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
         base: case.base.clone(),
         effects: Vec::new(),
     };
-    let blank = bench.screen(case.base, case.fitted);
-    let mut now = bench.problem().fit(&bare, &blank, ITERATIONS, None)?;
+    let fit = bench
+        .problem()
+        .fit(&bare, ITERATIONS, None)?;
+    Ok(fit.objective + freed as f64 * (fit.residual.len() as f64).ln())
+}
+
+fn compete(case: &Case<'_>) -> Result<Trace, TraceError> {
+    let bench = Bench {
+        whitening: loop_noise(case)?,
+        case,
+    };
+    let bare = Explained {
+        base: case.base.clone(),
+        effects: Vec::new(),
+    };
+    let mut now = bench.problem().fit(&bare, ITERATIONS, None)?;
     let reference = now.model.base.clone();
-    let judging = bench.screen(&reference, case.judged);
-    let before = bench.judge(&now.model, &judging);
-    let errors = |model: &Explained| bench.judging().errors(model, &judging).unwrap_or_default();
+    let before = bench.judge(&now.model);
+    let errors = |model: &Explained| bench.judging().errors(model).unwrap_or_default();
     let mut judged = before.clone();
     let mut trace = Trace {
         verdict: Verdict::NothingMissing,
         before: before.clone(),
         after: before.clone(),
+        bare: now.model.clone(),
         model: now.model.clone(),
+        deviations: Vec::new(),
         added: Vec::new(),
         candidates: Vec::new(),
         noise: bench.whitening.deviation,
         errors: [errors(&now.model), Vec::new()],
+        length: f64::INFINITY,
     };
     for _ in 0..MOST_EFFECTS {
         let Some(screen) = bench.look(&reference, &now) else {
@@ -192,22 +269,27 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
                 best_of.push(candidate);
             }
         }
-        // Nothing promises more than chance gives.
-        let luck = (now.residual.len() as f64).ln();
-        if best_of.first().is_none_or(|c| c.predicted < luck) {
+        // What promises less than its parameters cost is chance.
+        let price = (now.residual.len() as f64).ln();
+        let promising = |c: &Candidate| c.predicted > PROMISE * price * c.effect.parameters.len() as f64;
+        if !best_of.iter().any(promising) {
             break;
         }
         let mut actual: Vec<(f64, usize)> = best_of
             .iter()
             .enumerate()
-            .map(|(i, c)| (bench.cost(&c.start, &screen), i))
+            .take(LOOKED_AT)
+            .map(|(i, c)| (bench.cost(&c.start), i))
             .collect();
         actual.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut chosen: Vec<usize> = (0..FINALISTS.min(best_of.len())).collect();
+        let mut chosen: Vec<usize> = (0..best_of.len()).filter(|i| promising(&best_of[*i])).take(FINALISTS).collect();
         chosen.extend(actual.iter().map(|a| a.1).filter(|i| *i >= FINALISTS).take(2));
         let starts: Vec<&Explained> = chosen.iter().map(|i| &best_of[*i].start).collect();
-        let mut finals = bench.finals(&starts, &now, &screen);
+        let mut finals = bench.finals(&starts, &now);
         // Refinements of what did well.
+        let Some((narrow, known)) = bench.narrow(&now, &screen) else {
+            break;
+        };
         let mut refined: Vec<Explained> = Vec::new();
         for (effect, rough) in &finals {
             let Some((_, values)) = rough.model.effects.last() else {
@@ -225,7 +307,8 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
                         .filter_map(|v| {
                             let mut start = rest.clone();
                             start.effects.push((finer, v));
-                            Some((bench.promise(&start, &now, &screen)?, start))
+                            let left = bench.promise(&start, (&narrow, &known), &now)?;
+                            Some((left, start))
                         })
                         .min_by(|a, b| a.0.total_cmp(&b.0));
                     refined.extend(best.map(|b| b.1));
@@ -233,11 +316,11 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
             }
         }
         let starts: Vec<&Explained> = refined.iter().collect();
-        finals.extend(bench.finals(&starts, &now, &screen));
+        finals.extend(bench.finals(&starts, &now));
         let mut finals: Vec<(&'static Effect, Fitted, Judged)> = finals
             .into_iter()
             .map(|(e, f)| {
-                let judged = bench.judge(&f.model, &screen);
+                let judged = bench.judge(&f.model);
                 (e, f, judged)
             })
             .collect();
@@ -254,12 +337,13 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
                     effect: c.effect,
                     gain_db: match finals.iter().find(|(e, ..)| e.name == c.effect.name) {
                         Some((.., j)) => decibel(before.cost / j.cost),
-                        None => decibel(before.cost / bench.judge(&c.start, &screen).cost),
+                        None => decibel(before.cost / bench.judge(&c.start).cost),
                     },
                     accepted: false,
                 })
                 .collect();
         }
+        equals_in_order(&mut finals, length);
         simpler_first(&mut finals);
         let Some((effect, fit, after)) = finals.first().cloned() else {
             break;
@@ -283,13 +367,21 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
         };
         trace.added.push(added);
         (now, judged) = (fit, after);
-        if judged.cost <= 1.0 + 3.0 * (2.0 / judged.samples as f64).sqrt() {
+        if judged.cost <= NOISE {
             break;
         }
     }
+    let taken = now.model.coordinates().len() - now.model.base.coordinates().len();
+    trace.length = now.objective + taken as f64 * (now.residual.len() as f64).ln();
     let spread = now.excess.sqrt();
     let deviations = deviations(&now.factor);
-    let mut at = now.model.base.coordinates().len();
+    let parameters = now.model.base.parameters();
+    trace.deviations = parameters
+        .iter()
+        .zip(&deviations)
+        .map(|(p, d)| spread * d * if p.positive { p.value } else { 1.0 })
+        .collect();
+    let mut at = parameters.len();
     for (added, (effect, values)) in trace.added.iter_mut().zip(&now.model.effects) {
         for (v, p) in values.iter().zip(effect.parameters) {
             let s = spread * deviations[at];
@@ -317,6 +409,7 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
     };
     if trace.verdict == Verdict::Unexplained {
         trace.added.clear();
+        trace.model = trace.bare.clone();
         trace.after = before;
         trace.errors[1] = trace.errors[0].clone();
     } else {
@@ -326,6 +419,21 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
         tried.accepted = trace.added.iter().any(|a| a.effect.name == tried.effect.name);
     }
     Ok(trace)
+}
+
+/// Of effects that explain the records equally well, with as many parameters, the first in the catalogue leads.
+fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)], length: impl Fn(&Fitted) -> f64) {
+    let Some((best, fit, _)) = finals.first() else { return };
+    let (most, parameters) = (length(fit) + EQUAL, best.parameters.len());
+    let place = |e: &Effect| CATALOGUE.iter().position(|c| c.name == e.name);
+    let equals = finals
+        .iter()
+        .take_while(|(_, f, _)| length(f) <= most)
+        .filter(|(e, ..)| e.parameters.len() <= parameters);
+    let first = equals.map(|(e, ..)| *e).min_by_key(|e| place(e));
+    if let Some(at) = finals.iter().position(|(e, ..)| first.is_some_and(|f| f.name == e.name)) {
+        finals[..=at].rotate_right(1);
+    }
 }
 
 /// A refinement is taken for the effect that it refines only if it is worth it on the judged records.

@@ -65,20 +65,26 @@ impl Track {
         })
     }
 
-    /// The same record with the scheduling held at its ends and in the middle.
-    pub(crate) fn at_rest(&self) -> Vec<Self> {
-        let (low, high) = self
-            .path
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), [p, _]| {
-                (l.min(*p), h.max(*p))
-            });
-        [low, 0.5 * (low + high), high]
-            .map(|p| Self {
-                path: vec![[p, 0.0]; self.path.len()],
-                ..self.clone()
-            })
-            .to_vec()
+    /// The same record with the scheduling held.
+    pub(crate) fn at_rest(&self, position: f64) -> Self {
+        Self {
+            path: vec![[position, 0.0]; self.path.len()],
+            ..self.clone()
+        }
+    }
+
+    /// Parts of a sample.
+    pub(crate) fn fine(&self) -> usize {
+        self.substeps
+    }
+
+    /// Parts of a sample that are enough for small differences.
+    pub(crate) fn coarse(&self) -> usize {
+        if self.substeps.is_multiple_of(2) {
+            self.substeps / 2
+        } else {
+            self.substeps
+        }
     }
 
     /// p and its rate at a sample.

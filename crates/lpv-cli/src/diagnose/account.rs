@@ -1,5 +1,7 @@
 //! `diagnosis.json` and its words.
 
+use super::AxisErrors;
+use crate::validation::{AxisCheck, ClosedLoopAxis};
 use experiment_data::Bundle;
 use residual_trace::effect::Family;
 use residual_trace::{Added, Character, Judged, Trace, Track, Verdict, characterise};
@@ -32,6 +34,9 @@ pub struct Diagnosis {
     pub characterisation: Option<Characterisation>,
     /// Parameters of the base model, refitted with the effects.
     pub base_parameters: BTreeMap<String, Value>,
+    /// Of a servo axis, the figures of the literature by record, fitted ones first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub axis: Vec<AxisErrors>,
     /// The choices in words.
     pub reasons: Vec<String>,
 }
@@ -205,15 +210,17 @@ impl Diagnosis {
                 .base
                 .parameters()
                 .into_iter()
-                .map(|p| {
+                .zip(&found.deviations)
+                .map(|(p, std)| {
                     let value = Value {
                         value: p.value,
-                        std: None,
+                        std: std.is_finite().then_some(*std),
                         unit: p.unit.to_owned(),
                     };
                     (p.name.to_owned(), value)
                 })
                 .collect(),
+            axis: Vec::new(),
             reasons,
         }
     }
@@ -262,6 +269,23 @@ impl Diagnosis {
                 c.band_hz[0],
                 c.band_hz[1],
                 with.join(", ")
+            ));
+        }
+        for a in &self.axis {
+            let pair = |f: fn(&AxisCheck) -> f64| format!("{:.4} -> {:.4}", f(&a.before), f(&a.after));
+            let closed = |f: fn(&ClosedLoopAxis) -> f64| {
+                let of = |c: &AxisCheck| c.closed_loop.as_ref().map_or(f64::NAN, f);
+                format!("{:.5} -> {:.5}", of(&a.before), of(&a.after))
+            };
+            lines.push(format!(
+                "{}, before -> after: force of the inverse dynamics {} %; in closed loop position {}, velocity {}, force {} %; \
+                 position in open loop {} rms",
+                a.record,
+                pair(|c| c.force_percent),
+                closed(|c| c.position_percent),
+                closed(|c| c.velocity_percent),
+                closed(|c| c.force_percent),
+                pair(|c| c.open_loop_position_rms)
             ));
         }
         lines.extend(self.reasons.iter().map(|r| format!("- {r}")));

@@ -17,6 +17,8 @@ pub struct AxisCheck {
     pub force_percent: f64,
     /// Velocity simulated from the recorded force, against the filtered derivative of the measured position.
     pub open_loop_velocity_percent: f64,
+    /// Position simulated from the recorded force, root mean square of its error.
+    pub open_loop_position_rms: f64,
     /// Simulated in closed loop; none without a controller.
     pub closed_loop: Option<ClosedLoopAxis>,
 }
@@ -39,38 +41,50 @@ pub(super) fn check(
     open: &Run,
     closed: Option<&Run>,
 ) -> Result<Vec<AxisCheck>, PipelineError> {
-    // Only the cut-offs that this record asks for are taken from its own fit.
-    let settings = RigidBodySettings::new().check()?;
-    let filters = identify(&[Segment::whole(record)], clock, &settings)?.axes;
+    let row = |m: &DMatrix<f64>, i: usize| -> Vec<f64> { m.row(i).iter().copied().collect() };
     body.axes()
         .iter()
-        .zip(&filters)
         .enumerate()
-        .map(|(i, (axis, filter))| {
-            let (q, u) = (&record.outputs.columns[i], &record.inputs.columns[i]);
-            let row = |m: &DMatrix<f64>| -> Vec<f64> { m.row(i).iter().copied().collect() };
-            // Simulated positions go through the same filter, so that derivatives compare like with like.
-            let motion = |q: &[f64]| Motion::new(q, clock, filter.position_cutoff_hz);
-            let kept = |x: &[f64]| decimated(x, clock, filter.regression_cutoff_hz, filter.decimation);
-            let measured = motion(q)?;
-            Ok(AxisCheck {
-                input: record.inputs.names[i].clone(),
-                force_percent: relative(&kept(&centred(u))?, &kept(&measured.force(axis))?),
-                open_loop_velocity_percent: relative(
-                    &measured.velocity,
-                    &motion(&row(&open.outputs))?.velocity,
-                ),
-                closed_loop: match closed {
-                    Some(run) => Some(ClosedLoopAxis {
-                        position_percent: relative(q, &row(&run.outputs)),
-                        velocity_percent: relative(&measured.velocity, &motion(&row(&run.outputs))?.velocity),
-                        force_percent: relative(u, &row(&run.inputs)),
-                    }),
-                    None => None,
-                },
-            })
+        .map(|(i, axis)| {
+            let open = row(&open.outputs, i);
+            let closed = closed.map(|run| (row(&run.outputs, i), row(&run.inputs, i)));
+            check_axis(clock, record, i, |m| m.force(axis), &open, closed)
         })
         .collect()
+}
+
+/// One axis: the force that it needs along a motion, its position in open loop, position and force in closed loop.
+pub(crate) fn check_axis(
+    clock: Discrete,
+    record: &Record,
+    i: usize,
+    force: impl Fn(&Motion) -> Vec<f64>,
+    open: &[f64],
+    closed: Option<(Vec<f64>, Vec<f64>)>,
+) -> Result<AxisCheck, PipelineError> {
+    // Only the cut-offs that this record asks for are taken from its own fit.
+    let settings = RigidBodySettings::new().check()?;
+    let filter = &identify(&[Segment::whole(record)], clock, &settings)?.axes[i];
+    let (q, u) = (&record.outputs.columns[i], &record.inputs.columns[i]);
+    // Simulated positions go through the same filter, so that derivatives compare like with like.
+    let motion = |q: &[f64]| Motion::new(q, clock, filter.position_cutoff_hz);
+    let kept = |x: &[f64]| decimated(x, clock, filter.regression_cutoff_hz, filter.decimation);
+    let measured = motion(q)?;
+    let squares: f64 = q.iter().zip(open).map(|(a, b)| (a - b) * (a - b)).sum();
+    Ok(AxisCheck {
+        input: record.inputs.names[i].clone(),
+        force_percent: relative(&kept(&centred(u))?, &kept(&force(&measured))?),
+        open_loop_velocity_percent: relative(&measured.velocity, &motion(open)?.velocity),
+        open_loop_position_rms: (squares / q.len().max(1) as f64).sqrt(),
+        closed_loop: match closed {
+            Some((outputs, inputs)) => Some(ClosedLoopAxis {
+                position_percent: relative(q, &outputs),
+                velocity_percent: relative(&measured.velocity, &motion(&outputs)?.velocity),
+                force_percent: relative(u, &inputs),
+            }),
+            None => None,
+        },
+    })
 }
 
 fn relative(measured: &[f64], model: &[f64]) -> f64 {

@@ -15,10 +15,10 @@ pub(super) static EFFECT: Effect = Effect {
     }],
     extends: None,
     starts: |_| vec![vec![0.0]],
-    block: |v, screen| {
+    block: |v, machine| {
         Box::new(Saturation {
             root: v[0].sqrt(),
-            unit: super::motor_forces(screen, 1.0),
+            unit: super::motor_forces(machine, 1.0),
         })
     },
 };

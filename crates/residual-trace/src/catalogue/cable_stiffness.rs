@@ -32,8 +32,8 @@ pub(super) static EFFECT: Effect = Effect {
     ],
     extends: None,
     starts: |_| vec![vec![0.0; 4]],
-    block: |v, screen| {
-        let unit = super::motor_forces(screen, 1.0);
+    block: |v, machine| {
+        let unit = super::motor_forces(machine, 1.0);
         Box::new(Cable {
             linear: [unit[0] * v[0], unit[1] * v[1]],
             cubic: [unit[0] * v[2], unit[1] * v[3]],

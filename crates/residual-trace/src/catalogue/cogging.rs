@@ -39,9 +39,10 @@ pub(super) static EFFECT: Effect = Effect {
     ],
     extends: None,
     starts: |screen| {
-        super::pitches(screen, screen.travel(), screen.top_speed(), |pitch| {
+        // The samples follow a pitch that takes a few of them at the highest speed.
+        super::pitches(screen, screen.top_speed() * screen.step() / 0.3, |pitch| {
             let turn = TAU / pitch;
-            let force = super::motor_forces(screen, 1.0);
+            let force = super::motor_forces(screen.base, 1.0);
             let one = |motor: usize, phase: f64| {
                 Trial::Motors(screen.signal(|_, _, m| {
                     let mut f = [0.0; 2];
@@ -63,8 +64,8 @@ pub(super) static EFFECT: Effect = Effect {
         })
         .collect()
     },
-    block: |v, screen| {
-        let unit = super::motor_forces(screen, 1.0);
+    block: |v, machine| {
+        let unit = super::motor_forces(machine, 1.0);
         Box::new(Cogging {
             sine: [unit[0] * v[0], unit[1] * v[2]],
             cosine: [unit[0] * v[1], unit[1] * v[3]],

@@ -22,9 +22,9 @@ pub(super) static EFFECT: Effect = Effect {
     ],
     extends: None,
     starts: |screen| vec![vec![0.0, screen.top_speed() / 300.0]],
-    block: |v, screen| {
+    block: |v, machine| {
         Box::new(Coulomb {
-            force: super::motor_forces(screen, v[0]),
+            force: super::motor_forces(machine, v[0]),
             creep: v[1],
         })
     },

@@ -33,11 +33,10 @@ pub(super) static EFFECT: Effect = Effect {
         let travel = screen.travel();
         [0.002, 0.02, 0.1].map(|part| vec![0.0, part * travel]).to_vec()
     },
-    block: |v, screen| {
+    block: |v, machine| {
         Box::new(Dahl {
-            level: super::motor_forces(screen, v[0]),
+            level: super::motor_forces(machine, v[0]),
             distance: v[1],
-            part: super::part(screen),
         })
     },
 };
@@ -47,7 +46,6 @@ pub(super) static EFFECT: Effect = Effect {
 struct Dahl {
     level: Pair,
     distance: f64,
-    part: f64,
 }
 
 impl Block for Dahl {
@@ -59,7 +57,7 @@ impl Block for Dahl {
         for i in 0..2 {
             let v = at.motion.motor_speed[i];
             // z / distance is the state; its rate is held within what the integration follows.
-            let fall = (v.abs() / self.distance).min(2.0 / self.part);
+            let fall = (v.abs() / self.distance).min(1.3 / at.step);
             rates[i] = fall * (v.signum() - own[i]);
             forces.motors[i] -= self.level[i] * own[i];
         }

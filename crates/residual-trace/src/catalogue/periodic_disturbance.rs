@@ -29,7 +29,7 @@ pub(super) static EFFECT: Effect = Effect {
     ],
     extends: None,
     starts: |screen| {
-        let unit = super::motor_forces(screen, 1.0);
+        let unit = super::motor_forces(screen.base, 1.0);
         let width = 0.25 / screen.duration();
         let mut found = Vec::new();
         for peak in screen.peaks(2) {
@@ -52,8 +52,8 @@ pub(super) static EFFECT: Effect = Effect {
         }
         found
     },
-    block: |v, screen| {
-        let unit = super::motor_forces(screen, 1.0);
+    block: |v, machine| {
+        let unit = super::motor_forces(machine, 1.0);
         Box::new(Periodic {
             sine: unit.map(|f| f * v[0]),
             cosine: unit.map(|f| f * v[1]),

@@ -1,10 +1,9 @@
 //! Finite resolution.
 
-use crate::base::Pair;
 use crate::effect::{Block, Effect, EffectParameter, Family, Scale};
-use crate::screen::Screen;
+use crate::track::Track;
 
-pub(super) static EFFECT: Effect = Effect {
+pub(crate) static EFFECT: Effect = Effect {
     name: "quantization",
     family: Family::Sensor,
     channel: 0,
@@ -22,30 +21,25 @@ pub(super) static EFFECT: Effect = Effect {
         },
     ],
     extends: None,
-    starts: |screen| {
-        let steps = [0, 1].map(|i: usize| lattice(screen, i));
-        if steps[0] > 0.0 || steps[1] > 0.0 {
-            vec![steps.to_vec()]
-        } else {
-            vec![]
-        }
-    },
-    block: |v, _| Box::new(Steps([v[0], v[1]])),
+    // It is read off the values, not fitted.
+    starts: |_| Vec::new(),
+    block: |_, _| Box::new(Steps),
 };
 
+/// In a simulation nothing: which way a reading is rounded depends on the noise. It adds to the noise of the sensors.
 #[derive(Debug)]
-struct Steps(Pair);
+struct Steps;
 
-impl Block for Steps {
-    fn resolution(&self) -> Option<Pair> {
-        Some(self.0)
-    }
+impl Block for Steps {}
+
+/// Steps of the outputs with their deviations, zero where values lie on no grid.
+pub(crate) fn steps(tracks: &[Track]) -> [(f64, f64); 2] {
+    [0, 1].map(|i: usize| lattice(tracks, i))
 }
 
-/// Step of the grid on which all values of an output lie; zero without one.
-fn lattice(screen: &Screen<'_>, output: usize) -> f64 {
-    let mut values: Vec<f64> = screen
-        .tracks
+/// Step of the grid on which all values of an output lie.
+fn lattice(tracks: &[Track], output: usize) -> (f64, f64) {
+    let mut values: Vec<f64> = tracks
         .iter()
         .flat_map(|t| t.outputs.iter().map(|y| y[output]))
         .collect();
@@ -57,19 +51,15 @@ fn lattice(screen: &Screen<'_>, output: usize) -> f64 {
         .filter(|g| *g > 1e-12 * span)
         .collect();
     let Some(smallest) = gaps.iter().copied().min_by(f64::total_cmp) else {
-        return 0.0;
+        return (0.0, 0.0);
     };
-    // On a grid, values repeat; without one, the smallest gap divides nothing.
-    if gaps.len() * 2 > values.len() {
-        return 0.0;
-    }
     let off = |step: f64| {
         gaps.iter()
             .filter(|g| (*g / step - (*g / step).round()).abs() > 0.05)
             .count()
     };
     if off(smallest) * 50 > gaps.len() {
-        return 0.0;
+        return (0.0, 0.0);
     }
     // The first value off zero tells the step the better the farther it is.
     let mut step = smallest;
@@ -87,5 +77,9 @@ fn lattice(screen: &Screen<'_>, output: usize) -> f64 {
             step = sum.0 / sum.1;
         }
     }
-    step
+    let (rest, count) = values.iter().fold((0.0, 0.0), |(rest, count), v| {
+        let n = (v / step).round();
+        (rest + (v - n * step).powi(2), count + n * n)
+    });
+    (step, (rest / values.len() as f64 / f64::max(count, 1.0)).sqrt().max(1e-9 * step))
 }

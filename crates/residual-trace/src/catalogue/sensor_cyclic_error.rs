@@ -29,7 +29,7 @@ pub(super) static EFFECT: Effect = Effect {
     ],
     extends: None,
     starts: |screen| {
-        super::pitches(screen, screen.travel(), screen.top_speed(), |pitch| {
+        super::pitches(screen, 1e-3 * screen.travel(), |pitch| {
             let one = |phase: f64| {
                 Trial::Outputs(
                     screen.signal(|track, k, _| [(TAU / pitch * track.outputs[k][0] + phase).sin(), 0.0]),

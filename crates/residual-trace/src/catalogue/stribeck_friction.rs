@@ -46,10 +46,10 @@ pub(super) static EFFECT: Effect = Effect {
             vec![0.0, 0.0, top / 300.0, top / 40.0],
         ]
     },
-    block: |v, screen| {
+    block: |v, machine| {
         Box::new(Stribeck {
-            level: super::motor_forces(screen, v[0]),
-            more: super::motor_forces(screen, v[1]),
+            level: super::motor_forces(machine, v[0]),
+            more: super::motor_forces(machine, v[1]),
             creep: v[2],
             fall: v[3],
         })

@@ -22,7 +22,7 @@ pub(super) static EFFECT: Effect = Effect {
             vec![]
         }
     },
-    block: |v, screen| Box::new(Viscous(super::motor_forces(screen, v[0]))),
+    block: |v, machine| Box::new(Viscous(super::motor_forces(machine, v[0]))),
 };
 
 #[derive(Debug)]

@@ -3,7 +3,7 @@
 use super::{Case, ITERATIONS, Judged};
 use crate::base::Base;
 use crate::effect::{Effect, Scale};
-use crate::fit::{Explained, Fitted, Problem, squares};
+use crate::fit::{Explained, Fitted, Grain, Problem, squares};
 use crate::screen::{Known, Screen};
 use crate::track::Track;
 use crate::whiten::Whitening;
@@ -59,19 +59,20 @@ impl<'a> Bench<'a> {
     /// The screen at a model, with motions and what is left of the residual.
     pub(super) fn look(&'a self, base: &'a Base, fitted: &Fitted) -> Option<Screen<'a>> {
         let mut screen = self.screen(base, self.case.fitted);
-        screen.motions = self.problem().motions(&fitted.model, &screen)?;
-        screen.known = Some(Known::new(&fitted.columns, &fitted.residual));
+        screen.motions = self.problem().motions(&fitted.model)?;
+        let rough = self.problem().rough(&fitted.model)?;
+        screen.known = Some(Known::new(&fitted.columns, &fitted.residual, rough));
         Some(screen)
     }
 
-    pub(super) fn judge(&'a self, model: &Explained, screen: &Screen<'_>) -> Judged {
+    pub(super) fn judge(&'a self, model: &Explained) -> Judged {
         let none = Judged {
             closed_loop: [f64::INFINITY; 2],
             one_step: [f64::INFINITY; 2],
             cost: f64::INFINITY,
             samples: 1,
         };
-        let Some(errors) = self.judging().errors(model, screen) else {
+        let Some(errors) = self.judging().errors(model) else {
             return none;
         };
         let (mut closed_loop, mut one_step) = ([0.0; 2], [0.0; 2]);
@@ -96,9 +97,9 @@ impl<'a> Bench<'a> {
         }
     }
 
-    pub(super) fn cost(&'a self, model: &Explained, screen: &Screen<'_>) -> f64 {
+    pub(super) fn cost(&'a self, model: &Explained) -> f64 {
         self.problem()
-            .residual(model, screen)
+            .residual(model)
             .map_or(f64::INFINITY, |r| self.problem().objective(&r))
     }
 
@@ -107,12 +108,11 @@ impl<'a> Bench<'a> {
         &'a self,
         starts: &[&Explained],
         now: &Fitted,
-        screen: &Screen<'_>,
     ) -> Vec<(&'static Effect, Fitted)> {
         let mut all: Vec<(&'static Effect, Fitted)> = starts
             .iter()
             .filter_map(|start| {
-                let fit = self.problem().fit(start, screen, FIRST, Some(now)).ok()?;
+                let fit = self.problem().fit(start, FIRST, Some(now)).ok()?;
                 Some((start.effects.last()?.0, fit))
             })
             .collect();
@@ -120,7 +120,7 @@ impl<'a> Bench<'a> {
         let best = all.first().map_or(0.0, |(_, f)| f.objective);
         let near = best + BEHIND * (now.objective - best).max(0.0) + 30.0;
         for (_, fit) in all.iter_mut().take(LEADERS).filter(|(_, f)| f.objective <= near) {
-            let better = self.problem().fit(&fit.model, screen, ITERATIONS, Some(&*fit));
+            let better = self.problem().fit(&fit.model, ITERATIONS, Some(&*fit));
             if let Ok(better) = better {
                 *fit = better;
             }
@@ -128,22 +128,45 @@ impl<'a> Bench<'a> {
         all
     }
 
+    /// The part of a screen on the record with the largest residual, for many trials.
+    pub(super) fn narrow(&'a self, fitted: &Fitted, screen: &Screen<'a>) -> Option<(Problem<'a>, Known)> {
+        let rough = screen.known.as_ref()?.rough.as_slice();
+        let size = |r: usize| {
+            let rows = self.rows(r);
+            squares(&fitted.residual[rows.clone()]) / rows.len() as f64
+        };
+        let worst = (0..self.case.fitted.len()).max_by(|a, b| size(*a).total_cmp(&size(*b)))?;
+        let problem = Problem {
+            tracks: &self.case.fitted[worst..=worst],
+            prior: None,
+            ..self.problem()
+        };
+        let rows = self.rows(worst);
+        let columns = fitted.columns.rows(rows.start, rows.len()).into_owned();
+        let known = Known::new(&columns, &fitted.residual[rows.clone()], rough[rows].to_vec());
+        Some((problem, known))
+    }
+
+    /// Rows of a record in the residual.
+    fn rows(&self, record: usize) -> std::ops::Range<usize> {
+        let channels = self.case.base.channels();
+        let length = |t: &Track| t.samples * channels;
+        let first = self.case.fitted[..record].iter().map(length).sum();
+        first..first + length(&self.case.fitted[record])
+    }
+
     /// The cost that a linear step in all parameters of the last effect, and in those of the machine, promises.
-    pub(super) fn promise(&'a self, start: &Explained, now: &Fitted, screen: &Screen<'_>) -> Option<f64> {
-        let mut residual = self.problem().residual(start, screen)?;
+    pub(super) fn promise(
+        &'a self,
+        start: &Explained,
+        (problem, known): (&Problem<'_>, &Known),
+        now: &Fitted,
+    ) -> Option<f64> {
         let all = start.coordinates().len();
         let first = all - start.effects.last()?.0.parameters.len();
-        let mut columns = self
-            .problem()
-            .columns(start, screen, &residual, first..all, &mut Vec::new())?;
-        self.problem().weigh(&mut residual, now.excess);
-        self.problem().weigh_columns(&mut columns, now.excess);
-        let known = screen.known.as_ref()?;
-        let residual = DVector::from_vec(residual);
-        let own = &columns - &known.basis * known.basis.tr_mul(&columns);
-        let left = &residual - &known.basis * known.basis.tr_mul(&residual);
-        let step = own.clone().svd(true, true).solve(&(-&left), 1e-9).ok()?;
-        Some((left + own * step).norm_squared())
+        let rough = problem.rough(start)?;
+        let (left, _) = step((problem, known), start, &rough, first..all, now)?;
+        Some(left)
     }
 
     /// One step from a start in the directions of the machine and of the amplitudes.
@@ -154,30 +177,26 @@ impl<'a> Bench<'a> {
         now: &Fitted,
         screen: &Screen<'_>,
     ) -> Option<Candidate> {
-        let mut start = now.model.clone();
-        start.effects.push((effect, values));
-        let all = start.coordinates();
-        let first = all.len() - effect.parameters.len();
+        let known = screen.known.as_ref()?;
         let amplitudes = effect
             .parameters
             .iter()
             .take_while(|p| p.scale != Scale::Logarithmic)
             .count();
-        let mut residual = self.problem().residual(&start, screen)?;
-        let mut steps = Vec::new();
-        let mut columns =
-            self.problem()
-                .columns(&start, screen, &residual, first..first + amplitudes, &mut steps)?;
-        self.problem().weigh(&mut residual, now.excess);
-        self.problem().weigh_columns(&mut columns, now.excess);
-        let known = screen.known.as_ref()?;
-        let residual = DVector::from_vec(residual);
-        let own = &columns - &known.basis * known.basis.tr_mul(&columns);
-        let left = &residual - &known.basis * known.basis.tr_mul(&residual);
-        let before = known.left.norm_squared();
-        let step = own.clone().svd(true, true).solve(&(-&left), 1e-9).ok()?;
-        let mut predicted = before - (&left + &own * &step).norm_squared();
-        let mut coordinates = all;
+        let absent = values.iter().take(amplitudes).all(|v| *v == 0.0);
+        let mut start = now.model.clone();
+        start.effects.push((effect, values));
+        let mut coordinates = start.coordinates();
+        let first = coordinates.len() - effect.parameters.len();
+        let rough = if absent {
+            None
+        } else {
+            Some(self.problem().rough(&start)?)
+        };
+        let rough = rough.as_ref().unwrap_or(&known.rough);
+        let which = first..first + amplitudes;
+        let (left, step) = step((&self.problem(), known), &start, rough, which, now)?;
+        let mut predicted = known.left.norm_squared() - left;
         for (i, s) in step.iter().enumerate() {
             coordinates[first + i] += s;
         }
@@ -197,4 +216,25 @@ impl<'a> Bench<'a> {
             predicted,
         })
     }
+}
+
+/// The cost that a linear step in some parameters, and in those of the machine, leaves; and the step.
+fn step(
+    (problem, known): (&Problem<'_>, &Known),
+    start: &Explained,
+    rough: &[f64],
+    which: std::ops::Range<usize>,
+    now: &Fitted,
+) -> Option<(f64, DVector<f64>)> {
+    let grain = (Grain::Rough, rough);
+    let mut columns = problem.columns(start, grain, which, &mut Vec::new())?;
+    problem.weigh_columns(&mut columns, now.excess);
+    // The start's residual is that of the present model and a small difference.
+    let mut change: Vec<f64> = rough.iter().zip(&known.rough).map(|(a, b)| a - b).collect();
+    problem.weigh(&mut change, now.excess);
+    let residual = &known.residual + DVector::from_vec(change);
+    let own = &columns - &known.basis * known.basis.tr_mul(&columns);
+    let left = &residual - &known.basis * known.basis.tr_mul(&residual);
+    let step = own.clone().svd(true, true).solve(&(-&left), 1e-9).ok()?;
+    Some(((left + own * &step).norm_squared(), step))
 }

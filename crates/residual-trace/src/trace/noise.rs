@@ -3,8 +3,7 @@
 use super::Case;
 use crate::TraceError;
 use crate::base::{Base, Pair};
-use crate::fit::squares;
-use crate::simulate::simulate;
+use crate::simulate::simulate_in;
 use crate::track::Track;
 use crate::whiten::Whitening;
 use experiment_data::ControllerState;
@@ -12,42 +11,72 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-/// What noise of the sensors becomes in the loop: the difference of two simulations.
+/// Draws of the noise by record.
+const DRAWS: usize = 8;
+
+/// What noise of the sensors becomes in the loop: differences of simulations.
 fn through_loop(
     base: &Base,
     controller: &ControllerState,
     track: &Track,
     seed: usize,
     size: Pair,
-) -> Result<Vec<Pair>, TraceError> {
-    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed as u64);
-    let mut draw = |size: f64| -> f64 {
-        let x: f64 = StandardNormal.sample(&mut rng);
-        size * x
-    };
-    let noise: Vec<Pair> = (0..track.samples).map(|_| size.map(&mut draw)).collect();
-    let run = |noise| {
-        simulate(base, &[], controller, track, noise, &mut ()).ok_or_else(|| TraceError::Diverges {
+) -> Result<Vec<Vec<Pair>>, TraceError> {
+    let run = |noise: Option<&[Pair]>| {
+        let found = simulate_in(track.coarse(), base, &[], Some(controller), track, noise, &mut ());
+        found.ok_or_else(|| TraceError::Diverges {
             record: track.name.clone(),
         })
     };
-    let (with, without) = (run(Some(&noise))?, run(None)?);
-    let gap = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
-    Ok(with.outputs.iter().zip(&without.outputs).map(gap).collect())
+    let without = run(None)?;
+    (0..DRAWS)
+        .into_par_iter()
+        .map(|draw| {
+            let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64((DRAWS * seed + draw) as u64);
+            let mut draw = |size: f64| -> f64 {
+                let x: f64 = StandardNormal.sample(&mut rng);
+                size * x
+            };
+            let noise: Vec<Pair> = (0..track.samples).map(|_| size.map(&mut draw)).collect();
+            let with = run(Some(&noise))?;
+            let gap = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
+            Ok(with.outputs.iter().zip(&without.outputs).map(gap).collect())
+        })
+        .collect()
+}
+
+/// All draws of all records.
+fn draws(
+    base: &Base,
+    controller: &ControllerState,
+    tracks: &[Track],
+    size: Pair,
+) -> Result<Vec<Vec<Pair>>, TraceError> {
+    let all = tracks
+        .par_iter()
+        .enumerate()
+        .map(|(r, track)| through_loop(base, controller, track, r, size))
+        .collect::<Result<Vec<_>, _>>()?;
+    Ok(all.concat())
 }
 
 pub(super) fn loop_noise(case: &Case<'_>) -> Result<Whitening, TraceError> {
-    let left = case
-        .fitted
-        .par_iter()
-        .enumerate()
-        .map(|(r, track)| through_loop(case.base, case.controller, track, r, case.noise))
-        .collect::<Result<Vec<_>, _>>()?;
+    let left = draws(case.base, case.controller, case.fitted, case.noise)?;
     Ok(Whitening::new(&left, case.base.channels()))
 }
 
-/// Deviation of the noise of the sensors from what leaves the loop while the scheduling rests, by record and sample: the
-/// loop's own filter makes it white again, so that slow drifts do not count.
+/// Bands of the spectrum in which the noise is looked at.
+const BANDS: usize = 16;
+/// Quiet ones, which count alone where the rest is louder than chance makes it.
+const QUIET: usize = 5;
+/// Power of the middle band over that of the quiet ones that chance does not make.
+const LOUD: f64 = 1.6;
+
+/// Deviation of the noise of the sensors from what leaves the loop while the scheduling rests at a position, by record and
+/// sample.
+///
+/// The loop's own filter makes noise white again. Drifts, and whatever else does not repeat, are not: the middle of
+/// sixteen bands of the spectrum counts, or the quietest where they stand out.
 ///
 /// # Errors
 /// [`TraceError::TooFew`] without samples; [`TraceError::Diverges`].
@@ -55,6 +84,7 @@ pub fn sensor_noise(
     base: &Base,
     controller: &ControllerState,
     like: &Track,
+    position: f64,
     left: &[Vec<Pair>],
 ) -> Result<Pair, TraceError> {
     let count = left.iter().map(Vec::len).sum::<usize>();
@@ -66,20 +96,46 @@ pub fn sensor_noise(
     let size: Pair = std::array::from_fn(|i| {
         (left.iter().flatten().map(|e| e[i] * e[i]).sum::<f64>() / count as f64).sqrt()
     });
-    let still = like
-        .at_rest()
-        .iter()
-        .enumerate()
-        .map(|(r, track)| through_loop(base, controller, track, r, size))
-        .collect::<Result<Vec<_>, _>>()?;
+    let still = draws(base, controller, &[like.at_rest(position)], size)?;
     let whitening = Whitening::new(&still, base.channels());
-    let mut sum = [0.0; 2];
-    for record in left {
+    let (found, expected) = (bands(&whitening, left), bands(&whitening, &still));
+    Ok(std::array::from_fn(|i| {
+        let mut ratios: Vec<f64> = found[i]
+            .iter()
+            .zip(&expected[i])
+            .map(|(f, e)| f / e.max(1e-300))
+            .collect();
+        ratios.sort_by(f64::total_cmp);
+        let mean = |r: &[f64]| r.iter().sum::<f64>() / r.len() as f64;
+        let (middle, quiet) = (mean(&ratios[BANDS / 2 - 3..BANDS / 2 + 3]), mean(&ratios[..QUIET]));
+        size[i] * (if middle > LOUD * quiet { quiet } else { middle }).sqrt()
+    }))
+}
+
+/// Mean power by output and band of the whitened records.
+fn bands(whitening: &Whitening, records: &[Vec<Pair>]) -> [[f64; BANDS]; 2] {
+    let mut power = [[0.0; BANDS]; 2];
+    let mut lines = [[0_usize; BANDS]; 2];
+    let mut planner = realfft::RealFftPlanner::<f64>::new();
+    for record in records.iter().filter(|r| !r.is_empty()) {
         let mut white = Vec::new();
         whitening.apply(record, &mut white);
-        for (i, part) in white.chunks(record.len().max(1)).enumerate() {
-            sum[i] += squares(part);
+        let transform = planner.plan_fft_forward(record.len());
+        let mut spectrum = transform.make_output_vec();
+        for (i, part) in white.chunks_mut(record.len()).enumerate() {
+            // Lengths are those of the plan.
+            if transform.process(part, &mut spectrum).is_err() {
+                continue;
+            }
+            for (k, line) in spectrum.iter().enumerate() {
+                let band = (k * BANDS / spectrum.len()).min(BANDS - 1);
+                power[i][band] += line.norm_sqr() / record.len() as f64;
+                lines[i][band] += 1;
+            }
         }
     }
-    Ok(std::array::from_fn(|i| size[i] * (sum[i] / count as f64).sqrt()))
+    for (power, lines) in power.iter_mut().zip(&lines) {
+        power.iter_mut().zip(lines).for_each(|(p, n)| *p /= (*n).max(1) as f64);
+    }
+    power
 }

@@ -1,0 +1,81 @@
+//! The figures by which servo axes are compared in the literature, before and after.
+
+use crate::PipelineError;
+use crate::validation::{AxisCheck, check_axis};
+use experiment_data::ControllerState;
+use lpv_core::{Discrete, Record};
+use residual_trace::{Base, Explained, Motion, Track};
+use serde::Serialize;
+
+/// One record of a servo axis.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AxisErrors {
+    /// The record.
+    pub record: String,
+    /// Without effects.
+    pub before: AxisCheck,
+    /// With those that were added.
+    pub after: AxisCheck,
+}
+
+pub(super) fn errors(
+    [before, after]: [&Explained; 2],
+    controller: &ControllerState,
+    clock: Discrete,
+    records: &[Record],
+    tracks: &[Track],
+) -> Result<Vec<AxisErrors>, PipelineError> {
+    if !matches!(before.base, Base::Axis(_)) {
+        return Ok(Vec::new());
+    }
+    records
+        .iter()
+        .zip(tracks)
+        .map(|(record, track)| {
+            Ok(AxisErrors {
+                record: record.name.clone(),
+                before: check(before, controller, clock, record, track)?,
+                after: check(after, controller, clock, record, track)?,
+            })
+        })
+        .collect()
+}
+
+fn check(
+    model: &Explained,
+    controller: &ControllerState,
+    clock: Discrete,
+    record: &Record,
+    track: &Track,
+) -> Result<AxisCheck, PipelineError> {
+    let first = |pairs: Vec<[f64; 2]>| -> Vec<f64> { pairs.into_iter().map(|v| v[0]).collect() };
+    let left_bounds = || PipelineError::Structure {
+        problem: "the axis in open loop leaves all bounds",
+    };
+    let open = model.open_loop(track).ok_or_else(left_bounds)?;
+    let closed = model.closed_loop(controller, track);
+    let [mass, viscous, offset] = std::array::from_fn(|i| model.base.parameters()[i].value);
+    let force = |m: &lti_ident::rigid_body::Motion| -> Vec<f64> {
+        let motions: Vec<Motion> = m
+            .position
+            .iter()
+            .zip(&m.velocity)
+            .map(|(q, v)| Motion {
+                motor_position: [*q, 0.0],
+                motor_speed: [*v, 0.0],
+                load_position: [*q, 0.0],
+                load_speed: [*v, 0.0],
+                deflection: [0.0; 2],
+            })
+            .collect();
+        let effects = model.forces_along(track, &motions);
+        m.velocity
+            .iter()
+            .zip(&m.acceleration)
+            .zip(&effects)
+            .map(|((v, a), f)| mass * a + viscous * v + offset - f[0])
+            .collect()
+    };
+    let closed = closed.map(|run| (first(run.outputs), first(run.inputs)));
+    check_axis(clock, record, 0, force, &first(open.outputs), closed)
+}

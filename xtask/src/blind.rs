@@ -1,0 +1,282 @@
+//! The bench of hidden effects: random machines with something wrong with them, written as bundles, and `lpv diagnose` on
+//! each. The solver sees the bundle only; what was hidden in it stays here.
+
+mod page;
+mod score;
+
+use crate::TaskError;
+use experiment_data::{Bundle, RecordFormat};
+use lpv_cli::simulate::{MachineFile, MultisineFile, PositionsFile, deviation, simulate};
+use lpv_cli::diagnose::{Diagnosis, diagnose};
+use lpv_cli::silent;
+use lpv_core::Discrete;
+pub(crate) use page::page;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+pub(crate) use score::score;
+use serde::Serialize;
+use std::io::Write;
+use std::path::Path;
+use std::time::Instant;
+use xytable_plant::{HiddenEffect, MachineParameters, VerifiedController, split_seed};
+
+/// Effects that the contract of `diagnosis.json` asks for; whatever else the plant can hide is outside.
+pub(crate) const CATALOGUE: [&str; 22] = [
+    "coulomb-friction",
+    "stribeck-friction",
+    "viscous-friction",
+    "hysteresis",
+    "cogging",
+    "cable-stiffness",
+    "position-dependent-gain",
+    "actuator-saturation",
+    "motor-asymmetry",
+    "actuator-lag",
+    "delay",
+    "extra-mode",
+    "payload",
+    "cubic-stiffness",
+    "scheduling-rate",
+    "second-scheduling",
+    "periodic-disturbance",
+    "abbe-offset",
+    "sensor-gain",
+    "sensor-cyclic-error",
+    "sensor-drift",
+    "quantization",
+];
+
+/// Deviations of the outputs, in units of the noise.
+pub(crate) const SEVERITIES: [f64; 4] = [3.0, 10.0, 100.0, 1000.0];
+
+/// What is hidden in one machine, and the seed of everything else.
+#[derive(Debug, Clone)]
+struct Case {
+    seed: u64,
+    effects: Vec<&'static str>,
+    deviation: f64,
+}
+
+/// One case with what came out.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct Outcome {
+    pub(crate) seed: u64,
+    /// What was hidden.
+    pub(crate) hidden: Vec<String>,
+    /// Its families.
+    pub(crate) families: Vec<String>,
+    /// Wanted deviation, units of the noise.
+    pub(crate) wanted: f64,
+    /// The deviation that was reached.
+    pub(crate) deviation: f64,
+    /// True values by name.
+    pub(crate) facts: Vec<(String, f64)>,
+    /// Diagnosis, or why there is none.
+    pub(crate) diagnosis: Result<Diagnosis, String>,
+    /// Wall clock of the diagnosis.
+    pub(crate) seconds: f64,
+}
+
+/// How much of the bench is run.
+#[derive(Debug, Clone)]
+pub(crate) struct Extent {
+    pub(crate) seeds: u64,
+    pub(crate) clean: u64,
+    pub(crate) pairs: u64,
+    /// No new case after so many minutes.
+    pub(crate) minutes: f64,
+    /// These effects only; empty for all.
+    pub(crate) only: Vec<String>,
+    /// These deviations only; empty for all.
+    pub(crate) severities: Vec<f64>,
+}
+
+impl Extent {
+    /// A minute: effects that are seen at a glance, and clean machines.
+    pub(crate) fn quick() -> Self {
+        Self {
+            seeds: 1,
+            clean: 1,
+            pairs: 0,
+            minutes: 10.0,
+            only: ["coulomb-friction", "cogging", "payload", "delay"].map(String::from).to_vec(),
+            severities: vec![100.0],
+        }
+    }
+}
+
+/// Runs cases in an order that is fair to all effects when the time is short, two at a time; each is appended to `log`.
+///
+/// # Errors
+/// Of the file system, and of a plant that refuses its machine.
+pub(crate) fn run(extent: &Extent, seed: u64, log: &Path) -> Result<(Vec<Outcome>, Option<f64>), TaskError> {
+    let start = Instant::now();
+    let cases = cases(extent, seed);
+    let mut outcomes = Vec::new();
+    let mut file = std::fs::File::create(log)?;
+    // Alone, for the clock.
+    let seconds = match cases.iter().find(|c| c.effects.is_empty()) {
+        Some(case) => Some(solve(case)?.seconds),
+        None => None,
+    };
+    for batch in cases.chunks(2) {
+        if start.elapsed().as_secs_f64() > 60.0 * extent.minutes {
+            println!("time is up after {} of {} machines", outcomes.len(), cases.len());
+            break;
+        }
+        let found: Vec<Result<Outcome, TaskError>> = batch.par_iter().map(solve).collect();
+        for outcome in found {
+            let outcome = outcome?;
+            println!("{}", score::line(&outcome));
+            writeln!(file, "{}", serde_json::to_string(&outcome)?)?;
+            outcomes.push(outcome);
+        }
+    }
+    Ok((outcomes, seconds))
+}
+
+fn cases(extent: &Extent, seed: u64) -> Vec<Case> {
+    let outside: Vec<&'static str> = HiddenEffect::catalogue()
+        .map(|info| info.name)
+        .filter(|name| !CATALOGUE.contains(name))
+        .collect();
+    let wanted = |name: &str| extent.only.is_empty() || extent.only.iter().any(|o| o == name);
+    let mut all = Vec::new();
+    for round in 0..extent.seeds.max(extent.clean).max(extent.pairs) {
+        let case = |what: &str, effects: Vec<&'static str>, deviation: f64| Case {
+            seed: split_seed(split_seed(seed, what), &round.to_string()),
+            effects,
+            deviation,
+        };
+        if round < extent.seeds {
+            for severity in SEVERITIES {
+                if !(extent.severities.is_empty() || extent.severities.contains(&severity)) {
+                    continue;
+                }
+                for name in CATALOGUE.into_iter().chain(outside.iter().copied()).filter(|n| wanted(n)) {
+                    all.push(case(&format!("{name} {severity}"), vec![name], severity));
+                }
+            }
+        }
+        if round < extent.clean {
+            all.push(case("clean", Vec::new(), 0.0));
+        }
+        if round < extent.pairs {
+            let mut rng = ChaCha8Rng::seed_from_u64(split_seed(seed, &format!("pair {round}")));
+            let one = rng.random_range(0..CATALOGUE.len());
+            let other = (one + rng.random_range(1..CATALOGUE.len())) % CATALOGUE.len();
+            all.push(case("pair", vec![CATALOGUE[one], CATALOGUE[other]], 100.0));
+        }
+    }
+    all
+}
+
+/// A machine that nobody has seen.
+fn machine(seed: u64) -> Result<MachineFile, TaskError> {
+    let clock = Discrete::from_rate(20.0)?;
+    let mut rng = ChaCha8Rng::seed_from_u64(split_seed(seed, "machine"));
+    loop {
+        let mut about = |low: f64, high: f64| low * (high / low).powf(rng.random::<f64>());
+        let modes = [about(1.2, 1.8), about(1.7, 2.5)];
+        let damping = about(6e-3, 0.03);
+        let mut machine = MachineParameters::from_modes(modes, damping);
+        // The couplings belong to other masses now: the modes move a little more.
+        machine.carriage_mass_kg *= about(0.8, 1.25);
+        machine.beam_mass_kg *= about(0.8, 1.25);
+        machine.carriage_inertia_kg_m2 *= about(0.8, 1.25);
+        machine.beam_inertia_kg_m2 *= about(0.8, 1.25);
+        machine.half_beam_m *= about(0.9, 1.1);
+        machine.servo_mass_kg = machine.carriage_mass_kg;
+        let file = MachineFile {
+            name: "blind".to_owned(),
+            seed,
+            second_signal: true,
+            machine,
+            positions: PositionsFile {
+                count: 11,
+                values: Vec::new(),
+            },
+            multisine: MultisineFile {
+                crest_iterations: 10,
+                ..MultisineFile::default()
+            },
+            moves: lpv_cli::simulate::MovesFile {
+                estimation: 3,
+                validation: 2,
+                ..lpv_cli::simulate::MovesFile::default()
+            },
+            ..MachineFile::default()
+        };
+        if VerifiedController::by_rule(&machine.check()?, &file.controller, clock).is_ok() {
+            return Ok(file);
+        }
+    }
+}
+
+/// The effect with the severity that makes this deviation, within a tenth of it, or as near as its range goes.
+fn scaled(file: &MachineFile, effect: HiddenEffect, wanted: f64) -> Result<(HiddenEffect, f64), TaskError> {
+    let [least, most] = effect.info().range;
+    let sign = effect.severity().signum();
+    let low = least.max(1e-12);
+    let at = |size: f64| -> Result<(HiddenEffect, f64), TaskError> {
+        let hidden = effect.with_severity(sign * size)?;
+        Ok((hidden, deviation(file, &[hidden])?.max(1e-9)))
+    };
+    let mut known = (effect.severity().abs(), at(effect.severity().abs())?);
+    let mut slope = if effect.info().name == "actuator-saturation" { -2.0 } else { 1.0 };
+    for _ in 0..6 {
+        let (size, (_, found)) = known;
+        let short = (wanted / found).ln();
+        if short.abs() < 0.1 {
+            break;
+        }
+        let next = (size * (short / slope).clamp(-6.0, 6.0).exp()).clamp(low, most.abs());
+        if (next / size).ln().abs() < 1e-6 {
+            break;
+        }
+        let Ok(there) = at(next) else { break };
+        let seen = (there.1 / found).ln() / (next / size).ln();
+        if seen.abs() > 0.3 && seen.abs() < 4.0 {
+            slope = seen;
+        }
+        known = (next, there);
+    }
+    Ok(known.1)
+}
+
+fn solve(case: &Case) -> Result<Outcome, TaskError> {
+    let file = machine(case.seed)?;
+    let mut hidden = Vec::new();
+    let mut reached = 0.0;
+    for name in &case.effects {
+        let effect: HiddenEffect = name.parse()?;
+        let mut effect = effect.varied(split_seed(case.seed, "shape"));
+        if effect.info().range[0] < 0.0 && split_seed(case.seed, "sign").is_multiple_of(2) {
+            effect = effect.with_severity(-effect.severity())?;
+        }
+        let (effect, found) = scaled(&file, effect, case.deviation)?;
+        hidden.push(effect);
+        reached = found;
+    }
+    let folder = tempfile::tempdir()?;
+    let out = folder.path().join("bundle");
+    simulate(&file, &hidden, &out, RecordFormat::Npz, &|_, _| ())?;
+    let bundle = Bundle::open(&out)?;
+    let start = Instant::now();
+    let found = diagnose(&bundle, &silent);
+    Ok(Outcome {
+        seed: case.seed,
+        hidden: hidden.iter().map(|h| h.info().name.to_owned()).collect(),
+        families: hidden.iter().map(|h| h.info().family.to_owned()).collect(),
+        wanted: case.deviation,
+        deviation: reached,
+        facts: hidden
+            .iter()
+            .flat_map(|h| h.facts(&file.machine))
+            .map(|(name, value)| (name.to_owned(), value))
+            .collect(),
+        diagnosis: found.map(|d| d.diagnosis).map_err(|e| e.to_string()),
+        seconds: start.elapsed().as_secs_f64(),
+    })
+}

@@ -1,0 +1,116 @@
+//! docs/blind.md: the figures beside their bars, and who was taken for whom.
+
+use super::score::{Kind, Metrics, is_named, kind, names};
+use super::{CATALOGUE, Outcome, SEVERITIES};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// What one figure is, its bar, and whether it is a least value.
+const BARS: [(&str, f64, bool); 9] = [
+    ("right effect named, deviation from 10 times the noise on", 0.95, true),
+    ("right family", 0.98, true),
+    ("right effect named at 3 times the noise", 0.70, true),
+    ("of the explained ones, error after within its bar", 0.95, true),
+    ("true parameters within three standard deviations", 0.95, true),
+    ("false alarms on clean machines", 0.01, false),
+    ("two effects at once, both named and nothing else", 0.85, true),
+    ("effects outside the catalogue, a wrong name", 0.05, false),
+    ("one diagnosis alone, seconds", 10.0, false),
+];
+
+/// The page.
+pub(crate) fn page(metrics: &Metrics, all: &[Outcome], command: &str) -> String {
+    let figures = [
+        metrics.named,
+        metrics.family,
+        metrics.named_at_3,
+        metrics.after_over_noise_share,
+        metrics.parameter_coverage,
+        metrics.false_alarm,
+        metrics.pairs_named,
+        metrics.outside_wrong_name,
+        metrics.seconds,
+    ];
+    let mut text = String::from(
+        "# Hidden effects: what `lpv diagnose` finds in machines that nobody described to it\n\n\
+         Each machine has random masses, couplings and dampings; one effect (or two, or none) is hidden in it, its shape drawn, its \
+         severity such that an output departs by 3, 10, 100 or 1000 times the noise of its sensor. The simulated measurements are \
+         written as a bundle, and `lpv diagnose` sees nothing else. The code that hides effects (crate `xytable-plant`) and the code \
+         that finds them (crate `residual-trace`) share nothing.\n\n",
+    );
+    let _ = writeln!(text, "{} machines, made by `{command}`.\n", all.len());
+    let _ = writeln!(text, "| | bar | found |\n|---|---|---|");
+    for ((what, bar, least), figure) in BARS.iter().zip(figures) {
+        let percent = |v: f64| {
+            if *what == BARS[8].0 {
+                format!("{v:.1}")
+            } else {
+                format!("{:.1} %", 100.0 * v)
+            }
+        };
+        let found = match figure {
+            None => "not run".to_owned(),
+            Some(v) if (v >= *bar) == *least || v == *bar => percent(v),
+            Some(v) => format!("**{}**, missed", percent(v)),
+        };
+        let sign = if *least { ">=" } else { "<=" };
+        let _ = writeln!(text, "| {what} | {sign} {} | {found} |", percent(*bar));
+    }
+    text.push_str("\n## By effect\n\nNamed of all, by deviation over the noise; then what else was said.\n\n| hidden |");
+    SEVERITIES.iter().for_each(|s| {
+        let _ = write!(text, " {s:.0} |");
+    });
+    text.push_str(" taken for |\n|---|---|---|---|---|---|\n");
+    let outside: Vec<&str> = {
+        let mut found: Vec<&str> = all
+            .iter()
+            .filter(|o| kind(o) == Kind::Outside)
+            .map(|o| o.hidden[0].as_str())
+            .collect();
+        found.sort_unstable();
+        found.dedup();
+        found
+    };
+    for name in CATALOGUE.into_iter().chain(outside) {
+        let own: Vec<&Outcome> = all.iter().filter(|o| o.hidden == [name]).collect();
+        if own.is_empty() {
+            continue;
+        }
+        let _ = write!(text, "| {name} |");
+        for severity in SEVERITIES {
+            let here: Vec<&&Outcome> = own.iter().filter(|o| o.wanted == severity).collect();
+            let right = here.iter().filter(|o| is_named(o)).count();
+            let _ = write!(text, " {right}/{} |", here.len());
+        }
+        let _ = writeln!(text, " {} |", others(&own));
+    }
+    let rest: Vec<&Outcome> = all
+        .iter()
+        .filter(|o| matches!(kind(o), Kind::Clean | Kind::Pair) && !is_named(o))
+        .collect();
+    if !rest.is_empty() {
+        text.push_str("\n## Clean machines and pairs that were missed\n\n| hidden | said |\n|---|---|\n");
+        for o in rest {
+            let hidden = if o.hidden.is_empty() { "nothing".to_owned() } else { o.hidden.join(" + ") };
+            let _ = writeln!(text, "| {hidden} | {} |", said(o));
+        }
+    }
+    text
+}
+
+fn said(o: &Outcome) -> String {
+    match &o.diagnosis {
+        Err(_) => "no diagnosis".to_owned(),
+        Ok(d) if d.effects.is_empty() => d.verdict.to_owned(),
+        Ok(_) => names(o).join(" + "),
+    }
+}
+
+fn others(own: &[&Outcome]) -> String {
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for o in own.iter().filter(|o| !is_named(o)) {
+        *counts.entry(said(o)).or_default() += 1;
+    }
+    let parts: Vec<String> = counts.into_iter().map(|(name, n)| format!("{name} {n}")).collect();
+    parts.join(", ")
+}

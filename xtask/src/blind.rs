@@ -6,9 +6,9 @@ mod score;
 
 use crate::TaskError;
 use experiment_data::{Bundle, RecordFormat};
-use lpv_cli::simulate::{MachineFile, MultisineFile, PositionsFile, deviation, simulate};
 use lpv_cli::diagnose::{Diagnosis, diagnose};
 use lpv_cli::silent;
+use lpv_cli::simulate::{MachineFile, MultisineFile, PositionsFile, deviation, simulate};
 use lpv_core::Discrete;
 pub(crate) use page::page;
 use rand::{RngExt, SeedableRng};
@@ -100,7 +100,9 @@ impl Extent {
             clean: 1,
             pairs: 0,
             minutes: 10.0,
-            only: ["coulomb-friction", "cogging", "payload", "delay"].map(String::from).to_vec(),
+            only: ["coulomb-friction", "cogging", "payload", "delay"]
+                .map(String::from)
+                .to_vec(),
             severities: vec![100.0],
         }
     }
@@ -154,7 +156,11 @@ fn cases(extent: &Extent, seed: u64) -> Vec<Case> {
                 if !(extent.severities.is_empty() || extent.severities.contains(&severity)) {
                     continue;
                 }
-                for name in CATALOGUE.into_iter().chain(outside.iter().copied()).filter(|n| wanted(n)) {
+                for name in CATALOGUE
+                    .into_iter()
+                    .chain(outside.iter().copied())
+                    .filter(|n| wanted(n))
+                {
                     all.push(case(&format!("{name} {severity}"), vec![name], severity));
                 }
             }
@@ -224,7 +230,11 @@ fn scaled(file: &MachineFile, effect: HiddenEffect, wanted: f64) -> Result<(Hidd
         Ok((hidden, deviation(file, &[hidden])?.max(1e-9)))
     };
     let mut known = (effect.severity().abs(), at(effect.severity().abs())?);
-    let mut slope = if effect.info().name == "actuator-saturation" { -2.0 } else { 1.0 };
+    let mut slope = if effect.info().name == "actuator-saturation" {
+        -2.0
+    } else {
+        1.0
+    };
     for _ in 0..6 {
         let (size, (_, found)) = known;
         let short = (wanted / found).ln();

@@ -203,7 +203,10 @@ fn run_blind(options: &Blind) -> Result<bool, TaskError> {
     let (all, seconds) = blind::run(&extent, options.seed, &options.output.join("cases.jsonl"))?;
     let metrics = blind::score(&all, seconds);
     let figures = serde_json::to_value(&metrics)?;
-    let command = format!("cargo xtask blind --seeds {} --minutes {} --seed {}", options.seeds, options.minutes, options.seed);
+    let command = format!(
+        "cargo xtask blind --seeds {} --minutes {} --seed {}",
+        options.seeds, options.minutes, options.seed
+    );
     let page = blind::page(&metrics, &all, &command);
     reproduce::write_json(&options.output.join("metrics.json"), &figures)?;
     std::fs::write(options.output.join("blind.md"), &page)?;

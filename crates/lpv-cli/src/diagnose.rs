@@ -4,8 +4,8 @@ mod account;
 mod axis;
 mod page;
 
-pub use axis::AxisErrors;
 pub use account::{Characterisation, Diagnosis, Errors, Evidence, FoundEffect, OutputError, Tested, Value};
+pub use axis::AxisErrors;
 
 use crate::PipelineError;
 use crate::config::IdentifyConfig;

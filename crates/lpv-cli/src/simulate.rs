@@ -131,9 +131,13 @@ pub fn deviation(file: &MachineFile, hidden: &[HiddenEffect]) -> Result<f64, Pip
         let name = move_name(index);
         let run = |setup: &Setup<'_>| -> Result<Record, PipelineError> {
             let simulated = setup.moving(&name, kind, Purpose::Estimation)?;
-            simulated.records.into_iter().next().ok_or(PipelineError::Structure {
-                problem: "a move makes one record",
-            })
+            simulated
+                .records
+                .into_iter()
+                .next()
+                .ok_or(PipelineError::Structure {
+                    problem: "a move makes one record",
+                })
         };
         let (a, b) = rayon::join(|| run(&with), || run(&without));
         for ((a, b), (sum, count)) in a?.outputs.columns.iter().zip(&b?.outputs.columns).zip(&mut sums) {

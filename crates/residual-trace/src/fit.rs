@@ -21,7 +21,10 @@ pub struct Explained {
 
 impl Explained {
     pub(crate) fn blocks(&self) -> Vec<Box<dyn Block>> {
-        self.effects.iter().map(|(e, v)| (e.block)(v, &self.base)).collect()
+        self.effects
+            .iter()
+            .map(|(e, v)| (e.block)(v, &self.base))
+            .collect()
     }
 
     /// The machine's coordinates, then those of the effects.
@@ -74,6 +77,25 @@ pub struct Prior {
     pub mean: DVector<f64>,
     /// W.
     pub weight: DMatrix<f64>,
+    /// Rows of W, the last ones, that hold for certain. The others may be far off, where an effect has bent what they were
+    /// taken from: with d their departure and n their number they count as `n ln(1 + |d|^2 / n)`.
+    pub firm: usize,
+}
+
+/// Factors of the rows of the prior beside errors that exceed the noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PriorScale {
+    soft: f64,
+    firm: f64,
+}
+
+impl PriorScale {
+    fn inverse(self) -> Self {
+        Self {
+            soft: self.soft.recip(),
+            firm: self.firm.recip(),
+        }
+    }
 }
 
 /// Records to explain.
@@ -101,7 +123,9 @@ pub(crate) struct Fitted {
     pub(crate) objective: f64,
     /// Sum of squares over what noise leaves, at least one.
     pub(crate) excess: f64,
-    /// Whitened errors, then what departs from the prior in units of the excess.
+    /// Factors of the prior in `residual`, `factor` and `columns`.
+    pub(crate) scale: PriorScale,
+    /// Whitened errors, then what departs from the prior.
     pub(crate) residual: Vec<f64>,
     /// Upper triangle with `R^T R = J^T J` at the result; J in coordinates.
     pub(crate) factor: DMatrix<f64>,
@@ -121,11 +145,7 @@ impl Problem<'_> {
     }
 
     /// The same with these parts of a sample.
-    fn errors_in(
-        &self,
-        parts: fn(&Track) -> usize,
-        model: &Explained,
-    ) -> Option<Vec<Vec<Pair>>> {
+    fn errors_in(&self, parts: fn(&Track) -> usize, model: &Explained) -> Option<Vec<Vec<Pair>>> {
         let blocks = model.blocks();
         self.tracks
             .par_iter()
@@ -173,30 +193,56 @@ impl Problem<'_> {
         all.iter().all(|r| r.is_finite()).then_some(all)
     }
 
-    /// What the fit minimises: `N ln(S / N)` of the whitened errors with their sum of squares S, `S - N` below N, and the squares
-    /// of the departure from the prior. As long as the errors are not noise, they do not outweigh what is known of the machine.
+    /// What the fit minimises: `N ln(S / N)` of the whitened errors with their sum of squares S, `S - N` below N, and the
+    /// departure from the prior, see [`Prior::firm`]. As long as the errors are not noise, they do not outweigh what is known
+    /// of the machine.
     pub(crate) fn objective(&self, residual: &[f64]) -> f64 {
-        let (errors, departure) = residual.split_at(residual.len() - self.known());
+        let (errors, soft, firm) = self.split(residual);
         let (n, s) = (errors.len() as f64, squares(errors));
-        squares(departure) + if s > n { n * (s / n).ln() } else { s - n }
+        let rows = soft.len().max(1) as f64;
+        let known = rows * (squares(soft) / rows).ln_1p() + squares(firm);
+        known + if s > n { n * (s / n).ln() } else { s - n }
     }
 
-    /// Sum of squares of the whitened errors over its expectation, at least one: the weight of the prior beside them.
+    /// Sum of squares of the whitened errors over its expectation, at least one.
     fn excess(&self, residual: &[f64]) -> f64 {
-        let errors = &residual[..residual.len() - self.known()];
+        let (errors, ..) = self.split(residual);
         (squares(errors) / errors.len() as f64).max(1.0)
     }
 
-    /// Weighs the rows of the prior against errors that exceed the noise.
-    pub(crate) fn weigh(&self, rows: &mut [f64], excess: f64) {
-        let first = rows.len() - self.known();
-        rows[first..].iter_mut().for_each(|r| *r *= excess.sqrt());
+    /// Factors with which the squares of all rows have the gradient of the objective, up to its own factor.
+    fn scale(&self, residual: &[f64]) -> PriorScale {
+        let (_, soft, _) = self.split(residual);
+        let excess = self.excess(residual);
+        PriorScale {
+            soft: (excess / (1.0 + squares(soft) / soft.len().max(1) as f64)).sqrt(),
+            firm: excess.sqrt(),
+        }
     }
 
-    pub(crate) fn weigh_columns(&self, matrix: &mut DMatrix<f64>, excess: f64) {
-        let (rows, known) = (matrix.nrows(), self.known());
-        let mut prior = matrix.rows_mut(rows - known, known);
-        prior *= excess.sqrt();
+    fn split<'a>(&self, residual: &'a [f64]) -> (&'a [f64], &'a [f64], &'a [f64]) {
+        let (errors, known) = residual.split_at(residual.len() - self.known());
+        let (soft, firm) = known.split_at(known.len() - self.firm());
+        (errors, soft, firm)
+    }
+
+    /// Weighs the rows of the prior against the errors.
+    pub(crate) fn weigh(&self, rows: &mut [f64], scale: PriorScale) {
+        let (known, firm) = (rows.len() - self.known(), rows.len() - self.firm());
+        rows[known..firm].iter_mut().for_each(|r| *r *= scale.soft);
+        rows[firm..].iter_mut().for_each(|r| *r *= scale.firm);
+    }
+
+    pub(crate) fn weigh_columns(&self, matrix: &mut DMatrix<f64>, scale: PriorScale) {
+        let (rows, known, firm) = (matrix.nrows(), self.known(), self.firm());
+        let mut soft = matrix.rows_mut(rows - known, known - firm);
+        soft *= scale.soft;
+        let mut hard = matrix.rows_mut(rows - firm, firm);
+        hard *= scale.firm;
+    }
+
+    fn firm(&self) -> usize {
+        self.prior.map_or(0, |p| p.firm)
     }
 
     fn known(&self) -> usize {
@@ -284,7 +330,7 @@ impl Problem<'_> {
         let mut steps = known.map_or(Vec::new(), |k| k.steps[..own].to_vec());
         let mut columns = known.map(|k| {
             let mut columns = k.columns.clone();
-            self.weigh_columns(&mut columns, 1.0 / k.excess);
+            self.weigh_columns(&mut columns, k.scale.inverse());
             columns
         });
         let mut fresh = false;
@@ -306,10 +352,10 @@ impl Problem<'_> {
             let mut jacobian = DMatrix::zeros(residual.len(), all);
             jacobian.columns_mut(0, own).copy_from(&base);
             jacobian.columns_mut(own, all - own).copy_from(&more);
-            let excess = self.excess(&residual);
-            self.weigh_columns(&mut jacobian, excess);
+            let (excess, scale) = (self.excess(&residual), self.scale(&residual));
+            self.weigh_columns(&mut jacobian, scale);
             let mut weighed = residual.clone();
-            self.weigh(&mut weighed, excess);
+            self.weigh(&mut weighed, scale);
             let r = triangle(&jacobian, &weighed);
             let before = cost;
             let mut stuck = true;
@@ -343,12 +389,13 @@ impl Problem<'_> {
             let settled = stuck || fall < 0.3;
             if iteration >= iterations || (settled && (fresh || own == all)) {
                 let (mut base, mut residual) = (base, residual);
-                self.weigh_columns(&mut base, excess);
-                self.weigh(&mut residual, excess);
+                self.weigh_columns(&mut base, scale);
+                self.weigh(&mut residual, scale);
                 return Ok(Fitted {
                     model,
                     objective: cost,
                     excess,
+                    scale,
                     residual,
                     factor: r.view((0, 0), (all, all)).into_owned(),
                     columns: base,

@@ -20,8 +20,7 @@ pub struct FrozenFit {
     pub misfit: f64,
     /// Standard deviations of the coordinates.
     pub deviations: Vec<f64>,
-    /// Where the responses agree with the masses of the geometry, `base` takes them for true, and this is the fit that does
-    /// not, with the number of those masses.
+    /// Where `base` takes the masses of the geometry for true, the fit that does not, with the number of those masses.
     pub free: Option<(Base, Prior, usize)>,
 }
 
@@ -103,29 +102,34 @@ pub fn fit_table(
     let found = found.ok_or(TraceError::NoBase {
         why: "the fit of the first-principles xy-table to the responses found no finite error",
     })?;
-    // The masses that the geometry tells may be those of the machine: then little is lost by taking them for true. What is
-    // lost may be an effect that was there when the responses were measured.
+    // The masses that the geometry tells may be those of the machine, and what departs from them an effect that was there when
+    // the responses were measured: which of the two, the moves decide.
     let exact = Told {
         deviation: EXACT,
         ..told
     };
-    let strict = fit(&exact.put(&found.0), estimates, clock, FLOORS[3], 20, &exact)
-        .filter(|strict| strict.1 <= LOSS * found.1.max(found.3 as f64));
+    let strict = fit(&exact.put(&found.0), estimates, clock, FLOORS[3], 20, &exact);
     let free = FrozenFit::new(found, 10.0);
-    Ok(match strict {
-        None => free,
-        Some(strict) => FrozenFit {
-            free: Some((free.base, free.prior, TOLD)),
-            ..FrozenFit::new(strict, 100.0)
-        },
-    })
+    let Some(strict) = strict else {
+        return Ok(free);
+    };
+    // Of the responses alone; what the geometry tells is kept apart.
+    let silent = Told {
+        deviation: 1.0 / EXACT,
+        ..told
+    };
+    let n = strict.2.ncols();
+    let factor = residual(&strict.0, estimates, clock, FLOORS[3], &silent)
+        .and_then(|error| curvature(&strict.0, &error, estimates, clock, FLOORS[3], &silent))
+        .map_or(strict.2.clone(), |r| r.view((0, 0), (n, n)).into_owned());
+    let mut fit = FrozenFit::new((strict.0, strict.1, factor, strict.3), 100.0);
+    fit.prior.hold(&exact, &fit.base);
+    fit.free = Some((free.base, free.prior, TOLD));
+    Ok(fit)
 }
 
 /// Masses that the geometry tells.
 const TOLD: usize = 4;
-
-/// Factor by which the squared error against the responses may be larger with them.
-const LOSS: f64 = 2.0;
 
 /// Relative deviation of what is taken for true.
 const EXACT: f64 = 1e-8;
@@ -258,6 +262,24 @@ impl Told {
     }
 }
 
+impl Prior {
+    /// Takes what the geometry tells for certain.
+    fn hold(&mut self, told: &Told, base: &Base) {
+        const STEP: f64 = 1e-6;
+        let (rows, at, still) = (self.weight.nrows(), base.coordinates(), told.departure(base));
+        self.weight.resize_vertically_mut(rows + TOLD, 0.0);
+        self.firm = TOLD;
+        for j in 0..at.len() {
+            let mut there = at.clone();
+            there[j] += STEP;
+            let moved = told.departure(&base.with_coordinates(&there));
+            for i in 0..TOLD {
+                self.weight[(rows + i, j)] = (moved[i] - still[i]) / STEP;
+            }
+        }
+    }
+}
+
 impl FrozenFit {
     /// `doubt` divides the information of the responses: an effect that was there when they were measured has bent them.
     fn new((base, cost, factor, rows): Found, doubt: f64) -> Self {
@@ -269,6 +291,7 @@ impl FrozenFit {
         let prior = Prior {
             mean: DVector::from_vec(base.coordinates()),
             weight,
+            firm: 0,
         };
         Self {
             base,
@@ -286,6 +309,7 @@ impl FrozenFit {
             prior: Prior {
                 mean: DVector::from_vec(base.coordinates()),
                 weight: DMatrix::from_diagonal(&DVector::from_vec(deviations.clone()).map(f64::recip)),
+                firm: 0,
             },
             base,
             misfit,
@@ -305,22 +329,13 @@ fn fit(
     iterations: usize,
     told: &Told,
 ) -> Option<Found> {
-    const STEP: f64 = 1e-6;
     let mut base = start.clone();
     let mut error = residual(&base, estimates, clock, floor, told)?;
     let mut cost = squares(&error);
     let mut damping = 1e-3;
     for iteration in 0.. {
         let at = base.coordinates();
-        let mut jacobian = DMatrix::zeros(error.len(), at.len());
-        for j in 0..at.len() {
-            let mut there = at.clone();
-            there[j] += STEP;
-            let moved = residual(&base.with_coordinates(&there), estimates, clock, floor, told)?;
-            let column: Vec<f64> = moved.iter().zip(&error).map(|(a, b)| (a - b) / STEP).collect();
-            jacobian.column_mut(j).copy_from_slice(&column);
-        }
-        let r = triangle(&jacobian, &error);
+        let r = curvature(&base, &error, estimates, clock, floor, told)?;
         let before = cost;
         let mut stuck = true;
         for _ in 0..8 {
@@ -348,6 +363,28 @@ fn fit(
         }
     }
     None
+}
+
+/// Triangular factor of `[J r]` at a machine, r its residual.
+fn curvature(
+    base: &Base,
+    error: &[f64],
+    estimates: &[FrfEstimate],
+    clock: Discrete,
+    floor: f64,
+    told: &Told,
+) -> Option<DMatrix<f64>> {
+    const STEP: f64 = 1e-6;
+    let at = base.coordinates();
+    let mut jacobian = DMatrix::zeros(error.len(), at.len());
+    for j in 0..at.len() {
+        let mut there = at.clone();
+        there[j] += STEP;
+        let moved = residual(&base.with_coordinates(&there), estimates, clock, floor, told)?;
+        let column: Vec<f64> = moved.iter().zip(error).map(|(a, b)| (a - b) / STEP).collect();
+        jacobian.column_mut(j).copy_from_slice(&column);
+    }
+    Some(triangle(&jacobian, error))
 }
 
 impl XyTable {

@@ -23,7 +23,15 @@ impl Explained {
 
     /// Response to the recorded inputs. None where the numbers leave all bounds.
     pub fn open_loop(&self, track: &Track) -> Option<Response> {
-        simulate_in(track.fine(), &self.base, &self.blocks(), None, track, None, &mut ())
+        simulate_in(
+            track.fine(),
+            &self.base,
+            &self.blocks(),
+            None,
+            track,
+            None,
+            &mut (),
+        )
     }
 
     /// What the effects do to the forces of the motors along a motion of a record, by sample; effects with states of their own
@@ -172,7 +180,9 @@ pub(crate) fn simulate_in(
             };
             let from = 2 * part * stride;
             let points = [from, from + stride, from + 2 * stride];
-            runge_kutta(&machine, blocks, &own, track, &mut x, total, k, points, command, h);
+            runge_kutta(
+                &machine, blocks, &own, track, &mut x, total, k, points, command, h,
+            );
         }
     }
     Some(response)

@@ -114,6 +114,8 @@ pub struct Added {
     pub gain_db: f64,
     /// Probability of such a fall on the fitted records without the effect.
     pub p_value: f64,
+    /// Parameters of the machine when it was added.
+    pub machine: Vec<f64>,
     /// The next best effect, and by how much it is worse on the judged records.
     pub runner_up: Option<(&'static Effect, f64)>,
 }
@@ -138,7 +140,7 @@ const LOOKED_AT: usize = 10;
 /// Part of the price of its parameters that an effect must promise.
 const PROMISE: f64 = 1.0;
 /// Iterations of a full fit.
-const ITERATIONS: usize = 12;
+const ITERATIONS: usize = 40;
 /// Fall of the squared whitened error on judged records that no chance makes.
 const SURE: f64 = 14.0;
 /// Cost over its expectation up to which what is left is noise.
@@ -194,6 +196,7 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
             Added {
                 effect: &quantization::EFFECT,
                 values: values.to_vec(),
+                machine: found.bare.base.parameters().iter().map(|p| p.value).collect(),
                 gain_db: 0.0,
                 p_value: 0.0,
                 runner_up: None,
@@ -216,9 +219,7 @@ fn alone(case: &Case<'_>, freed: usize) -> Result<f64, TraceError> {
         base: case.base.clone(),
         effects: Vec::new(),
     };
-    let fit = bench
-        .problem()
-        .fit(&bare, ITERATIONS, None)?;
+    let fit = bench.problem().fit(&bare, ITERATIONS, None)?;
     Ok(fit.objective + freed as f64 * (fit.residual.len() as f64).ln())
 }
 
@@ -282,7 +283,10 @@ fn compete(case: &Case<'_>) -> Result<Trace, TraceError> {
             .map(|(i, c)| (bench.cost(&c.start), i))
             .collect();
         actual.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut chosen: Vec<usize> = (0..best_of.len()).filter(|i| promising(&best_of[*i])).take(FINALISTS).collect();
+        let mut chosen: Vec<usize> = (0..best_of.len())
+            .filter(|i| promising(&best_of[*i]))
+            .take(FINALISTS)
+            .collect();
         chosen.extend(actual.iter().map(|a| a.1).filter(|i| *i >= FINALISTS).take(2));
         let starts: Vec<&Explained> = chosen.iter().map(|i| &best_of[*i].start).collect();
         let mut finals = bench.finals(&starts, &now);
@@ -344,7 +348,7 @@ fn compete(case: &Case<'_>) -> Result<Trace, TraceError> {
                 .collect();
         }
         equals_in_order(&mut finals, length);
-        simpler_first(&mut finals);
+        simpler_first(&mut finals, judged.cost);
         let Some((effect, fit, after)) = finals.first().cloned() else {
             break;
         };
@@ -358,6 +362,7 @@ fn compete(case: &Case<'_>) -> Result<Trace, TraceError> {
         let added = Added {
             effect,
             values: Vec::new(),
+            machine: fit.model.base.parameters().iter().map(|p| p.value).collect(),
             gain_db: decibel(judged.cost / after.cost),
             p_value: chance(now.objective - fit.objective, effect.parameters.len()),
             runner_up: finals
@@ -423,7 +428,9 @@ fn compete(case: &Case<'_>) -> Result<Trace, TraceError> {
 
 /// Of effects that explain the records equally well, with as many parameters, the first in the catalogue leads.
 fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)], length: impl Fn(&Fitted) -> f64) {
-    let Some((best, fit, _)) = finals.first() else { return };
+    let Some((best, fit, _)) = finals.first() else {
+        return;
+    };
     let (most, parameters) = (length(fit) + EQUAL, best.parameters.len());
     let place = |e: &Effect| CATALOGUE.iter().position(|c| c.name == e.name);
     let equals = finals
@@ -431,13 +438,16 @@ fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)], length: imp
         .take_while(|(_, f, _)| length(f) <= most)
         .filter(|(e, ..)| e.parameters.len() <= parameters);
     let first = equals.map(|(e, ..)| *e).min_by_key(|e| place(e));
-    if let Some(at) = finals.iter().position(|(e, ..)| first.is_some_and(|f| f.name == e.name)) {
+    if let Some(at) = finals
+        .iter()
+        .position(|(e, ..)| first.is_some_and(|f| f.name == e.name))
+    {
         finals[..=at].rotate_right(1);
     }
 }
 
 /// A refinement is taken for the effect that it refines only if it is worth it on the judged records.
-fn simpler_first(finals: &mut [(&'static Effect, Fitted, Judged)]) {
+fn simpler_first(finals: &mut [(&'static Effect, Fitted, Judged)], before: f64) {
     let Some((best, _, fine)) = finals.first() else {
         return;
     };
@@ -447,7 +457,7 @@ fn simpler_first(finals: &mut [(&'static Effect, Fitted, Judged)]) {
         let rough = &finals[simpler].2;
         let fall = (rough.cost - fine.cost) * rough.samples as f64;
         let fair = fine.cost <= NOISE || rough.cost >= WORTH * fine.cost;
-        if fall < SURE || !fair {
+        if fall < SURE || !fair || rough.cost - fine.cost < TRIFLE * before {
             finals.swap(0, simpler);
         }
     }
@@ -455,6 +465,9 @@ fn simpler_first(finals: &mut [(&'static Effect, Fitted, Judged)]) {
 
 /// Factor by which a refinement must lower a squared error that is not noise.
 const WORTH: f64 = 1.05;
+
+/// Part of the squared error before that is within the accuracy of the simulation.
+const TRIFLE: f64 = 1e-8;
 
 fn decibel(ratio: f64) -> f64 {
     let db = 10.0 * ratio.log10();

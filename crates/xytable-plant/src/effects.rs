@@ -81,7 +81,8 @@ pub(crate) struct Shape(Option<u64>);
 impl Shape {
     /// The usual value, or one between two bounds, uniform in its logarithm.
     pub(crate) fn pick(self, what: &str, usual: f64, [least, most]: [f64; 2]) -> f64 {
-        self.0.map_or(usual, |seed| least * (most / least).powf(part(seed, what)))
+        self.0
+            .map_or(usual, |seed| least * (most / least).powf(part(seed, what)))
     }
     /// The usual phase, or any, rad.
     pub(crate) fn phase(self, what: &str, usual: f64) -> f64 {
@@ -116,7 +117,11 @@ impl HiddenEffect {
         if !(info.range[0]..=info.range[1]).contains(&severity) {
             return Err(info.refuse(&severity.to_string()));
         }
-        Ok(Self { info, severity, shape })
+        Ok(Self {
+            info,
+            severity,
+            shape,
+        })
     }
     /// The same severity with pitches, phases, frequencies and time constants drawn from a seed.
     #[must_use]

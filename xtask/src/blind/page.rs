@@ -7,7 +7,11 @@ use std::fmt::Write;
 
 /// What one figure is, its bar, and whether it is a least value.
 const BARS: [(&str, f64, bool); 9] = [
-    ("right effect named, deviation from 10 times the noise on", 0.95, true),
+    (
+        "right effect named, deviation from 10 times the noise on",
+        0.95,
+        true,
+    ),
     ("right family", 0.98, true),
     ("right effect named at 3 times the noise", 0.70, true),
     ("of the explained ones, error after within its bar", 0.95, true),
@@ -56,7 +60,9 @@ pub(crate) fn page(metrics: &Metrics, all: &[Outcome], command: &str) -> String 
         let sign = if *least { ">=" } else { "<=" };
         let _ = writeln!(text, "| {what} | {sign} {} | {found} |", percent(*bar));
     }
-    text.push_str("\n## By effect\n\nNamed of all, by deviation over the noise; then what else was said.\n\n| hidden |");
+    text.push_str(
+        "\n## By effect\n\nNamed of all, by deviation over the noise; then what else was said.\n\n| hidden |",
+    );
     SEVERITIES.iter().for_each(|s| {
         let _ = write!(text, " {s:.0} |");
     });
@@ -91,7 +97,11 @@ pub(crate) fn page(metrics: &Metrics, all: &[Outcome], command: &str) -> String 
     if !rest.is_empty() {
         text.push_str("\n## Clean machines and pairs that were missed\n\n| hidden | said |\n|---|---|\n");
         for o in rest {
-            let hidden = if o.hidden.is_empty() { "nothing".to_owned() } else { o.hidden.join(" + ") };
+            let hidden = if o.hidden.is_empty() {
+                "nothing".to_owned()
+            } else {
+                o.hidden.join(" + ")
+            };
             let _ = writeln!(text, "| {hidden} | {} |", said(o));
         }
     }
@@ -111,6 +121,9 @@ fn others(own: &[&Outcome]) -> String {
     for o in own.iter().filter(|o| !is_named(o)) {
         *counts.entry(said(o)).or_default() += 1;
     }
-    let parts: Vec<String> = counts.into_iter().map(|(name, n)| format!("{name} {n}")).collect();
+    let parts: Vec<String> = counts
+        .into_iter()
+        .map(|(name, n)| format!("{name} {n}"))
+        .collect();
     parts.join(", ")
 }

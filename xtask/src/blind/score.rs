@@ -88,7 +88,11 @@ fn part(all: &[Outcome], of: impl Fn(&Outcome) -> bool, is: impl Fn(&Outcome) ->
 }
 
 fn worst(errors: &Errors) -> f64 {
-    errors.validation.values().map(|e| e.over_noise).fold(0.0, f64::max)
+    errors
+        .validation
+        .values()
+        .map(|e| e.over_noise)
+        .fold(0.0, f64::max)
 }
 
 fn is_explained(o: &Outcome) -> bool {
@@ -108,10 +112,13 @@ fn is_within(o: &Outcome) -> bool {
 
 /// True values and those found with their deviations.
 fn parameters<'a>(o: &'a Outcome, d: &'a Diagnosis) -> impl Iterator<Item = (f64, f64, f64)> + 'a {
-    d.effects.iter().flat_map(|e| &e.parameters).filter_map(|(name, v)| {
-        let truth = o.facts.iter().find(|(n, _)| n == name)?.1;
-        Some((truth, v.value, v.std?))
-    })
+    d.effects
+        .iter()
+        .flat_map(|e| &e.parameters)
+        .filter_map(|(name, v)| {
+            let truth = o.facts.iter().find(|(n, _)| n == name)?.1;
+            Some((truth, v.value, v.std?))
+        })
 }
 
 pub(crate) fn score(all: &[Outcome], seconds: Option<f64>) -> Metrics {
@@ -136,7 +143,11 @@ pub(crate) fn score(all: &[Outcome], seconds: Option<f64>) -> Metrics {
             |o| !matches!(&o.diagnosis, Ok(d) if d.verdict == "nothing-missing"),
         ),
         pairs_named: part(all, |o| kind(o) == Kind::Pair, is_named),
-        outside_wrong_name: part(all, |o| kind(o) == Kind::Outside && reached(o), |o| !names(o).is_empty()),
+        outside_wrong_name: part(
+            all,
+            |o| kind(o) == Kind::Outside && reached(o),
+            |o| !names(o).is_empty(),
+        ),
         seconds,
     }
 }
@@ -151,7 +162,10 @@ pub(crate) fn line(o: &Outcome) -> String {
         Err(error) => format!("no diagnosis: {error}"),
         Ok(d) => {
             let ratio = |e: &Errors| -> Vec<String> {
-                e.validation.values().map(|v| format!("{:.2}", v.over_noise)).collect()
+                e.validation
+                    .values()
+                    .map(|v| format!("{:.2}", v.over_noise))
+                    .collect()
             };
             let off: Vec<String> = d
                 .effects
@@ -179,5 +193,8 @@ pub(crate) fn line(o: &Outcome) -> String {
         Kind::Outside if names(o).is_empty() => "ok ",
         _ => "BAD",
     };
-    format!("{mark} {hidden} at {:.0} ({:.1}): {what} ({:.0} s)", o.wanted, o.deviation, o.seconds)
+    format!(
+        "{mark} {hidden} at {:.0} ({:.1}): {what} ({:.0} s)",
+        o.wanted, o.deviation, o.seconds
+    )
 }

@@ -52,6 +52,8 @@ pub struct FoundEffect {
     pub channel: String,
     /// Its parameters.
     pub parameters: BTreeMap<&'static str, Value>,
+    /// Parameters of the base model when it was added, before further effects.
+    pub base_parameters_then: BTreeMap<String, f64>,
     /// Why it was added.
     pub evidence: Evidence,
 }
@@ -166,6 +168,14 @@ impl Diagnosis {
                     };
                     (p.name, value)
                 })
+                .collect(),
+            base_parameters_then: found
+                .model
+                .base
+                .parameters()
+                .iter()
+                .zip(&a.machine)
+                .map(|(p, value)| (p.name.to_owned(), *value))
                 .collect(),
             evidence: Evidence {
                 held_out_gain_db: a.gain_db,

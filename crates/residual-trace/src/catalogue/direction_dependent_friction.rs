@@ -1,59 +1,31 @@
 //! Viscous friction that differs by direction.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "direction-dependent-friction",
     family: Family::Friction,
     channel: 0,
-    meaning: "Coulomb friction of the guides, and viscous friction that differs by the direction of motion",
-    parameters: &[
-        EffectParameter {
-            name: "level",
-            unit: "u",
-            scale: Scale::Linear,
-        },
-        EffectParameter {
-            name: "viscous_forward_more",
-            unit: "u s/y",
-            scale: Scale::Linear,
-        },
-        EffectParameter {
-            name: "creep_speed",
-            unit: "y/s",
-            scale: Scale::Logarithmic,
-        },
-    ],
-    extends: Some(Extends {
-        name: "coulomb-friction",
-        starts: |v, _| vec![vec![v[0], 0.0, v[1]]],
-    }),
-    // Without the rough part it is not to be seen.
-    starts: |_| Vec::new(),
-    block: |v, machine| {
-        Box::new(Directed {
-            level: super::motor_forces(machine, v[0]),
-            viscous: super::motor_forces(machine, v[1]),
-            creep: v[2],
-        })
-    },
+    meaning: "viscous friction of the guides that is so much more forward, and so much less backward",
+    parameters: &[EffectParameter {
+        name: "viscous_forward_more",
+        unit: "u s/y",
+        scale: Scale::Linear,
+    }],
+    extends: None,
+    starts: |_| vec![vec![0.0]],
+    block: |v, machine| Box::new(Directed(super::motor_forces(machine, v[0]))),
 };
 
-/// `-F s - c v s` with `s = tanh(v / creep)`: so much more forward, so much less backward.
+/// `-c |v|`.
 #[derive(Debug)]
-struct Directed {
-    level: Pair,
-    viscous: Pair,
-    creep: f64,
-}
+struct Directed(Pair);
 
 impl Block for Directed {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
         for i in 0..2 {
-            let v = at.motion.motor_speed[i];
-            let s = (v / self.creep).tanh();
-            forces.motors[i] -= (self.level[i] + self.viscous[i] * v) * s;
+            forces.motors[i] -= self.0[i] * at.motion.motor_speed[i].abs();
         }
     }
 }

@@ -81,5 +81,10 @@ fn lattice(tracks: &[Track], output: usize) -> (f64, f64) {
         let n = (v / step).round();
         (rest + (v - n * step).powi(2), count + n * n)
     });
-    (step, (rest / values.len() as f64 / f64::max(count, 1.0)).sqrt().max(1e-9 * step))
+    (
+        step,
+        (rest / values.len() as f64 / f64::max(count, 1.0))
+            .sqrt()
+            .max(1e-9 * step),
+    )
 }

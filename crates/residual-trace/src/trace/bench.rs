@@ -104,11 +104,7 @@ impl<'a> Bench<'a> {
     }
 
     /// Full fits: all for a few steps, those that lead for as many as they need.
-    pub(super) fn finals(
-        &'a self,
-        starts: &[&Explained],
-        now: &Fitted,
-    ) -> Vec<(&'static Effect, Fitted)> {
+    pub(super) fn finals(&'a self, starts: &[&Explained], now: &Fitted) -> Vec<(&'static Effect, Fitted)> {
         let mut all: Vec<(&'static Effect, Fitted)> = starts
             .iter()
             .filter_map(|start| {
@@ -228,10 +224,10 @@ fn step(
 ) -> Option<(f64, DVector<f64>)> {
     let grain = (Grain::Rough, rough);
     let mut columns = problem.columns(start, grain, which, &mut Vec::new())?;
-    problem.weigh_columns(&mut columns, now.excess);
+    problem.weigh_columns(&mut columns, now.scale);
     // The start's residual is that of the present model and a small difference.
     let mut change: Vec<f64> = rough.iter().zip(&known.rough).map(|(a, b)| a - b).collect();
-    problem.weigh(&mut change, now.excess);
+    problem.weigh(&mut change, now.scale);
     let residual = &known.residual + DVector::from_vec(change);
     let own = &columns - &known.basis * known.basis.tr_mul(&columns);
     let left = &residual - &known.basis * known.basis.tr_mul(&residual);

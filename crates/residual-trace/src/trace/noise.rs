@@ -107,7 +107,10 @@ pub fn sensor_noise(
             .collect();
         ratios.sort_by(f64::total_cmp);
         let mean = |r: &[f64]| r.iter().sum::<f64>() / r.len() as f64;
-        let (middle, quiet) = (mean(&ratios[BANDS / 2 - 3..BANDS / 2 + 3]), mean(&ratios[..QUIET]));
+        let (middle, quiet) = (
+            mean(&ratios[BANDS / 2 - 3..BANDS / 2 + 3]),
+            mean(&ratios[..QUIET]),
+        );
         size[i] * (if middle > LOUD * quiet { quiet } else { middle }).sqrt()
     }))
 }
@@ -135,7 +138,10 @@ fn bands(whitening: &Whitening, records: &[Vec<Pair>]) -> [[f64; BANDS]; 2] {
         }
     }
     for (power, lines) in power.iter_mut().zip(&lines) {
-        power.iter_mut().zip(lines).for_each(|(p, n)| *p /= (*n).max(1) as f64);
+        power
+            .iter_mut()
+            .zip(lines)
+            .for_each(|(p, n)| *p /= (*n).max(1) as f64);
     }
     power
 }

@@ -81,7 +81,10 @@ impl Effect for Coulomb {
         forces.push_ends(at.machine, drag);
     }
     fn facts(&self, machine: &MachineParameters) -> Vec<(&'static str, f64)> {
-        vec![("level", severity_of(self.level, machine)), ("creep_speed", self.creep)]
+        vec![
+            ("level", severity_of(self.level, machine)),
+            ("creep_speed", self.creep),
+        ]
     }
 }
 
@@ -143,6 +146,9 @@ impl Effect for Dahl {
         forces.push_ends(at.machine, [-self.level * own[0], -self.level * own[1]]);
     }
     fn facts(&self, machine: &MachineParameters) -> Vec<(&'static str, f64)> {
-        vec![("level", severity_of(self.level, machine)), ("distance", self.distance)]
+        vec![
+            ("level", severity_of(self.level, machine)),
+            ("distance", self.distance),
+        ]
     }
 }

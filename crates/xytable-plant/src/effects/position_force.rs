@@ -80,7 +80,10 @@ impl Effect for Cable {
         forces.push_ends(at.machine, [-self.0 * left, 0.0]);
     }
     fn facts(&self, machine: &MachineParameters) -> Vec<(&'static str, f64)> {
-        vec![("left_stiffness", severity_of(self.0, machine)), ("right_stiffness", 0.0)]
+        vec![
+            ("left_stiffness", severity_of(self.0, machine)),
+            ("right_stiffness", 0.0),
+        ]
     }
 }
 

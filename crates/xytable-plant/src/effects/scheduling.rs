@@ -53,7 +53,10 @@ struct Second(f64);
 
 impl Effect for Second {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
-        forces.pull_coupling(at, self.0 * second_signal(at.time) * at.machine.stiffness_y_n_per_m * at.deflection());
+        forces.pull_coupling(
+            at,
+            self.0 * second_signal(at.time) * at.machine.stiffness_y_n_per_m * at.deflection(),
+        );
     }
     fn facts(&self, _machine: &MachineParameters) -> Vec<(&'static str, f64)> {
         vec![("translation", self.0), ("rotation", 0.0)]

@@ -106,7 +106,10 @@ impl Effect for Payload {
         machine.servo_mass_kg += self.mass;
     }
     fn facts(&self, _machine: &MachineParameters) -> Vec<(&'static str, f64)> {
-        vec![("mass", self.mass), ("inertia", self.mass * self.gyration * self.gyration)]
+        vec![
+            ("mass", self.mass),
+            ("inertia", self.mass * self.gyration * self.gyration),
+        ]
     }
 }
 
@@ -134,7 +137,11 @@ impl Effect for Swing {
         forces.bodies[1] += self.mass * pull;
     }
     fn facts(&self, _machine: &MachineParameters) -> Vec<(&'static str, f64)> {
-        vec![("mass", self.mass), ("frequency", self.frequency), ("damping", self.damping)]
+        vec![
+            ("mass", self.mass),
+            ("frequency", self.frequency),
+            ("damping", self.damping),
+        ]
     }
 }
 
@@ -194,6 +201,9 @@ impl Effect for Thermal {
     fn act(&self, at: &Moment<'_>, own: &[f64], rates: &mut [f64], forces: &mut Forces) {
         let heat: f64 = forces.motors.iter().map(|f| 0.5 * (f / self.force).powi(2)).sum();
         rates[0] = (heat - own[0]) / self.time_constant;
-        forces.pull_coupling(at, -self.loss * own[0] * at.machine.stiffness_y_n_per_m * at.deflection());
+        forces.pull_coupling(
+            at,
+            -self.loss * own[0] * at.machine.stiffness_y_n_per_m * at.deflection(),
+        );
     }
 }

@@ -298,7 +298,11 @@ fn dahl_friction_builds_up_with_travel() {
     let before = momenta(&p);
     p.advance(0.0, [0.0; 2], 4);
     let force = (momenta(&p)[0] - before[0]) / 1e-3;
-    assert!((force + 2.0 * half).abs() < 1e-3 * half, "{force}, by hand {}", -2.0 * half);
+    assert!(
+        (force + 2.0 * half).abs() < 1e-3 * half,
+        "{force}, by hand {}",
+        -2.0 * half
+    );
 }
 
 #[test]

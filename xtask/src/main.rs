@@ -2,6 +2,7 @@
 
 mod blind;
 mod check;
+mod diagnosed;
 mod experiment;
 mod figures;
 mod identification;

@@ -1,5 +1,6 @@
 //! The pipeline on bundles that this workspace did not simulate.
 
+use crate::diagnosed::{self, Found};
 use crate::{TaskError, root};
 use experiment_data::Bundle;
 use lpv_cli::inspect::{Inspection, inspect};
@@ -69,6 +70,8 @@ pub(crate) struct Measured {
     pub(crate) two_mass_orders: Vec<(usize, Vec<f64>)>,
     pub(crate) cd_player_arm: Option<Case>,
     pub(crate) emps: Option<Case>,
+    /// What the models lack.
+    pub(crate) diagnosed: Vec<Found>,
     /// Megabytes a second of the CSV reader on one core.
     pub(crate) csv_mb_per_second: f64,
 }
@@ -112,6 +115,7 @@ pub(crate) fn run() -> Result<Measured, TaskError> {
                 ..plain()
             },
         )?,
+        diagnosed: diagnosed::run()?,
         csv_mb_per_second: csv_speed()?,
     })
 }

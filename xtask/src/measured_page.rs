@@ -57,6 +57,7 @@ pub(crate) fn page(m: &Measured) -> String {
         .as_ref()
         .map_or_else(|| missing("cd-player-arm"), cd_player);
     out += &m.emps.as_ref().map_or_else(|| missing("emps"), emps);
+    out += &crate::diagnosed::section(&m.diagnosed);
     out += &speed(m);
     out
 }

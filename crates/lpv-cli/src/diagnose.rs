@@ -25,7 +25,7 @@ pub struct Diagnosed {
     pub diagnosis: Diagnosis,
     outputs: Vec<String>,
     tracks: Vec<Track>,
-    errors: [Vec<Vec<[f64; 2]>>; 2],
+    errors: [Pairs; 2],
 }
 
 /// Finds the effects that a first-principles model of the bundle's machine lacks: an xy-table where the bundle has the
@@ -100,8 +100,11 @@ pub fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagnosed, Pi
     })
 }
 
+/// Pairs of channels, by record and sample.
+type Pairs = Vec<Vec<[f64; 2]>>;
+
 /// What does not repeat from one period to the next, differences over the root of two; near which position.
-fn unrepeated(bundle: &Bundle, progress: Progress<'_>) -> Result<(f64, Vec<Vec<[f64; 2]>>), PipelineError> {
+fn unrepeated(bundle: &Bundle, progress: Progress<'_>) -> Result<(f64, Pairs), PipelineError> {
     /// Records that are enough.
     const RECORDS: usize = 4;
     /// Periods in which a transient may still be.

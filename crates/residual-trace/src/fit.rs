@@ -1,74 +1,18 @@
 //! Parameters of the machine and of its effects together, from records in closed loop.
 
+mod explained;
+mod triangle;
+
 use crate::TraceError;
-use crate::base::{Base, Motion, Pair};
-use crate::effect::{Block, Effect, Scale};
+use crate::base::{Motion, Pair};
 use crate::simulate::{simulate, simulate_in};
 use crate::track::Track;
 use crate::whiten::Whitening;
 use experiment_data::ControllerState;
+pub use explained::Explained;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-
-/// A machine and the effects that were added to it, with their values.
-#[derive(Debug, Clone)]
-pub struct Explained {
-    /// The machine.
-    pub base: Base,
-    /// Effects and their values, in the order in which they were added.
-    pub effects: Vec<(&'static Effect, Vec<f64>)>,
-}
-
-impl Explained {
-    pub(crate) fn blocks(&self) -> Vec<Box<dyn Block>> {
-        self.effects
-            .iter()
-            .map(|(e, v)| (e.block)(v, &self.base))
-            .collect()
-    }
-
-    /// The machine's coordinates, then those of the effects.
-    pub(crate) fn coordinates(&self) -> Vec<f64> {
-        let mut all = self.base.coordinates();
-        for (effect, values) in &self.effects {
-            all.extend(values.iter().zip(effect.parameters).map(|(v, p)| match p.scale {
-                Scale::Logarithmic => v.ln(),
-                _ => *v,
-            }));
-        }
-        all
-    }
-
-    /// Which coordinates are logarithms.
-    fn bounded(&self) -> Vec<bool> {
-        let machine = self.base.parameters().into_iter().map(|p| p.positive);
-        let effects = self.effects.iter().flat_map(|(e, _)| e.parameters);
-        machine
-            .chain(effects.map(|p| p.scale == Scale::Logarithmic))
-            .collect()
-    }
-
-    pub(crate) fn with(&self, coordinates: &[f64]) -> Self {
-        let own = self.base.coordinates().len();
-        let mut rest = coordinates[own..].iter();
-        Self {
-            base: self.base.with_coordinates(&coordinates[..own]),
-            effects: self
-                .effects
-                .iter()
-                .map(|(effect, _)| {
-                    let values = effect.parameters.iter().zip(rest.by_ref());
-                    let value = |(p, c): (&crate::effect::EffectParameter, &f64)| match p.scale {
-                        Scale::Linear => *c,
-                        Scale::Logarithmic => c.exp(),
-                        Scale::NotNegative => c.max(0.0),
-                    };
-                    (*effect, values.map(value).collect())
-                })
-                .collect(),
-        }
-    }
-}
+pub(crate) use triangle::{damped, deviations, squares, triangle};
 
 /// What is known of the machine's coordinates before the moves: `|W (c - c0)|^2` joins the sum of squares.
 #[derive(Debug, Clone, PartialEq)]
@@ -418,53 +362,5 @@ fn first_step(model: &Explained, j: usize, at: f64) -> f64 {
         1e-4 * at.abs().clamp(0.1, 1.0)
     } else {
         1e-6
-    }
-}
-
-pub(crate) fn squares(v: &[f64]) -> f64 {
-    v.iter().map(|x| x * x).sum()
-}
-
-/// Triangular factor of `[J r]`.
-pub(crate) fn triangle(jacobian: &DMatrix<f64>, residual: &[f64]) -> DMatrix<f64> {
-    let n = jacobian.ncols();
-    let mut both = DMatrix::zeros(jacobian.nrows(), n + 1);
-    both.columns_mut(0, n).copy_from(jacobian);
-    both.column_mut(n).copy_from_slice(residual);
-    both.qr().unpack_r()
-}
-
-/// Step that minimises `|R_11 s + r|^2 + damping |D s|^2`, D the lengths of the columns.
-pub(crate) fn damped(r: &DMatrix<f64>, n: usize, damping: f64) -> DVector<f64> {
-    let mut rows = DMatrix::zeros(2 * n, n);
-    let mut right = DVector::zeros(2 * n);
-    let lengths: Vec<f64> = (0..n).map(|j| r.column(j).norm().max(1e-30)).collect();
-    for j in 0..n {
-        for i in 0..=j {
-            rows[(i, j)] = r[(i, j)] / lengths[j];
-        }
-        rows[(n + j, j)] = damping.sqrt();
-        right[j] = -r[(j, n)];
-    }
-    let qr = rows.qr();
-    let mut q = qr.q().transpose() * right;
-    if !qr.r().solve_upper_triangular_mut(&mut q) {
-        return DVector::zeros(n);
-    }
-    DVector::from_fn(n, |j, _| q[j] / lengths[j])
-}
-
-/// Standard deviations of the coordinates of a fit.
-pub(crate) fn deviations(factor: &DMatrix<f64>) -> Vec<f64> {
-    let n = factor.ncols();
-    let lengths: Vec<f64> = (0..n).map(|j| factor.column(j).norm().max(1e-30)).collect();
-    let scaled = DMatrix::from_fn(
-        n,
-        n,
-        |i, j| if i <= j { factor[(i, j)] / lengths[j] } else { 0.0 },
-    );
-    match scaled.solve_upper_triangular(&DMatrix::identity(n, n)) {
-        Some(inverse) => (0..n).map(|j| inverse.row(j).norm() / lengths[j]).collect(),
-        None => vec![f64::INFINITY; n],
     }
 }

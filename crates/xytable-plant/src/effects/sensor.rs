@@ -156,7 +156,7 @@ struct Lost(f64);
 impl Effect for Lost {
     fn sense(&self, at: &Moment<'_>, outputs: &mut [f64; 2]) {
         // The moment itself draws the lot.
-        if split_seed(at.time.to_bits(), "lost") % 50 == 0 {
+        if split_seed(at.time.to_bits(), "lost").is_multiple_of(50) {
             let x = at.state;
             let rate = x[6] - x[0] * x[7] - x[5] * x[2];
             outputs[0] -= self.0 * rate;

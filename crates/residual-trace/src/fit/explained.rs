@@ -1,0 +1,64 @@
+//! A machine with effects, as numbers and as blocks.
+
+use crate::base::Base;
+use crate::effect::{Block, Effect, EffectParameter, Scale};
+
+/// A machine and the effects that were added to it, with their values.
+#[derive(Debug, Clone)]
+pub struct Explained {
+    /// The machine.
+    pub base: Base,
+    /// Effects and their values, in the order in which they were added.
+    pub effects: Vec<(&'static Effect, Vec<f64>)>,
+}
+
+impl Explained {
+    pub(crate) fn blocks(&self) -> Vec<Box<dyn Block>> {
+        self.effects
+            .iter()
+            .map(|(e, v)| (e.block)(v, &self.base))
+            .collect()
+    }
+
+    /// The machine's coordinates, then those of the effects.
+    pub(crate) fn coordinates(&self) -> Vec<f64> {
+        let mut all = self.base.coordinates();
+        for (effect, values) in &self.effects {
+            all.extend(values.iter().zip(effect.parameters).map(|(v, p)| match p.scale {
+                Scale::Logarithmic => v.ln(),
+                _ => *v,
+            }));
+        }
+        all
+    }
+
+    /// Which coordinates are logarithms.
+    pub(super) fn bounded(&self) -> Vec<bool> {
+        let machine = self.base.parameters().into_iter().map(|p| p.positive);
+        let effects = self.effects.iter().flat_map(|(e, _)| e.parameters);
+        machine
+            .chain(effects.map(|p| p.scale == Scale::Logarithmic))
+            .collect()
+    }
+
+    pub(crate) fn with(&self, coordinates: &[f64]) -> Self {
+        let own = self.base.coordinates().len();
+        let mut rest = coordinates[own..].iter();
+        Self {
+            base: self.base.with_coordinates(&coordinates[..own]),
+            effects: self
+                .effects
+                .iter()
+                .map(|(effect, _)| {
+                    let values = effect.parameters.iter().zip(rest.by_ref());
+                    let value = |(p, c): (&EffectParameter, &f64)| match p.scale {
+                        Scale::Linear => *c,
+                        Scale::Logarithmic => c.exp(),
+                        Scale::NotNegative => c.max(0.0),
+                    };
+                    (*effect, values.map(value).collect())
+                })
+                .collect(),
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! What a competition gives back.
+
+use crate::base::Pair;
+use crate::effect::Effect;
+use crate::fit::Explained;
+
+/// What came out.
+#[derive(Debug, Clone)]
+pub struct Trace {
+    /// Verdict.
+    pub verdict: Verdict,
+    /// The machine, refitted, without effects.
+    pub before: Judged,
+    /// With the effects that were added.
+    pub after: Judged,
+    /// The machine, refitted, without effects.
+    pub bare: Explained,
+    /// The model.
+    pub model: Explained,
+    /// Standard deviations of the machine's parameters in it.
+    pub deviations: Vec<f64>,
+    /// The effects that were added, in their order.
+    pub added: Vec<Added>,
+    /// Every effect that was tried, in the order of the catalogue, the first time.
+    pub candidates: Vec<Tried>,
+    /// Deviation of the noise as it leaves the loop.
+    pub noise: Pair,
+    /// Errors in closed loop on the judged records, by record and sample: without effects, and with those that were added.
+    pub errors: [Vec<Vec<Pair>>; 2],
+    /// Length of the description of the fitted records.
+    pub(super) length: f64,
+}
+
+/// Verdicts of `diagnosis.json`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// What remains is noise.
+    Explained,
+    /// The error fell, more remains.
+    PartlyExplained,
+    /// No effect of the catalogue explains what is there.
+    Unexplained,
+    /// The base model explains the data.
+    NothingMissing,
+}
+
+impl Verdict {
+    /// The name in `diagnosis.json`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Explained => "explained",
+            Self::PartlyExplained => "partly-explained",
+            Self::Unexplained => "unexplained",
+            Self::NothingMissing => "nothing-missing",
+        }
+    }
+}
+
+/// Errors on the judged records.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judged {
+    /// Root mean square by output, simulated in closed loop.
+    pub closed_loop: Pair,
+    /// The same of the whitened error, in units of the sensor's noise: the error one step ahead.
+    pub one_step: Pair,
+    /// Sum of squares of the whitened error over its expectation.
+    pub cost: f64,
+    /// Whitened samples.
+    pub samples: usize,
+}
+
+/// An effect that was added.
+#[derive(Debug, Clone)]
+pub struct Added {
+    /// The effect.
+    pub effect: &'static Effect,
+    /// Values and standard deviations of its parameters.
+    pub values: Vec<(f64, f64)>,
+    /// Fall of the squared error on the judged records when it was added.
+    pub gain_db: f64,
+    /// Probability of such a fall on the fitted records without the effect.
+    pub p_value: f64,
+    /// Parameters of the machine when it was added.
+    pub machine: Vec<f64>,
+    /// The next best effect, and by how much it is worse on the judged records.
+    pub runner_up: Option<(&'static Effect, f64)>,
+}
+
+/// How one effect did.
+#[derive(Debug, Clone)]
+pub struct Tried {
+    /// The effect.
+    pub effect: &'static Effect,
+    /// Fall of the squared error on the judged records.
+    pub gain_db: f64,
+    /// Whether it was added.
+    pub accepted: bool,
+}

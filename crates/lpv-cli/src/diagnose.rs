@@ -26,6 +26,8 @@ pub struct Diagnosed {
     outputs: Vec<String>,
     tracks: Vec<Track>,
     errors: [Pairs; 2],
+    /// Position and speed of the first motor along the first held-out record, and what the effects add to its force.
+    force: Vec<[f64; 3]>,
 }
 
 /// Finds the effects that a first-principles model of the bundle's machine lacks: an xy-table where the bundle has the
@@ -92,7 +94,18 @@ pub fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagnosed, Pi
         axis,
         ..Diagnosis::new(bundle, &found, &judged, reasons)
     };
+    let force = match found.model.motions(&start, &judged[0]) {
+        Some(motions) if !found.model.effects.is_empty() => found
+            .model
+            .forces_along(&judged[0], &motions)
+            .iter()
+            .zip(&motions)
+            .map(|(f, m)| [m.motor_position[0], m.motor_speed[0], f[0]])
+            .collect(),
+        _ => Vec::new(),
+    };
     Ok(Diagnosed {
+        force,
         diagnosis,
         outputs: description.channels.output.columns.clone(),
         tracks: judged,

@@ -34,6 +34,13 @@ impl Explained {
         )
     }
 
+    /// Motion in the closed loop of a record, by sample. None where the numbers leave all bounds.
+    pub fn motions(&self, controller: &ControllerState, track: &Track) -> Option<Vec<Motion>> {
+        let mut motions = Vec::with_capacity(track.samples);
+        simulate(&self.base, &self.blocks(), controller, track, None, &mut motions)?;
+        Some(motions)
+    }
+
     /// What the effects do to the forces of the motors along a motion of a record, by sample; effects with states of their own
     /// stay at their start.
     pub fn forces_along(&self, track: &Track, motions: &[Motion]) -> Vec<Pair> {

@@ -1,13 +1,14 @@
 //! The page of a diagnosis.
 
 use super::{Diagnosed, OutputError};
-use lpv_report::{Axis, Cell, Colour, Figure, Format, Page, Panel, Section, Series, Table};
+use lpv_report::{Axis, Cell, Colour, Figure, Format, Page, Panel, Section, Series, Style, Table};
 
 impl Diagnosed {
     /// What was found, the errors before and after, and every effect that was tried.
     pub fn page(&self) -> Page {
         let d = &self.diagnosis;
         let mut page = Page::new(format!("Diagnosis of {}", d.bundle))
+            .subtitle(format!("{}: {}", d.verdict, self.summary()))
             .fact("verdict", d.verdict)
             .fact("base model", d.base_model.clone());
         if !d.effects.is_empty() {
@@ -41,7 +42,11 @@ impl Diagnosed {
                     ]);
                 }
             }
-            page = page.section(Section::new("What was missing").table(table));
+            let mut section = Section::new("What was missing").table(table);
+            if self.force.iter().any(|[.., f]| *f != 0.0) {
+                section = section.figure(self.over_motion());
+            }
+            page = page.section(section);
         }
         let mut table = Table::new(
             "Root mean square on held-out records, simulated in closed loop, in brackets over the noise as it leaves the loop.",
@@ -71,6 +76,43 @@ impl Diagnosed {
         }
         page = page.section(Section::new("Candidates").table(table));
         page.section(Section::new("How it was found").list(d.text().lines().map(str::to_owned)))
+    }
+
+    /// Effects, and the error of the worst output.
+    fn summary(&self) -> String {
+        let d = &self.diagnosis;
+        let names: Vec<&str> = d.effects.iter().map(|e| e.effect).collect();
+        let what = match names.as_slice() {
+            [] => "no effect added".to_owned(),
+            some => some.join(", "),
+        };
+        let errors: Vec<String> = d
+            .before
+            .validation
+            .iter()
+            .map(|(name, before)| {
+                let after = d.after.validation[name].over_noise;
+                format!("{name} {:.2} -> {after:.2} times the noise", before.over_noise)
+            })
+            .collect();
+        format!("{what}; {}", errors.join(", "))
+    }
+
+    /// What the effects add to the force of the first motor, over its speed and over its position.
+    fn over_motion(&self) -> Figure {
+        let panel = |axis: &str, at: usize| {
+            let points = self.force.iter().map(|v| (v[at], v[2])).collect();
+            Panel::new(
+                Axis::linear(axis),
+                Axis::linear("Force of the effects, first motor"),
+            )
+            .series(Series::new(points, Style::Dots).width(1.6).colour(Colour::Model))
+        };
+        Figure::new("")
+            .columns(2)
+            .panel(panel("Speed", 1))
+            .panel(panel("Position", 0))
+            .caption("What the fitted effects add to the force of the first motor along the first held-out record.")
     }
 
     fn in_time(&self) -> Figure {

@@ -264,7 +264,7 @@ impl FrozenFit {
             prior: Prior {
                 mean: DVector::from_vec(base.coordinates()),
                 weight: DMatrix::from_diagonal(&DVector::from_vec(deviations.clone()).map(f64::recip)),
-                firm: 0,
+                firm: deviations.len(),
             },
             base,
             misfit,

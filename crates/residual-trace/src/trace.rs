@@ -99,7 +99,7 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
         }
     }
     if coarse.contains(&true) && found.verdict != Verdict::Unexplained {
-        let values = [0, 1].map(|i: usize| if coarse[i] { steps[i] } else { (0.0, 0.0) });
+        let values = [0, 1].map(|i: usize| if coarse[i] { steps[i] } else { (0.0, f64::INFINITY) });
         found.added.insert(
             0,
             Added {

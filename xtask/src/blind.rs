@@ -129,7 +129,14 @@ pub(crate) fn run(extent: &Extent, seed: u64, log: &Path) -> Result<(Vec<Outcome
         }
         let found: Vec<Result<Outcome, TaskError>> = batch.par_iter().map(solve).collect();
         for outcome in found {
-            let outcome = outcome?;
+            let outcome = match outcome {
+                Ok(outcome) => outcome,
+                // A severity that the integration cannot hold, say.
+                Err(error) => {
+                    println!("not simulated: {error}");
+                    continue;
+                }
+            };
             println!("{}", score::line(&outcome));
             writeln!(file, "{}", serde_json::to_string(&outcome)?)?;
             outcomes.push(outcome);

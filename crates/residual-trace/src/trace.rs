@@ -365,14 +365,18 @@ fn simpler_first(finals: &mut [(&'static Effect, Fitted, Judged)], before: f64) 
     if let Some(simpler) = simpler {
         let rough = &finals[simpler].2;
         let fall = (rough.cost - fine.cost) * rough.samples as f64;
-        let fair = fine.cost <= NOISE || rough.cost >= WORTH * fine.cost;
+        let least = if fine.cost <= NOISE { NOTICED } else { WORTH };
+        let fair = rough.cost >= least * fine.cost;
         if fall < SURE || !fair || rough.cost - fine.cost < TRIFLE * before {
             finals.swap(0, simpler);
         }
     }
 }
 
-/// Factor by which a refinement must lower a squared error that is not noise.
+/// Factor by which a refinement must lower a squared error to noise.
+const NOTICED: f64 = 1.005;
+
+/// Factor by which it must lower one that is not noise.
 const WORTH: f64 = 1.05;
 
 /// Part of the squared error before that is within the accuracy of the simulation.

@@ -80,7 +80,7 @@ pub fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagnosed, Pi
     let found = trace(&Case {
         base: &base,
         prior: prior.as_ref(),
-        free: free.as_ref().map(|(base, prior, freed)| (base, prior, *freed)),
+        free: free.as_ref().map(|(base, prior)| (base, prior)),
         controller: &start,
         noise,
         fitted: &fitted,

@@ -35,6 +35,8 @@ pub struct BaseParameter {
     pub value: f64,
     /// Whether it is positive, and fitted as a logarithm.
     pub positive: bool,
+    /// Whether it is known, and not fitted.
+    pub held: bool,
 }
 
 /// Motion of the machine at one instant, where effects find it.
@@ -98,24 +100,28 @@ impl Base {
     pub fn parameters(&self) -> Vec<BaseParameter> {
         each!(self, b => b.parameters())
     }
-    /// The parameters as the fit sees them: logarithms of positive ones.
+    /// The parameters as the fit sees them: those that are not held, logarithms of positive ones.
     pub fn coordinates(&self) -> Vec<f64> {
-        let value = |p: &BaseParameter| if p.positive { p.value.ln() } else { p.value };
-        self.parameters().iter().map(value).collect()
+        let value = |p: BaseParameter| if p.positive { p.value.ln() } else { p.value };
+        self.fitted().map(value).collect()
     }
-    /// The same machine with other parameters; missing coordinates stay.
+    /// The parameters that are not held.
+    pub fn fitted(&self) -> impl Iterator<Item = BaseParameter> {
+        self.parameters().into_iter().filter(|p| !p.held)
+    }
+    /// The same machine with other coordinates; missing ones stay.
     #[must_use]
     pub fn with_coordinates(&self, coordinates: &[f64]) -> Self {
-        let values: Vec<f64> = self
-            .parameters()
-            .iter()
-            .enumerate()
-            .map(|(i, p)| match coordinates.get(i) {
+        let mut coordinates = coordinates.iter();
+        let mut value = |p: BaseParameter| match p.held {
+            true => p.value,
+            false => match coordinates.next() {
                 None => p.value,
                 Some(c) if p.positive => c.exp(),
                 Some(c) => *c,
-            })
-            .collect();
+            },
+        };
+        let values: Vec<f64> = self.parameters().into_iter().map(&mut value).collect();
         let mut other = self.clone();
         match &mut other {
             Self::XyTable(b) => b.set(&values),

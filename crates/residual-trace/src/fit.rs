@@ -21,25 +21,9 @@ pub struct Prior {
     pub mean: DVector<f64>,
     /// W.
     pub weight: DMatrix<f64>,
-    /// Rows of W, the last ones, that hold for certain. The others may be far off, where an effect has bent what they were
-    /// taken from: with d their departure and n their number they count as `n ln(1 + |d|^2 / n)`.
-    pub firm: usize,
-}
-
-/// Factors of the rows of the prior beside errors that exceed the noise.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct PriorScale {
-    soft: f64,
-    firm: f64,
-}
-
-impl PriorScale {
-    fn inverse(self) -> Self {
-        Self {
-            soft: self.soft.recip(),
-            firm: self.firm.recip(),
-        }
-    }
+    /// Whether it holds for certain. One that does not may be far off, where an effect has bent what it was taken from: with d
+    /// the departure and n the rows of W it counts as `n ln(1 + |d|^2 / n)`.
+    pub firm: bool,
 }
 
 /// Records to explain.
@@ -67,8 +51,8 @@ pub(crate) struct Fitted {
     pub(crate) objective: f64,
     /// Sum of squares over what noise leaves, at least one.
     pub(crate) excess: f64,
-    /// Factors of the prior in `residual`, `factor` and `columns`.
-    pub(crate) scale: PriorScale,
+    /// Factor of the prior in `residual`, `factor` and `columns`.
+    pub(crate) scale: f64,
     /// Whitened errors, then what departs from the prior.
     pub(crate) residual: Vec<f64>,
     /// Upper triangle with `R^T R = J^T J` at the result; J in coordinates.
@@ -77,6 +61,13 @@ pub(crate) struct Fitted {
     pub(crate) columns: DMatrix<f64>,
     /// Difference steps by coordinate.
     pub(crate) steps: Vec<f64>,
+}
+
+impl Fitted {
+    /// Length of the description of the records, up to a constant.
+    pub(crate) fn length(&self) -> f64 {
+        self.objective + self.factor.ncols() as f64 * (self.residual.len() as f64).ln()
+    }
 }
 
 /// Root-mean-square change of the whitened residual that a difference step makes.
@@ -141,52 +132,50 @@ impl Problem<'_> {
     /// departure from the prior, see [`Prior::firm`]. As long as the errors are not noise, they do not outweigh what is known
     /// of the machine.
     pub(crate) fn objective(&self, residual: &[f64]) -> f64 {
-        let (errors, soft, firm) = self.split(residual);
+        let (errors, known) = self.split(residual);
         let (n, s) = (errors.len() as f64, squares(errors));
-        let rows = soft.len().max(1) as f64;
-        let known = rows * (squares(soft) / rows).ln_1p() + squares(firm);
+        let (rows, departure) = (known.len().max(1) as f64, squares(known));
+        let known = if self.firm() {
+            departure
+        } else {
+            rows * (departure / rows).ln_1p()
+        };
         known + if s > n { n * (s / n).ln() } else { s - n }
     }
 
     /// Sum of squares of the whitened errors over its expectation, at least one.
     fn excess(&self, residual: &[f64]) -> f64 {
-        let (errors, ..) = self.split(residual);
+        let (errors, _) = self.split(residual);
         (squares(errors) / errors.len() as f64).max(1.0)
     }
 
-    /// Factors with which the squares of all rows have the gradient of the objective, up to its own factor.
-    fn scale(&self, residual: &[f64]) -> PriorScale {
-        let (_, soft, _) = self.split(residual);
-        let excess = self.excess(residual);
-        PriorScale {
-            soft: (excess / (1.0 + squares(soft) / soft.len().max(1) as f64)).sqrt(),
-            firm: excess.sqrt(),
-        }
+    /// Factor of the rows of the prior with which the squares of all rows have the gradient of the objective, up to its own
+    /// factor.
+    fn scale(&self, residual: &[f64]) -> f64 {
+        let (_, known) = self.split(residual);
+        let left = squares(known) / known.len().max(1) as f64;
+        let doubt = if self.firm() { 1.0 } else { 1.0 + left };
+        (self.excess(residual) / doubt).sqrt()
     }
 
-    fn split<'a>(&self, residual: &'a [f64]) -> (&'a [f64], &'a [f64], &'a [f64]) {
-        let (errors, known) = residual.split_at(residual.len() - self.known());
-        let (soft, firm) = known.split_at(known.len() - self.firm());
-        (errors, soft, firm)
+    fn split<'a>(&self, residual: &'a [f64]) -> (&'a [f64], &'a [f64]) {
+        residual.split_at(residual.len() - self.known())
     }
 
     /// Weighs the rows of the prior against the errors.
-    pub(crate) fn weigh(&self, rows: &mut [f64], scale: PriorScale) {
-        let (known, firm) = (rows.len() - self.known(), rows.len() - self.firm());
-        rows[known..firm].iter_mut().for_each(|r| *r *= scale.soft);
-        rows[firm..].iter_mut().for_each(|r| *r *= scale.firm);
+    pub(crate) fn weigh(&self, rows: &mut [f64], scale: f64) {
+        let known = rows.len() - self.known();
+        rows[known..].iter_mut().for_each(|r| *r *= scale);
     }
 
-    pub(crate) fn weigh_columns(&self, matrix: &mut DMatrix<f64>, scale: PriorScale) {
-        let (rows, known, firm) = (matrix.nrows(), self.known(), self.firm());
-        let mut soft = matrix.rows_mut(rows - known, known - firm);
-        soft *= scale.soft;
-        let mut hard = matrix.rows_mut(rows - firm, firm);
-        hard *= scale.firm;
+    pub(crate) fn weigh_columns(&self, matrix: &mut DMatrix<f64>, scale: f64) {
+        let (rows, known) = (matrix.nrows(), self.known());
+        let mut prior = matrix.rows_mut(rows - known, known);
+        prior *= scale;
     }
 
-    fn firm(&self) -> usize {
-        self.prior.map_or(0, |p| p.firm)
+    fn firm(&self) -> bool {
+        self.prior.is_some_and(|p| p.firm)
     }
 
     fn known(&self) -> usize {
@@ -274,7 +263,7 @@ impl Problem<'_> {
         let mut steps = known.map_or(Vec::new(), |k| k.steps[..own].to_vec());
         let mut columns = known.map(|k| {
             let mut columns = k.columns.clone();
-            self.weigh_columns(&mut columns, k.scale.inverse());
+            self.weigh_columns(&mut columns, k.scale.recip());
             columns
         });
         let mut fresh = false;

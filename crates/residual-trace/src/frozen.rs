@@ -10,7 +10,6 @@ use lpv_core::{Continuous, Discrete, Frf, FrfEstimate, StateSpace};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use scan::scan;
-use std::f64::consts::TAU;
 
 /// The table that fits the responses best.
 #[derive(Debug, Clone)]
@@ -23,8 +22,8 @@ pub struct FrozenFit {
     pub misfit: f64,
     /// Standard deviations of the coordinates.
     pub deviations: Vec<f64>,
-    /// Where `base` takes the masses of the geometry for true, the fit that does not, with the number of those masses.
-    pub free: Option<(Base, Prior, usize)>,
+    /// Where `base` holds the masses of the geometry, the fit that does not.
+    pub free: Option<(Base, Prior)>,
 }
 
 /// Shares of the inertia that the carriage may have at the start.
@@ -45,8 +44,9 @@ pub fn fit_table(
     clock: Discrete,
     modes_hz: &[f64],
 ) -> Result<FrozenFit, TraceError> {
+    let geometrical = table_from_geometry(geometry, [1.0, 1.0], 0.02)?;
     let told = Told {
-        values: Told::of(&Base::XyTable(table_from_geometry(geometry, [1.0, 1.0], 0.02)?)),
+        values: Told::of(&Base::XyTable(geometrical.clone())),
         deviation: 0.03,
     };
     let few: Vec<FrfEstimate> = estimates
@@ -96,7 +96,10 @@ pub fn fit_table(
             ..told
         };
         // Friction and the like distort most where the machine is slow.
-        let lowest = base_modes(&base);
+        let lowest = match &base {
+            Base::XyTable(table) => table.lowest_mode(),
+            Base::Axis(_) => 0.0,
+        };
         let upper: Vec<FrfEstimate> = few.iter().map(|e| e.select(|_, f| f > 0.6 * lowest)).collect();
         if let Some((base, cost, _, rows)) = best(&starts, &upper, &told) {
             return Ok(FrozenFit::distorted(base, cost / rows as f64));
@@ -107,42 +110,19 @@ pub fn fit_table(
     })?;
     // The masses that the geometry tells may be those of the machine, and what departs from them an effect that was there when
     // the responses were measured: which of the two, the moves decide.
-    let exact = Told {
-        deviation: EXACT,
-        ..told
+    let Base::XyTable(table) = &found.0 else {
+        return Ok(FrozenFit::new(found, 10.0));
     };
-    let strict = fit(&exact.put(&found.0), estimates, clock, FLOORS[3], 20, &exact);
+    let held = Base::XyTable(table.holding(&geometrical));
+    let strict = fit(&held, estimates, clock, FLOORS[3], 20, &told);
     let free = FrozenFit::new(found, 10.0);
-    let Some(strict) = strict else {
-        return Ok(free);
-    };
-    // Of the responses alone; what the geometry tells is kept apart.
-    let silent = Told {
-        deviation: 1.0 / EXACT,
-        ..told
-    };
-    let n = strict.2.ncols();
-    let factor = residual(&strict.0, estimates, clock, FLOORS[3], &silent)
-        .and_then(|error| curvature(&strict.0, &error, estimates, clock, FLOORS[3], &silent))
-        .map_or(strict.2.clone(), |r| r.view((0, 0), (n, n)).into_owned());
-    let mut fit = FrozenFit::new((strict.0, strict.1, factor, strict.3), 100.0);
-    fit.prior.hold(&exact, &fit.base);
-    fit.free = Some((free.base, free.prior, TOLD));
-    Ok(fit)
-}
-
-/// Masses that the geometry tells.
-const TOLD: usize = 4;
-
-/// Relative deviation of what is taken for true.
-const EXACT: f64 = 1e-8;
-
-/// Lowest frequency of the uncoupled modes.
-fn base_modes(base: &Base) -> f64 {
-    let v: Vec<f64> = base.parameters().iter().map(|p| p.value).collect();
-    let reduced = |a: f64, b: f64| a * b / (a + b);
-    let modes = [v[4] / reduced(v[0], v[2]), v[5] / reduced(v[1], v[3])];
-    modes[0].min(modes[1]).sqrt() / TAU
+    Ok(match strict {
+        None => free,
+        Some(strict) => FrozenFit {
+            free: Some((free.base, free.prior)),
+            ..FrozenFit::new(strict, 1e4)
+        },
+    })
 }
 
 fn response(table: &XyTable, p: f64, lines: &[f64], clock: Discrete) -> Option<Frf> {
@@ -190,48 +170,20 @@ const DISTORTED: f64 = 4.0;
 /// What the geometry says: masses of carriage and beam, sum of the inertias, lever arm; and how well.
 #[derive(Clone, Copy)]
 struct Told {
-    values: [f64; 4],
+    values: [f64; XyTable::TOLD],
     deviation: f64,
 }
 
 impl Told {
-    fn of(base: &Base) -> [f64; 4] {
-        let v: Vec<f64> = base.parameters().iter().map(|p| p.value).collect();
-        [v[0], v[2], v[1] + v[3], v[8]]
-    }
-
-    /// The machine with these masses, and the same share of the inertia on the carriage.
-    fn put(&self, base: &Base) -> Base {
-        let mut v: Vec<f64> = base.parameters().iter().map(|p| p.value).collect();
-        let share = v[1] / (v[1] + v[3]);
-        let [carriage, beam, inertia, lever] = self.values;
-        (v[0], v[2], v[8]) = (carriage, beam, lever);
-        (v[1], v[3]) = (share * inertia, (1.0 - share) * inertia);
-        base.with_coordinates(&v.iter().map(|v| v.ln()).collect::<Vec<_>>())
+    fn of(base: &Base) -> [f64; XyTable::TOLD] {
+        let parameters = base.parameters();
+        std::array::from_fn(|i| parameters[i].value)
     }
 
     /// Departure from it, in units of its deviation.
-    fn departure(&self, base: &Base) -> [f64; 4] {
+    fn departure(&self, base: &Base) -> [f64; XyTable::TOLD] {
         let now = Self::of(base);
         std::array::from_fn(|i| (now[i] / self.values[i]).ln() / self.deviation)
-    }
-}
-
-impl Prior {
-    /// Takes what the geometry tells for certain.
-    fn hold(&mut self, told: &Told, base: &Base) {
-        const STEP: f64 = 1e-6;
-        let (rows, at, still) = (self.weight.nrows(), base.coordinates(), told.departure(base));
-        self.weight.resize_vertically_mut(rows + TOLD, 0.0);
-        self.firm = TOLD;
-        for j in 0..at.len() {
-            let mut there = at.clone();
-            there[j] += STEP;
-            let moved = told.departure(&base.with_coordinates(&there));
-            for i in 0..TOLD {
-                self.weight[(rows + i, j)] = (moved[i] - still[i]) / STEP;
-            }
-        }
     }
 }
 
@@ -246,7 +198,7 @@ impl FrozenFit {
         let prior = Prior {
             mean: DVector::from_vec(base.coordinates()),
             weight,
-            firm: 0,
+            firm: false,
         };
         Self {
             base,
@@ -259,12 +211,12 @@ impl FrozenFit {
 
     /// From responses that are distorted: the geometry tells the masses, the responses where the modes are, both roughly.
     fn distorted(base: Base, misfit: f64) -> Self {
-        let deviations = vec![0.03, 0.2, 0.03, 0.1, 0.1, 0.1, 0.5, 0.5, 0.01];
+        let deviations = vec![0.03, 0.03, 0.1, 0.01, 0.2, 0.1, 0.1, 0.5, 0.5];
         Self {
             prior: Prior {
                 mean: DVector::from_vec(base.coordinates()),
                 weight: DMatrix::from_diagonal(&DVector::from_vec(deviations.clone()).map(f64::recip)),
-                firm: deviations.len(),
+                firm: true,
             },
             base,
             misfit,
@@ -340,23 +292,4 @@ fn curvature(
         jacobian.column_mut(j).copy_from_slice(&column);
     }
     Some(triangle(&jacobian, error))
-}
-
-impl XyTable {
-    /// The same with this share of the inertia on the carriage, and the same mode of rotation.
-    fn with_carriage_share(&self, share: f64) -> Self {
-        let base = Base::XyTable(self.clone());
-        let mut v: Vec<f64> = base.parameters().iter().map(|p| p.value).collect();
-        let total = v[1] + v[3];
-        let before = v[1] * v[3] / total;
-        (v[1], v[3]) = (share * total, (1.0 - share) * total);
-        let change = v[1] * v[3] / total / before;
-        v[5] *= change;
-        v[7] *= change;
-        let logarithms: Vec<f64> = v.iter().map(|v| v.ln()).collect();
-        match base.with_coordinates(&logarithms) {
-            Base::XyTable(table) => table,
-            Base::Axis(_) => self.clone(),
-        }
-    }
 }

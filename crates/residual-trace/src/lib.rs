@@ -99,8 +99,9 @@
 //!     fitted: &fitted,
 //!     judged: &judged,
 //! })?;
-//! assert_eq!(found.added[0].effect.family.name(), "friction");
-//! assert!(found.after.closed_loop[0] < 0.1 * found.before.closed_loop[0]);
+//! assert_eq!(found.added[0].effect.name, "coulomb-friction");
+//! let (level, deviation) = found.added[0].values[0];
+//! assert!((level - 2.0).abs() < 0.02, "{level} with {deviation}");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

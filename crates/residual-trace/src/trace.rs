@@ -3,6 +3,7 @@
 mod account;
 mod bench;
 mod noise;
+mod refine;
 
 use crate::TraceError;
 use crate::base::{Base, Pair};
@@ -24,9 +25,8 @@ pub struct Case<'a> {
     pub base: &'a Base,
     /// What other data tell of its coordinates.
     pub prior: Option<&'a Prior>,
-    /// Base and prior with parameters free that `base` takes as known, and how many those are: tried where effects do not
-    /// explain the error in fewer words.
-    pub free: Option<(&'a Base, &'a Prior, usize)>,
+    /// Base and prior with parameters free that `base` holds: tried where effects do not explain the error in fewer words.
+    pub free: Option<(&'a Base, &'a Prior)>,
     /// The loop of the experiment, at rest.
     pub controller: &'a ControllerState,
     /// Deviation of the noise of the sensors, by output; see [`sensor_noise`].
@@ -85,7 +85,7 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
     });
     let case = Case { noise, ..*case };
     let mut found = compete(&case)?;
-    if let Some((base, prior, freed)) = case.free
+    if let Some((base, prior)) = case.free
         && found.verdict != Verdict::NothingMissing
     {
         let free = Case {
@@ -94,7 +94,9 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
             free: None,
             ..case
         };
-        if alone(&free, freed)? < found.length {
+        let other = alone(&free)?;
+        eprintln!("DBG strict {} free {other}", found.length);
+        if other < found.length {
             found = compete(&free)?;
         }
     }
@@ -118,8 +120,8 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
     Ok(found)
 }
 
-/// Length of the description by the base model alone, of which some parameters cost.
-fn alone(case: &Case<'_>, freed: usize) -> Result<f64, TraceError> {
+/// Length of the description by the base model alone.
+fn alone(case: &Case<'_>) -> Result<f64, TraceError> {
     let bench = Bench {
         whitening: loop_noise(case)?,
         case,
@@ -129,7 +131,7 @@ fn alone(case: &Case<'_>, freed: usize) -> Result<f64, TraceError> {
         effects: Vec::new(),
     };
     let fit = bench.problem().fit(&bare, ITERATIONS, None)?;
-    Ok(fit.objective + freed as f64 * (fit.residual.len() as f64).ln())
+    Ok(fit.length())
 }
 
 fn compete(case: &Case<'_>) -> Result<Trace, TraceError> {
@@ -199,37 +201,11 @@ fn compete(case: &Case<'_>) -> Result<Trace, TraceError> {
         chosen.extend(actual.iter().map(|a| a.1).filter(|i| *i >= FINALISTS).take(2));
         let starts: Vec<&Explained> = chosen.iter().map(|i| &best_of[*i].start).collect();
         let mut finals = bench.finals(&starts, &now);
-        // Refinements of what did well.
-        let Some((narrow, known)) = bench.narrow(&now, &screen) else {
+        let Some(refined) = refine::refined(&bench, &finals, &now, &screen) else {
             break;
         };
-        let mut refined: Vec<Explained> = Vec::new();
-        for (effect, rough) in &finals {
-            let Some((_, values)) = rough.model.effects.last() else {
-                continue;
-            };
-            for finer in CATALOGUE.iter().filter(|e| !taken.contains(&e.name)) {
-                if let Some(extends) = finer.extends
-                    && extends.name == effect.name
-                {
-                    let starts = (extends.starts)(values, &screen);
-                    let mut rest = rough.model.clone();
-                    rest.effects.pop();
-                    let best = starts
-                        .into_par_iter()
-                        .filter_map(|v| {
-                            let mut start = rest.clone();
-                            start.effects.push((finer, v));
-                            let left = bench.promise(&start, (&narrow, &known), &now)?;
-                            Some((left, start))
-                        })
-                        .min_by(|a, b| a.0.total_cmp(&b.0));
-                    refined.extend(best.map(|b| b.1));
-                }
-            }
-        }
-        let starts: Vec<&Explained> = refined.iter().collect();
-        finals.extend(bench.finals(&starts, &now));
+        finals.extend(bench.finals(&refined.iter().collect::<Vec<_>>(), &now));
+        refine::simplified(&bench, &mut finals, &now);
         let mut finals: Vec<(&'static Effect, Fitted, Judged)> = finals
             .into_iter()
             .map(|(e, f)| {
@@ -237,12 +213,7 @@ fn compete(case: &Case<'_>) -> Result<Trace, TraceError> {
                 (e, f, judged)
             })
             .collect();
-        let rows = now.residual.len() as f64;
-        let length = |f: &Fitted| {
-            let parameters = f.model.coordinates().len() as f64;
-            f.objective + parameters * rows.ln()
-        };
-        finals.sort_by(|a, b| length(&a.1).total_cmp(&length(&b.1)));
+        finals.sort_by(|a, b| a.1.length().total_cmp(&b.1.length()));
         if trace.candidates.is_empty() {
             trace.candidates = best_of
                 .iter()
@@ -256,13 +227,24 @@ fn compete(case: &Case<'_>) -> Result<Trace, TraceError> {
                 })
                 .collect();
         }
-        equals_in_order(&mut finals, length);
-        simpler_first(&mut finals, judged.cost);
+        for (e, f, j) in &finals {
+            eprintln!(
+                "DBG {} length {:.2} objective {:.2} excess {:.4} judged {:.5} values {:?}",
+                e.name,
+                f.length(),
+                f.objective,
+                f.excess,
+                j.cost,
+                f.model.effects.last().map(|e| e.1.clone())
+            );
+        }
+        equals_in_order(&mut finals);
+        refine::simpler_first(&mut finals, judged.cost);
         let Some((effect, fit, after)) = finals.first().cloned() else {
             break;
         };
         let fall = (judged.cost - after.cost) * judged.samples as f64;
-        let shorter = length(&now) - length(&fit);
+        let shorter = now.length() - fit.length();
         let excess = (judged.cost - 1.0).max(0.0);
         let enough = after.cost <= NOISE || judged.cost - after.cost >= SHARE * excess;
         if fall < SURE || shorter <= 0.0 || !enough {
@@ -285,17 +267,19 @@ fn compete(case: &Case<'_>) -> Result<Trace, TraceError> {
             break;
         }
     }
-    let taken = now.model.coordinates().len() - now.model.base.coordinates().len();
-    trace.length = now.objective + taken as f64 * (now.residual.len() as f64).ln();
+    trace.length = now.length();
     let spread = now.excess.sqrt();
     let deviations = deviations(&now.factor);
-    let parameters = now.model.base.parameters();
-    trace.deviations = parameters
-        .iter()
-        .zip(&deviations)
-        .map(|(p, d)| spread * d * if p.positive { p.value } else { 1.0 })
-        .collect();
-    let mut at = parameters.len();
+    let mut at = 0;
+    for p in now.model.base.parameters() {
+        trace.deviations.push(match p.held {
+            true => f64::INFINITY,
+            false => {
+                at += 1;
+                spread * deviations[at - 1] * if p.positive { p.value } else { 1.0 }
+            }
+        });
+    }
     for (added, (effect, values)) in trace.added.iter_mut().zip(&now.model.effects) {
         for (v, p) in values.iter().zip(effect.parameters) {
             let s = spread * deviations[at];
@@ -336,15 +320,15 @@ fn compete(case: &Case<'_>) -> Result<Trace, TraceError> {
 }
 
 /// Of effects that explain the records equally well, with as many parameters, the first in the catalogue leads.
-fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)], length: impl Fn(&Fitted) -> f64) {
+fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)]) {
     let Some((best, fit, _)) = finals.first() else {
         return;
     };
-    let (most, parameters) = (length(fit) + EQUAL, best.parameters.len());
+    let (most, parameters) = (fit.length() + EQUAL, best.parameters.len());
     let place = |e: &Effect| CATALOGUE.iter().position(|c| c.name == e.name);
     let equals = finals
         .iter()
-        .take_while(|(_, f, _)| length(f) <= most)
+        .take_while(|(_, f, _)| f.length() <= most)
         .filter(|(e, ..)| e.parameters.len() <= parameters);
     let first = equals.map(|(e, ..)| *e).min_by_key(|e| place(e));
     if let Some(at) = finals
@@ -354,33 +338,6 @@ fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)], length: imp
         finals[..=at].rotate_right(1);
     }
 }
-
-/// A refinement is taken for the effect that it refines only if it is worth it on the judged records.
-fn simpler_first(finals: &mut [(&'static Effect, Fitted, Judged)], before: f64) {
-    let Some((best, _, fine)) = finals.first() else {
-        return;
-    };
-    let Some(extends) = best.extends else { return };
-    let simpler = finals.iter().position(|(e, ..)| e.name == extends.name);
-    if let Some(simpler) = simpler {
-        let rough = &finals[simpler].2;
-        let fall = (rough.cost - fine.cost) * rough.samples as f64;
-        let least = if fine.cost <= NOISE { NOTICED } else { WORTH };
-        let fair = rough.cost >= least * fine.cost;
-        if fall < SURE || !fair || rough.cost - fine.cost < TRIFLE * before {
-            finals.swap(0, simpler);
-        }
-    }
-}
-
-/// Factor by which a refinement must lower a squared error to noise.
-const NOTICED: f64 = 1.005;
-
-/// Factor by which it must lower one that is not noise.
-const WORTH: f64 = 1.05;
-
-/// Part of the squared error before that is within the accuracy of the simulation.
-const TRIFLE: f64 = 1e-8;
 
 fn decibel(ratio: f64) -> f64 {
     let db = 10.0 * ratio.log10();

@@ -26,6 +26,7 @@ impl Axis {
             unit,
             value,
             positive,
+            held: false,
         };
         vec![
             parameter("mass", "kg", self.mass, true),

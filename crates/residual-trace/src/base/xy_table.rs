@@ -18,6 +18,8 @@ pub struct XyTable {
     /// Arms of the motors over those of the geometry.
     lever: f64,
     arms: Pair,
+    /// Whether masses, inertia and lever arm are known.
+    held: bool,
     /// Motor forces from the inputs: power of p, motor, input.
     force: [[[f64; 2]; 2]; 3],
 }
@@ -60,39 +62,84 @@ impl XyTable {
             damping: [0, 1].map(|i: usize| 2.0 * damping * w[i] * reduced[i]),
             lever: 1.0,
             arms,
+            held: false,
             force: [0, 1, 2].map(|k: usize| [0, 1].map(|i: usize| [0, 1].map(|j: usize| force[k][(i, j)]))),
         })
     }
 
+    /// What a geometry tells first, then the couplings.
     pub(super) fn parameters(&self) -> Vec<BaseParameter> {
         let all = [
             ("carriage mass", "kg", self.carriage_mass),
-            ("carriage inertia", "kg m^2", self.carriage_inertia),
             ("beam mass", "kg", self.beam_mass),
-            ("beam inertia", "kg m^2", self.beam_inertia),
+            (
+                "inertia of carriage and beam",
+                "kg m^2",
+                self.carriage_inertia + self.beam_inertia,
+            ),
+            ("lever arm over that of the geometry", "", self.lever),
+            (
+                "inertia of the carriage over that of the beam",
+                "",
+                self.carriage_inertia / self.beam_inertia,
+            ),
             ("stiffness, translation", "N/m", self.stiffness[0]),
             ("stiffness, rotation", "N m/rad", self.stiffness[1]),
             ("damping, translation", "N s/m", self.damping[0]),
             ("damping, rotation", "N m s/rad", self.damping[1]),
-            ("lever arm over that of the geometry", "", self.lever),
         ];
-        all.map(|(name, unit, value)| BaseParameter {
+        let one = |(i, (name, unit, value)): (usize, (&'static str, &'static str, f64))| BaseParameter {
             name,
             unit,
             value,
             positive: true,
-        })
-        .to_vec()
+            held: self.held && i < Self::TOLD,
+        };
+        all.into_iter().enumerate().map(one).collect()
     }
 
     pub(super) fn set(&mut self, v: &[f64]) {
         self.carriage_mass = v[0];
-        self.carriage_inertia = v[1];
-        self.beam_mass = v[2];
-        self.beam_inertia = v[3];
-        self.stiffness = [v[4], v[5]];
-        self.damping = [v[6], v[7]];
-        self.lever = v[8];
+        self.beam_mass = v[1];
+        let (inertia, ratio) = (v[2], v[4]);
+        (self.carriage_inertia, self.beam_inertia) =
+            (inertia * ratio / (1.0 + ratio), inertia / (1.0 + ratio));
+        self.lever = v[3];
+        self.stiffness = [v[5], v[6]];
+        self.damping = [v[7], v[8]];
+    }
+
+    /// Parameters that a geometry tells, the first ones.
+    pub(crate) const TOLD: usize = 4;
+
+    /// The same with the masses, the inertia and the lever arm of another, taken for true.
+    pub(crate) fn holding(&self, like: &Self) -> Self {
+        let of = |t: &Self| t.parameters().iter().map(|p| p.value).collect::<Vec<_>>();
+        let (told, own) = (of(like), of(self));
+        let mut table = self.clone();
+        table.set(&[&told[..Self::TOLD], &own[Self::TOLD..]].concat());
+        table.held = true;
+        table
+    }
+
+    /// The same with this share of the inertia on the carriage, and the same mode of rotation.
+    pub(crate) fn with_carriage_share(&self, share: f64) -> Self {
+        let total = self.carriage_inertia + self.beam_inertia;
+        let mut table = self.clone();
+        (table.carriage_inertia, table.beam_inertia) = (share * total, (1.0 - share) * total);
+        let reduced = |t: &Self| t.carriage_inertia * t.beam_inertia / total;
+        let change = reduced(&table) / reduced(self);
+        table.stiffness[1] *= change;
+        table.damping[1] *= change;
+        table
+    }
+
+    /// The lower of the uncoupled modes, cycles per unit of time.
+    pub(crate) fn lowest_mode(&self) -> f64 {
+        let reduced = |a: f64, b: f64| a * b / (a + b);
+        let translation = self.stiffness[0] / reduced(self.carriage_mass, self.beam_mass);
+        let rotation = self.stiffness[1] / reduced(self.carriage_inertia, self.beam_inertia);
+        translation.min(rotation).sqrt() / TAU
     }
 
     pub(super) fn rest(&self, p: f64, [y, r]: Pair, x: &mut [f64]) {

@@ -34,7 +34,7 @@ impl Explained {
 
     /// Which coordinates are logarithms.
     pub(super) fn bounded(&self) -> Vec<bool> {
-        let machine = self.base.parameters().into_iter().map(|p| p.positive);
+        let machine = self.base.fitted().map(|p| p.positive);
         let effects = self.effects.iter().flat_map(|(e, _)| e.parameters);
         machine
             .chain(effects.map(|p| p.scale == Scale::Logarithmic))

@@ -17,7 +17,7 @@ pub struct Trace {
     pub bare: Explained,
     /// The model.
     pub model: Explained,
-    /// Standard deviations of the machine's parameters in it.
+    /// Standard deviations of the machine's parameters in it, infinite where they are held.
     pub deviations: Vec<f64>,
     /// The effects that were added, in their order.
     pub added: Vec<Added>,

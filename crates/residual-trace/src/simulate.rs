@@ -89,8 +89,8 @@ impl Watch for Vec<Motion> {
 }
 
 /// Simulates a record from rest at its first reference, with the classical Runge-Kutta rule in equal parts of a sample.
-/// Commands are held; where a delay or a lag changes them inside a part, it gets the straight line with their mean
-/// and first moment there.
+/// Commands are held; where a delay changes them inside a part, or a lag the forces of the motors, it gets the straight line
+/// with their mean and first moment there.
 ///
 /// `noise` is added to the outputs before the controller reads them. None where the numbers leave all bounds.
 pub(crate) fn simulate(
@@ -165,31 +165,20 @@ pub(crate) fn simulate_in(
             return None;
         }
         for part in 0..parts {
-            let command = if delay <= 0.0 && lag <= 0.0 {
+            let from = 2 * part * stride;
+            let points = [from, from + stride, from + 2 * stride];
+            let commands = if delay <= 0.0 {
                 [u; 3]
             } else {
                 let (from, wide) = (part as f64 / parts as f64, 1.0 / parts as f64);
-                let wanted = delayed(&response.inputs, k, from, wide, delay / track.step);
-                if lag <= 0.0 {
-                    wanted.along()
-                } else {
-                    let (gap, rest) = ([0, 1].map(|i: usize| lagged[i] - wanted.mean[i]), h / lag);
-                    let decay = (-rest).exp();
-                    let mean = (1.0 - decay) / rest;
-                    let moment = (1.0 - decay * (1.0 + rest)) / (rest * rest) - 0.5 * mean;
-                    lagged = [0, 1].map(|i: usize| wanted.mean[i] + gap[i] * decay);
-                    Slope {
-                        mean: [0, 1].map(|i: usize| wanted.mean[i] + gap[i] * mean),
-                        moment: [0, 1].map(|i: usize| wanted.moment[i] + gap[i] * moment),
-                    }
-                    .along()
-                }
+                delayed(&response.inputs, k, from, wide, delay / track.step).along()
             };
-            let from = 2 * part * stride;
-            let points = [from, from + stride, from + 2 * stride];
-            runge_kutta(
-                &machine, blocks, &own, track, &mut x, total, k, points, command, h,
-            );
+            let mut motors =
+                [0, 1, 2].map(|i: usize| machine.commanded(track.at(k, points[i])[0], commands[i]));
+            if lag > 0.0 {
+                motors = follow(&mut lagged, motors, h, lag).along();
+            }
+            runge_kutta(&machine, blocks, &own, track, &mut x, total, k, points, motors, h);
         }
     }
     Some(response)
@@ -206,6 +195,30 @@ impl Slope {
     fn along(&self) -> [Pair; 3] {
         [-6.0, 0.0, 6.0].map(|ahead| [0, 1].map(|i: usize| self.mean[i] + ahead * self.moment[i]))
     }
+}
+
+/// What follows a signal with a first-order lag over one part of a sample; the signal is a straight line with the mean and the
+/// ends of its values at start, middle and end.
+fn follow(state: &mut Pair, signal: [Pair; 3], part: f64, lag: f64) -> Slope {
+    let rest = part / lag;
+    let decay = (-rest).exp();
+    let mean = (1.0 - decay) / rest;
+    let moment = (1.0 - decay * (1.0 + rest)) / (rest * rest) - 0.5 * mean;
+    let mut slope = Slope {
+        mean: [0.0; 2],
+        moment: [0.0; 2],
+    };
+    for i in 0..2 {
+        let [start, middle, end] = signal.map(|s| s[i]);
+        let (middle, rise) = ((start + 4.0 * middle + end) / 6.0, end - start);
+        // It ends behind the line by what that rises in the time of the lag.
+        let behind = rise / rest;
+        let gap = state[i] - (middle - 0.5 * rise - behind);
+        slope.mean[i] = middle - behind + gap * mean;
+        slope.moment[i] = rise / 12.0 + gap * moment;
+        state[i] = middle + 0.5 * rise - behind + gap * decay;
+    }
+    slope
 }
 
 /// A command that comes `delay` samples late, over a part of a sample; before the first sample there was none.
@@ -241,13 +254,13 @@ fn runge_kutta(
     total: usize,
     k: usize,
     points: [usize; 3],
-    command: [Pair; 3],
+    motors: [Pair; 3],
     h: f64,
 ) {
     let rates = |x: &[f64; MOST_STATES], stage: usize, out: &mut [f64; MOST_STATES]| {
         let at = moment(machine, track, x, (k, points[stage]), h, !blocks.is_empty());
         let mut forces = Forces {
-            motors: machine.commanded(at.p, command[stage]),
+            motors: motors[stage],
             ..Forces::default()
         };
         let mut from = machine.states();
@@ -289,8 +302,7 @@ fn moment<'a>(
     whole: bool,
 ) -> Moment<'a> {
     let points = 2 * track.substeps;
-    let index = (k * points + point).min(track.path.len() - 1);
-    let [p, rate] = track.path[index];
+    let [p, rate] = track.at(k, point);
     Moment {
         time: (k as f64 + point as f64 / points as f64) * track.step,
         p,
@@ -305,5 +317,32 @@ fn moment<'a>(
         track,
         sample: k,
         part: point as f64 / points as f64,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Pair, follow};
+
+    /// A lag of 0.3 behind a ramp from 2 with slope 5: `2 + 5 (t - 0.3) + (0.3 * 5 - 1) exp(-t / 0.3)` from 1.
+    #[test]
+    fn a_lag_behind_a_ramp() {
+        let ramp = |t: f64| -> Pair { [2.0 + 5.0 * t, 0.0] };
+        let exact = |t: f64| 2.0 + 5.0 * (t - 0.3) + 0.5 * (-t / 0.3_f64).exp();
+        let mut state = [1.0, 0.0];
+        let slope = follow(&mut state, [ramp(0.0), ramp(0.2), ramp(0.4)], 0.4, 0.3);
+        assert!((state[0] - exact(0.4)).abs() < 1e-12, "{state:?}");
+        let (n, mut mean, mut moment) = (4000, 0.0, 0.0);
+        for k in 0..n {
+            let s = (f64::from(k) + 0.5) / f64::from(n);
+            mean += exact(0.4 * s) / f64::from(n);
+            moment += exact(0.4 * s) * (s - 0.5) / f64::from(n);
+        }
+        assert!((slope.mean[0] - mean).abs() < 1e-7, "{} {mean}", slope.mean[0]);
+        assert!(
+            (slope.moment[0] - moment).abs() < 1e-7,
+            "{} {moment}",
+            slope.moment[0]
+        );
     }
 }

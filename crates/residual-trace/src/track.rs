@@ -89,7 +89,12 @@ impl Track {
 
     /// p and its rate at a sample.
     pub fn scheduling(&self, k: usize) -> [f64; 2] {
-        self.path[2 * self.substeps * k]
+        self.at(k, 0)
+    }
+
+    /// The same after so many halves of a sub-step.
+    pub(crate) fn at(&self, k: usize, halves: usize) -> [f64; 2] {
+        self.path[(2 * self.substeps * k + halves).min(self.path.len() - 1)]
     }
 
     /// Value of a further signal between two samples.

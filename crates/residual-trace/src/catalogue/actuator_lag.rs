@@ -6,7 +6,7 @@ pub(super) static EFFECT: Effect = Effect {
     name: "actuator-lag",
     family: Family::Timing,
     channel: 0,
-    meaning: "first-order lag of the amplifiers",
+    meaning: "first-order lag between commanded and actual forces of the motors",
     parameters: &[EffectParameter {
         name: "time_constant",
         unit: "s",

@@ -39,14 +39,18 @@ pub(super) static EFFECT: Effect = Effect {
     ],
     extends: None,
     starts: |screen| {
-        // The samples follow a pitch that takes a few of them at the highest speed.
-        super::pitches(screen, screen.top_speed() * screen.step() / 0.3, |pitch| {
+        // What passes within a sample is not seen.
+        let step = screen.step();
+        super::pitches(screen, screen.top_speed() * step, |pitch| {
             let turn = TAU / pitch;
             let force = super::motor_forces(screen.base, 1.0);
             let one = |motor: usize, phase: f64| {
                 Trial::Motors(screen.signal(|_, _, m| {
+                    // Mean over the sample that follows.
+                    let half = 0.5 * turn * step * m.motor_speed[motor];
+                    let mean = if half.abs() < 1e-6 { 1.0 } else { half.sin() / half };
                     let mut f = [0.0; 2];
-                    f[motor] = force[motor] * (turn * m.motor_position[motor] + phase).sin();
+                    f[motor] = force[motor] * mean * (turn * m.motor_position[motor] + half + phase).sin();
                     f
                 }))
             };

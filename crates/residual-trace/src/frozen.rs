@@ -102,7 +102,15 @@ pub fn fit_table(
         };
         let upper: Vec<FrfEstimate> = few.iter().map(|e| e.select(|_, f| f > 0.6 * lowest)).collect();
         if let Some((base, cost, _, rows)) = best(&starts, &upper, &told) {
-            return Ok(FrozenFit::distorted(base, cost / rows as f64));
+            let misfit = cost / rows as f64;
+            let free = FrozenFit::distorted(base.clone(), misfit);
+            return Ok(match &base {
+                Base::XyTable(table) => FrozenFit {
+                    free: Some((base.clone(), free.prior)),
+                    ..FrozenFit::distorted(Base::XyTable(table.holding(&geometrical)), misfit)
+                },
+                Base::Axis(_) => free,
+            });
         }
     }
     let found = found.ok_or(TraceError::NoBase {
@@ -211,7 +219,13 @@ impl FrozenFit {
 
     /// From responses that are distorted: the geometry tells the masses, the responses where the modes are, both roughly.
     fn distorted(base: Base, misfit: f64) -> Self {
-        let deviations = vec![0.03, 0.03, 0.1, 0.01, 0.2, 0.1, 0.1, 0.5, 0.5];
+        const ALL: [f64; 9] = [0.03, 0.03, 0.1, 0.01, 0.2, 0.1, 0.1, 0.5, 0.5];
+        let held = base.parameters().into_iter().map(|p| p.held);
+        let deviations: Vec<f64> = ALL
+            .into_iter()
+            .zip(held)
+            .filter_map(|(d, held)| (!held).then_some(d))
+            .collect();
         Self {
             prior: Prior {
                 mean: DVector::from_vec(base.coordinates()),

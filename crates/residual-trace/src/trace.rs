@@ -2,15 +2,17 @@
 
 mod account;
 mod bench;
+mod conclude;
 mod noise;
 mod refine;
 
 use crate::TraceError;
 use crate::base::{Base, Pair};
 use crate::catalogue::{CATALOGUE, quantization};
-use crate::effect::{Effect, Scale};
-use crate::fit::{Explained, Fitted, Prior, deviations};
+use crate::effect::Effect;
+use crate::fit::{Explained, Fitted, Prior};
 use crate::track::Track;
+use crate::whiten::Whitening;
 pub use account::{Added, Judged, Trace, Tried, Verdict};
 use bench::{Bench, Candidate};
 use experiment_data::ControllerState;
@@ -84,22 +86,23 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
         false => case.noise[i],
     });
     let case = Case { noise, ..*case };
-    let mut found = compete(&case)?;
-    if let Some((base, prior)) = case.free
-        && found.verdict != Verdict::NothingMissing
-    {
-        let free = Case {
-            base,
-            prior: Some(prior),
-            free: None,
-            ..case
-        };
-        let other = alone(&free)?;
-        eprintln!("DBG strict {} free {other}", found.length);
-        if other < found.length {
-            found = compete(&free)?;
+    let strict = compete(&case)?;
+    let free = match case.free {
+        Some((base, prior)) if !strict.is_noise() => {
+            let free = Case {
+                base,
+                prior: Some(prior),
+                free: None,
+                ..case
+            };
+            (alone(&free)? < strict.now.length()).then_some(free)
         }
-    }
+        _ => None,
+    };
+    let mut found = match &free {
+        Some(free) => compete(free)?.conclude(free)?,
+        None => strict.conclude(&case)?,
+    };
     if coarse.contains(&true) && found.verdict != Verdict::Unexplained {
         let values = [0, 1].map(|i: usize| if coarse[i] { steps[i] } else { (0.0, f64::INFINITY) });
         found.added.insert(
@@ -122,47 +125,53 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
 
 /// Length of the description by the base model alone.
 fn alone(case: &Case<'_>) -> Result<f64, TraceError> {
-    let bench = Bench {
-        whitening: loop_noise(case)?,
-        case,
-    };
     let bare = Explained {
         base: case.base.clone(),
         effects: Vec::new(),
+    };
+    let bench = Bench {
+        whitening: loop_noise(case, &bare)?,
+        case,
     };
     let fit = bench.problem().fit(&bare, ITERATIONS, None)?;
     Ok(fit.length())
 }
 
-fn compete(case: &Case<'_>) -> Result<Trace, TraceError> {
-    let bench = Bench {
-        whitening: loop_noise(case)?,
-        case,
-    };
+/// What a competition leaves.
+struct Contest {
+    whitening: Whitening,
+    /// Without effects.
+    bare: Fitted,
+    before: Judged,
+    /// With those that were added.
+    now: Fitted,
+    after: Judged,
+    added: Vec<Added>,
+    candidates: Vec<Tried>,
+}
+
+impl Contest {
+    /// Whether nothing was added because nothing is missing.
+    fn is_noise(&self) -> bool {
+        self.added.is_empty() && self.after.cost <= NOISE
+    }
+}
+
+fn compete(case: &Case<'_>) -> Result<Contest, TraceError> {
     let bare = Explained {
         base: case.base.clone(),
         effects: Vec::new(),
     };
-    let mut now = bench.problem().fit(&bare, ITERATIONS, None)?;
-    let reference = now.model.base.clone();
-    let before = bench.judge(&now.model);
-    let errors = |model: &Explained| bench.judging().errors(model).unwrap_or_default();
-    let mut judged = before.clone();
-    let mut trace = Trace {
-        verdict: Verdict::NothingMissing,
-        before: before.clone(),
-        after: before.clone(),
-        bare: now.model.clone(),
-        model: now.model.clone(),
-        deviations: Vec::new(),
-        added: Vec::new(),
-        candidates: Vec::new(),
-        noise: bench.whitening.deviation,
-        errors: [errors(&now.model), Vec::new()],
-        length: f64::INFINITY,
+    let bench = Bench {
+        whitening: loop_noise(case, &bare)?,
+        case,
     };
+    let bare = bench.problem().fit(&bare, ITERATIONS, None)?;
+    let before = bench.judge(&bare.model);
+    let (mut now, mut judged) = (bare.clone(), before.clone());
+    let (mut all_added, mut candidates) = (Vec::new(), Vec::new());
     for _ in 0..MOST_EFFECTS {
-        let Some(screen) = bench.look(&reference, &now) else {
+        let Some(screen) = bench.look(&bare.model.base, &now) else {
             break;
         };
         let taken: Vec<&str> = now.model.effects.iter().map(|(e, _)| e.name).collect();
@@ -214,8 +223,8 @@ fn compete(case: &Case<'_>) -> Result<Trace, TraceError> {
             })
             .collect();
         finals.sort_by(|a, b| a.1.length().total_cmp(&b.1.length()));
-        if trace.candidates.is_empty() {
-            trace.candidates = best_of
+        if candidates.is_empty() {
+            candidates = best_of
                 .iter()
                 .map(|c| Tried {
                     effect: c.effect,
@@ -226,17 +235,6 @@ fn compete(case: &Case<'_>) -> Result<Trace, TraceError> {
                     accepted: false,
                 })
                 .collect();
-        }
-        for (e, f, j) in &finals {
-            eprintln!(
-                "DBG {} length {:.2} objective {:.2} excess {:.4} judged {:.5} values {:?}",
-                e.name,
-                f.length(),
-                f.objective,
-                f.excess,
-                j.cost,
-                f.model.effects.last().map(|e| e.1.clone())
-            );
         }
         equals_in_order(&mut finals);
         refine::simpler_first(&mut finals, judged.cost);
@@ -261,62 +259,21 @@ fn compete(case: &Case<'_>) -> Result<Trace, TraceError> {
                 .find(|(e, ..)| e.name != effect.name)
                 .map(|(e, _, j)| (*e, decibel(j.cost / after.cost))),
         };
-        trace.added.push(added);
+        all_added.push(added);
         (now, judged) = (fit, after);
         if judged.cost <= NOISE {
             break;
         }
     }
-    trace.length = now.length();
-    let spread = now.excess.sqrt();
-    let deviations = deviations(&now.factor);
-    let mut at = 0;
-    for p in now.model.base.parameters() {
-        trace.deviations.push(match p.held {
-            true => f64::INFINITY,
-            false => {
-                at += 1;
-                spread * deviations[at - 1] * if p.positive { p.value } else { 1.0 }
-            }
-        });
-    }
-    for (added, (effect, values)) in trace.added.iter_mut().zip(&now.model.effects) {
-        for (v, p) in values.iter().zip(effect.parameters) {
-            let s = spread * deviations[at];
-            added.values.push((
-                *v,
-                if p.scale == Scale::Logarithmic {
-                    s * v.abs()
-                } else {
-                    s
-                },
-            ));
-            at += 1;
-        }
-    }
-    trace.after = judged;
-    trace.model = now.model;
-    let left = (trace.after.cost - 1.0).max(0.0) / (before.cost - 1.0).max(1e-9);
-    let at_noise = trace.after.cost <= NOISE;
-    trace.verdict = match (trace.added.is_empty(), at_noise) {
-        (true, true) => Verdict::NothingMissing,
-        (true, false) => Verdict::Unexplained,
-        (false, true) => Verdict::Explained,
-        (false, false) if left <= LEFT => Verdict::PartlyExplained,
-        (false, false) => Verdict::Unexplained,
-    };
-    if trace.verdict == Verdict::Unexplained {
-        trace.added.clear();
-        trace.model = trace.bare.clone();
-        trace.after = before;
-        trace.errors[1] = trace.errors[0].clone();
-    } else {
-        trace.errors[1] = errors(&trace.model);
-    }
-    for tried in &mut trace.candidates {
-        tried.accepted = trace.added.iter().any(|a| a.effect.name == tried.effect.name);
-    }
-    Ok(trace)
+    Ok(Contest {
+        whitening: bench.whitening,
+        bare,
+        before,
+        now,
+        after: judged,
+        added: all_added,
+        candidates,
+    })
 }
 
 /// Of effects that explain the records equally well, with as many parameters, the first in the catalogue leads.

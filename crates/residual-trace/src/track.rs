@@ -73,6 +73,16 @@ impl Track {
         }
     }
 
+    /// The same record with so many parts of a sample.
+    pub(crate) fn followed(&self, substeps: usize) -> Self {
+        let p: Vec<f64> = (0..self.samples).map(|k| self.scheduling(k)[0]).collect();
+        Self {
+            path: between(&p, self.step, substeps),
+            substeps,
+            ..self.clone()
+        }
+    }
+
     /// Parts of a sample.
     pub(crate) fn fine(&self) -> usize {
         self.substeps

@@ -23,12 +23,10 @@ pub struct Trace {
     pub added: Vec<Added>,
     /// Every effect that was tried, in the order of the catalogue, the first time.
     pub candidates: Vec<Tried>,
-    /// Deviation of the noise as it leaves the loop.
+    /// Deviation of the noise as it leaves the loop of the model.
     pub noise: Pair,
     /// Errors in closed loop on the judged records, by record and sample: without effects, and with those that were added.
     pub errors: [Vec<Vec<Pair>>; 2],
-    /// Length of the description of the fitted records.
-    pub(super) length: f64,
 }
 
 /// Verdicts of `diagnosis.json`.

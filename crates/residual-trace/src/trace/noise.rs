@@ -3,6 +3,7 @@
 use super::Case;
 use crate::TraceError;
 use crate::base::{Base, Pair};
+use crate::fit::Explained;
 use crate::simulate::simulate_in;
 use crate::track::Track;
 use crate::whiten::Whitening;
@@ -16,14 +17,23 @@ const DRAWS: usize = 8;
 
 /// What noise of the sensors becomes in the loop: differences of simulations.
 fn through_loop(
-    base: &Base,
+    model: &Explained,
     controller: &ControllerState,
     track: &Track,
     seed: usize,
     size: Pair,
 ) -> Result<Vec<Vec<Pair>>, TraceError> {
     let run = |noise: Option<&[Pair]>| {
-        let found = simulate_in(track.coarse(), base, &[], Some(controller), track, noise, &mut ());
+        let blocks = model.blocks();
+        let found = simulate_in(
+            track.coarse(),
+            &model.base,
+            &blocks,
+            Some(controller),
+            track,
+            noise,
+            &mut (),
+        );
         found.ok_or_else(|| TraceError::Diverges {
             record: track.name.clone(),
         })
@@ -47,7 +57,7 @@ fn through_loop(
 
 /// All draws of all records.
 fn draws(
-    base: &Base,
+    model: &Explained,
     controller: &ControllerState,
     tracks: &[Track],
     size: Pair,
@@ -55,14 +65,15 @@ fn draws(
     let all = tracks
         .par_iter()
         .enumerate()
-        .map(|(r, track)| through_loop(base, controller, track, r, size))
+        .map(|(r, track)| through_loop(model, controller, track, r, size))
         .collect::<Result<Vec<_>, _>>()?;
     Ok(all.concat())
 }
 
-pub(super) fn loop_noise(case: &Case<'_>) -> Result<Whitening, TraceError> {
-    let left = draws(case.base, case.controller, case.fitted, case.noise)?;
-    Ok(Whitening::new(&left, case.base.channels()))
+/// The noise as it leaves the loop of a model.
+pub(super) fn loop_noise(case: &Case<'_>, model: &Explained) -> Result<Whitening, TraceError> {
+    let left = draws(model, case.controller, case.fitted, case.noise)?;
+    Ok(Whitening::new(&left, model.base.channels()))
 }
 
 /// Bands of the spectrum in which the noise is looked at.
@@ -96,7 +107,11 @@ pub fn sensor_noise(
     let size: Pair = std::array::from_fn(|i| {
         (left.iter().flatten().map(|e| e[i] * e[i]).sum::<f64>() / count as f64).sqrt()
     });
-    let still = draws(base, controller, &[like.at_rest(position)], size)?;
+    let bare = Explained {
+        base: base.clone(),
+        effects: Vec::new(),
+    };
+    let still = draws(&bare, controller, &[like.at_rest(position)], size)?;
     let whitening = Whitening::new(&still, base.channels());
     let (found, expected) = (bands(&whitening, left), bands(&whitening, &still));
     Ok(std::array::from_fn(|i| {

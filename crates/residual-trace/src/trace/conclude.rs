@@ -1,0 +1,127 @@
+//! From the end of a competition to what is told.
+
+use super::bench::Bench;
+use super::noise::loop_noise;
+use super::{Case, Contest, ITERATIONS, LEFT, NOISE, Trace, Verdict};
+use crate::TraceError;
+use crate::effect::Scale;
+use crate::fit::{Explained, Fitted, deviations};
+use crate::track::Track;
+
+/// Change of the errors by a finer integration, over the noise, that does not matter.
+const STILL: f64 = 0.1;
+
+/// Parts of a sample beyond which none are tried.
+const FINEST: usize = 48;
+
+impl Contest {
+    pub(super) fn conclude(mut self, case: &Case<'_>) -> Result<Trace, TraceError> {
+        let left = (self.after.cost - 1.0).max(0.0) / (self.before.cost - 1.0).max(1e-9);
+        let verdict = match (self.added.is_empty(), self.after.cost <= NOISE) {
+            (true, true) => Verdict::NothingMissing,
+            (false, true) => Verdict::Explained,
+            (false, false) if left <= LEFT => Verdict::PartlyExplained,
+            (_, false) => Verdict::Unexplained,
+        };
+        if verdict == Verdict::Unexplained {
+            self.added.clear();
+            self.now = self.bare.clone();
+        }
+        // A competition is held with an integration that all can afford.
+        let finer = self.finer(case)?;
+        let finer = finer.as_ref().map(|[fitted, judged]| Case {
+            fitted,
+            judged,
+            ..*case
+        });
+        let case = finer.as_ref().unwrap_or(case);
+        let bench = Bench {
+            whitening: self.whitening.clone(),
+            case,
+        };
+        if finer.is_some() {
+            self.now = bench.problem().fit(&self.now.model, ITERATIONS, None)?;
+        }
+        let errors = |model: &Explained| bench.judging().errors(model).unwrap_or_default();
+        let model = self.now.model.clone();
+        let machine = self.now.give_deviations(&mut self.added);
+        for tried in &mut self.candidates {
+            tried.accepted = self.added.iter().any(|a| a.effect.name == tried.effect.name);
+        }
+        Ok(Trace {
+            verdict,
+            before: self.before,
+            after: bench.judge(&model),
+            deviations: machine,
+            noise: loop_noise(case, &model)?.deviation,
+            errors: [errors(&self.bare.model), errors(&model)],
+            bare: self.bare.model,
+            model,
+            added: self.added,
+            candidates: self.candidates,
+        })
+    }
+
+    /// Records to fit and to judge by, followed so finely that the errors of the result change no more; none where they do not
+    /// anyway.
+    fn finer(&self, case: &Case<'_>) -> Result<Option<[Vec<Track>; 2]>, TraceError> {
+        let errors = |judged: &[Track]| {
+            let bench = Bench {
+                whitening: self.whitening.clone(),
+                case: &Case { judged, ..*case },
+            };
+            bench
+                .judging()
+                .errors(&self.now.model)
+                .unwrap_or_default()
+                .concat()
+        };
+        let mut found = None;
+        let mut coarse = errors(case.judged);
+        let mut parts = case.judged.iter().map(Track::fine).max().unwrap_or(FINEST);
+        while 2 * parts <= FINEST && !self.added.is_empty() {
+            parts *= 2;
+            let judged: Vec<Track> = case.judged.iter().map(|t| t.followed(parts)).collect();
+            let fine = errors(&judged);
+            let moved = (0..case.base.channels()).any(|i| {
+                let change: f64 = fine.iter().zip(&coarse).map(|(a, b)| (a[i] - b[i]).powi(2)).sum();
+                change > fine.len() as f64 * (STILL * self.whitening.deviation[i]).powi(2)
+            });
+            if !moved {
+                break;
+            }
+            let fitted = case.fitted.iter().map(|t| t.followed(parts)).collect();
+            found = Some([fitted, judged]);
+            coarse = fine;
+        }
+        Ok(found)
+    }
+}
+
+impl Fitted {
+    /// Standard deviations of the machine's parameters, infinite where they are held; those of the effects go to them.
+    fn give_deviations(&self, added: &mut [super::Added]) -> Vec<f64> {
+        let spread = self.excess.sqrt();
+        let mut deviations = deviations(&self.factor).into_iter().map(|d| spread * d);
+        let mut next = || deviations.next().unwrap_or(f64::INFINITY);
+        let machine = self
+            .model
+            .base
+            .parameters()
+            .iter()
+            .map(|p| match (p.held, p.positive) {
+                (true, _) => f64::INFINITY,
+                (false, true) => p.value * next(),
+                (false, false) => next(),
+            })
+            .collect();
+        for (added, (effect, values)) in added.iter_mut().zip(&self.model.effects) {
+            let deviation = |(v, p): (&f64, &crate::effect::EffectParameter)| match p.scale {
+                Scale::Logarithmic => (*v, v.abs() * next()),
+                _ => (*v, next()),
+            };
+            added.values = values.iter().zip(effect.parameters).map(deviation).collect();
+        }
+        machine
+    }
+}

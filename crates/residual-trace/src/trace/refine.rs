@@ -1,0 +1,100 @@
+//! Effects that refine others: from the rough one to the fine one, and back.
+
+use super::bench::Bench;
+use super::{Judged, NOISE, SURE};
+use crate::catalogue::CATALOGUE;
+use crate::effect::Effect;
+use crate::fit::{Explained, Fitted};
+use crate::screen::Screen;
+use rayon::prelude::*;
+
+/// Starts of the refinements of what was fitted: of each the one that promises the most.
+pub(super) fn refined(
+    bench: &Bench<'_>,
+    finals: &[(&'static Effect, Fitted)],
+    now: &Fitted,
+    screen: &Screen<'_>,
+) -> Option<Vec<Explained>> {
+    let (narrow, known) = bench.narrow(now, screen)?;
+    let taken = |e: &Effect| now.model.effects.iter().any(|(t, _)| t.name == e.name);
+    let mut all = Vec::new();
+    for (effect, rough) in finals {
+        let (rest, values) = without_last(&rough.model)?;
+        let finer = CATALOGUE.iter().filter(|e| !taken(e));
+        for (finer, extends) in finer.filter_map(|e| e.extends.map(|x| (*e, x))) {
+            if extends.name != effect.name {
+                continue;
+            }
+            let best = (extends.starts)(&values, screen)
+                .into_par_iter()
+                .filter_map(|v| {
+                    let mut start = rest.clone();
+                    start.effects.push((finer, v));
+                    let left = bench.promise(&start, (&narrow, &known), now)?;
+                    Some((left, start))
+                })
+                .min_by(|a, b| a.0.total_cmp(&b.0));
+            all.extend(best.map(|b| b.1));
+        }
+    }
+    Some(all)
+}
+
+/// The leading refinement shows its simpler effect the way: that one is fitted again from the values that the two share, since
+/// its own start may have led it astray.
+pub(super) fn simplified(bench: &Bench<'_>, finals: &mut Vec<(&'static Effect, Fitted)>, now: &Fitted) {
+    let Some((best, fine)) = finals
+        .iter()
+        .min_by(|a, b| a.1.objective.total_cmp(&b.1.objective))
+    else {
+        return;
+    };
+    let Some(extends) = best.extends else { return };
+    let simpler = CATALOGUE.iter().find(|e| e.name == extends.name);
+    let (Some(simpler), Some((mut start, values))) = (simpler, without_last(&fine.model)) else {
+        return;
+    };
+    let shared = |name: &str| best.parameters.iter().position(|p| p.name == name);
+    let values: Option<Vec<f64>> = simpler
+        .parameters
+        .iter()
+        .map(|p| shared(p.name).map(|i| values[i]))
+        .collect();
+    let Some(values) = values else { return };
+    start.effects.push((*simpler, values));
+    finals.extend(bench.finals(&[&start], now));
+}
+
+/// A model without its last effect, and the values of that.
+fn without_last(model: &Explained) -> Option<(Explained, Vec<f64>)> {
+    let mut rest = model.clone();
+    let (_, values) = rest.effects.pop()?;
+    Some((rest, values))
+}
+
+/// A refinement is taken for the effect that it refines only if it is worth it on the judged records.
+pub(super) fn simpler_first(finals: &mut [(&'static Effect, Fitted, Judged)], before: f64) {
+    let Some((best, _, fine)) = finals.first() else {
+        return;
+    };
+    let Some(extends) = best.extends else { return };
+    let simpler = finals.iter().position(|(e, ..)| e.name == extends.name);
+    if let Some(simpler) = simpler {
+        let rough = &finals[simpler].2;
+        let fall = (rough.cost - fine.cost) * rough.samples as f64;
+        let least = if fine.cost <= NOISE { NOTICED } else { WORTH };
+        let fair = rough.cost >= least * fine.cost;
+        if fall < SURE || !fair || rough.cost - fine.cost < TRIFLE * before {
+            finals.swap(0, simpler);
+        }
+    }
+}
+
+/// Factor by which a refinement must lower a squared error to noise.
+const NOTICED: f64 = 1.005;
+
+/// Factor by which it must lower one that is not noise.
+const WORTH: f64 = 1.05;
+
+/// Part of the squared error before that is within the accuracy of the simulation.
+const TRIFLE: f64 = 1e-8;

@@ -16,7 +16,13 @@ pub(crate) struct Found {
     seconds: f64,
 }
 
-const BUNDLES: [&str; 4] = ["machine-plain", "machine-friction", "machine-extra-mode", "emps"];
+const BUNDLES: [&str; 5] = [
+    "machine-plain",
+    "machine-friction",
+    "machine-extra-mode",
+    "emps",
+    "two-mass-bench",
+];
 
 pub(crate) fn run() -> Result<Vec<Found>, TaskError> {
     let mut all = Vec::new();
@@ -80,6 +86,49 @@ pub(crate) fn section(all: &[Found]) -> String {
     }
     for f in all.iter().filter(|f| !f.diagnosis.axis.is_empty()) {
         out += &axis(&f.diagnosis);
+    }
+    for f in all.iter().filter(|f| !f.diagnosis.responses.is_empty()) {
+        out += &responses(f.bundle, &f.diagnosis);
+    }
+    out
+}
+
+/// The errors of a response, effect by effect.
+fn responses(bundle: &str, d: &Diagnosis) -> String {
+    /// An independent least-squares fit, motor and load, percent (README of the data).
+    const PUBLISHED: [[f64; 2]; 3] = [[57.1, 55.5], [12.2, 11.4], [9.97, 8.98]];
+    let mut out = format!(
+        "\nFor {bundle}, relative errors of the response effect by effect, percent:\n\n\
+         | model | fitted record, motor / load | an independent fit | | held-out record, motor / load |\n|---|---|---|---|---|\n"
+    );
+    for (i, r) in d.responses.iter().enumerate() {
+        let percent = |errors: &std::collections::BTreeMap<String, f64>| -> Vec<f64> {
+            errors.values().map(|e| 100.0 * e).collect()
+        };
+        let words = |v: &[f64]| {
+            v.iter()
+                .map(|e| format!("{e:.2}"))
+                .collect::<Vec<_>>()
+                .join(" / ")
+        };
+        let found = percent(&r.fitted);
+        let (bar, met) = match PUBLISHED.get(i) {
+            Some(bar) => {
+                let met = found.iter().zip(bar).all(|(f, b)| f <= b);
+                (words(bar), if met { "met" } else { "MISSED" })
+            }
+            None => ("-".to_owned(), ""),
+        };
+        let held_out = words(&percent(&r.held_out));
+        let _ = writeln!(
+            out,
+            "| {} | {} | {bar} | {met} | {held_out} |",
+            r.model,
+            words(&found)
+        );
+    }
+    for reason in &d.reasons {
+        let _ = writeln!(out, "\n{}.", reason);
     }
     out
 }

@@ -3,8 +3,11 @@
 mod account;
 mod axis;
 mod page;
+mod responses;
 
-pub use account::{Characterisation, Diagnosis, Errors, Evidence, FoundEffect, OutputError, Tested, Value};
+pub use account::{
+    Characterisation, Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors, Tested, Value,
+};
 pub use axis::AxisErrors;
 
 use crate::PipelineError;
@@ -14,6 +17,7 @@ use crate::progress::Progress;
 use crate::responses::{estimate_bundle, load_records, rests};
 use experiment_data::Bundle;
 use lpv_core::{Discrete, Purpose, Record, RecordKind};
+use lpv_report::Figure;
 use lti_ident::Segment;
 use residual_trace::{Axis, Base, Case, FrozenFit, Track, fit_table, sensor_noise, trace};
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
@@ -23,21 +27,23 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 pub struct Diagnosed {
     /// The diagnosis.
     pub diagnosis: Diagnosis,
-    outputs: Vec<String>,
-    tracks: Vec<Track>,
-    errors: [Pairs; 2],
-    /// Position and speed of the first motor along the first held-out record, and what the effects add to its force.
-    force: Vec<[f64; 3]>,
+    /// The effects in their own coordinates.
+    missing: Option<Figure>,
+    /// Errors before and after.
+    errors: Figure,
 }
 
 /// Finds the effects that a first-principles model of the bundle's machine lacks: an xy-table where the bundle has the
-/// `[geometry]` of one, servo axes without scheduling.
+/// `[geometry]` of one, a servo axis without scheduling; of an axis without moves, from its frequency responses.
 ///
 /// # Errors
 /// A bundle without moves, controller or a base model; whatever is wrong with its records.
 pub fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagnosed, PipelineError> {
     let description = bundle.description();
     let clock = bundle.clock()?;
+    if description.controller.is_none() && responses::suits(bundle) {
+        return responses::diagnose(bundle, clock, progress);
+    }
     let Some(controller) = &description.controller else {
         return Err(PipelineError::Structure {
             problem: "a diagnosis simulates the closed loop: give the bundle its [controller] and [channels.reference]",
@@ -94,22 +100,28 @@ pub fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagnosed, Pi
         axis,
         ..Diagnosis::new(bundle, &found, &judged, reasons)
     };
-    let force = match found.model.motions(&start, &judged[0]) {
-        Some(motions) if !found.model.effects.is_empty() => found
+    let force: Vec<[f64; 3]> = match found.model.motions(&start, &judged[0]) {
+        Some(motions) => found
             .model
             .forces_along(&judged[0], &motions)
             .iter()
             .zip(&motions)
             .map(|(f, m)| [m.motor_position[0], m.motor_speed[0], f[0]])
             .collect(),
-        _ => Vec::new(),
+        None => Vec::new(),
     };
+    let first = |i: usize| found.errors[i].first().map_or(&[][..], Vec::as_slice);
     Ok(Diagnosed {
-        force,
         diagnosis,
-        outputs: description.channels.output.columns.clone(),
-        tracks: judged,
-        errors: found.errors,
+        missing: force
+            .iter()
+            .any(|[.., f]| *f != 0.0)
+            .then(|| page::over_motion(&force)),
+        errors: page::in_time(
+            &description.channels.output.columns,
+            clock.sample_time(),
+            [first(0), first(1)],
+        ),
     })
 }
 

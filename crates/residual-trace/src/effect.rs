@@ -3,6 +3,7 @@
 use crate::base::{Base, Forces, Motion, Pair};
 use crate::screen::Screen;
 use crate::track::Track;
+use num_complex::Complex64 as C64;
 use std::fmt::Debug;
 
 /// Families of effects, as the contract of `diagnosis.json` names them.
@@ -121,6 +122,19 @@ impl Moment<'_> {
     }
 }
 
+/// An axis at one complex frequency, as linear effects change it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Path {
+    /// Actual force over commanded force.
+    pub command: C64,
+    /// Force over motion of the motor.
+    pub dynamic: C64,
+    /// Motion of the load over that of the motor.
+    pub follow: C64,
+    /// What the sensor of the motor tells over its motion.
+    pub sensor: C64,
+}
+
 /// An effect in a simulation. Every part does nothing unless it is given.
 pub trait Block: Debug + Send + Sync {
     /// Changes the machine before the start.
@@ -135,6 +149,8 @@ pub trait Block: Debug + Send + Sync {
     fn act(&self, _at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], _forces: &mut Forces) {}
     /// Changes what the sensors tell.
     fn sense(&self, _at: &Moment<'_>, _outputs: &mut Pair) {}
+    /// What it does to an axis at the complex frequency s.
+    fn respond(&self, _s: C64, _path: &mut Path) {}
     /// Time by which commands come late.
     fn delay(&self) -> f64 {
         0.0

@@ -1,6 +1,7 @@
 //! Parameters of the machine and of its effects together, from records in closed loop.
 
 mod explained;
+mod levenberg;
 mod triangle;
 
 use crate::TraceError;
@@ -10,6 +11,7 @@ use crate::track::Track;
 use crate::whiten::Whitening;
 use experiment_data::ControllerState;
 pub use explained::Explained;
+pub(crate) use levenberg::{Minimum, minimum};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 pub(crate) use triangle::{damped, deviations, squares, triangle};

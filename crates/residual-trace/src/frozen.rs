@@ -4,7 +4,7 @@ mod scan;
 
 use crate::TraceError;
 use crate::base::{Base, XyTable, table_from_geometry};
-use crate::fit::{Prior, squares, triangle};
+use crate::fit::{Prior, minimum};
 use experiment_data::Geometry;
 use lpv_core::{Continuous, Discrete, Frf, FrfEstimate, StateSpace};
 use nalgebra::{DMatrix, DVector};
@@ -250,60 +250,13 @@ fn fit(
     iterations: usize,
     told: &Told,
 ) -> Option<Found> {
-    let mut base = start.clone();
-    let mut error = residual(&base, estimates, clock, floor, told)?;
-    let mut cost = squares(&error);
-    let mut damping = 1e-3;
-    for iteration in 0.. {
-        let at = base.coordinates();
-        let r = curvature(&base, &error, estimates, clock, floor, told)?;
-        let before = cost;
-        let mut stuck = true;
-        for _ in 0..8 {
-            let step = crate::fit::damped(&r, at.len(), damping);
-            let there: Vec<f64> = at
-                .iter()
-                .zip(step.iter())
-                .map(|(a, b)| a + b.clamp(-1.0, 1.0))
-                .collect();
-            let next = base.with_coordinates(&there);
-            if let Some(found) = residual(&next, estimates, clock, floor, told)
-                && squares(&found) < cost
-            {
-                cost = squares(&found);
-                (base, error) = (next, found);
-                damping = f64::max(0.1 * damping, 1e-9);
-                stuck = false;
-                break;
-            }
-            damping *= 10.0;
-        }
-        if stuck || before - cost < 1e-5 * cost || iteration >= iterations {
-            let n = at.len();
-            return Some((base, cost, r.view((0, 0), (n, n)).into_owned(), error.len()));
-        }
-    }
-    None
-}
-
-/// Triangular factor of `[J r]` at a machine, r its residual.
-fn curvature(
-    base: &Base,
-    error: &[f64],
-    estimates: &[FrfEstimate],
-    clock: Discrete,
-    floor: f64,
-    told: &Told,
-) -> Option<DMatrix<f64>> {
-    const STEP: f64 = 1e-6;
-    let at = base.coordinates();
-    let mut jacobian = DMatrix::zeros(error.len(), at.len());
-    for j in 0..at.len() {
-        let mut there = at.clone();
-        there[j] += STEP;
-        let moved = residual(&base.with_coordinates(&there), estimates, clock, floor, told)?;
-        let column: Vec<f64> = moved.iter().zip(error).map(|(a, b)| (a - b) / STEP).collect();
-        jacobian.column_mut(j).copy_from_slice(&column);
-    }
-    Some(triangle(&jacobian, error))
+    let found = minimum(start.coordinates(), iterations, |c| {
+        residual(&start.with_coordinates(c), estimates, clock, floor, told)
+    })?;
+    Some((
+        start.with_coordinates(&found.at),
+        found.cost,
+        found.factor,
+        found.rows,
+    ))
 }

@@ -301,6 +301,7 @@ fn decibel(ratio: f64) -> f64 {
     if db.is_finite() { db } else { -300.0 }
 }
 
-fn chance(fall: f64, parameters: usize) -> f64 {
+/// Probability of such a fall of twice the negative logarithm of the likelihood by chance.
+pub(crate) fn chance(fall: f64, parameters: usize) -> f64 {
     ChiSquared::new(parameters as f64).map_or(1.0, |d| d.sf(fall.max(0.0)))
 }

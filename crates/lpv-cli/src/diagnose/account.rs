@@ -34,6 +34,9 @@ pub struct Diagnosis {
     pub characterisation: Option<Characterisation>,
     /// Parameters of the base model, refitted with the effects.
     pub base_parameters: BTreeMap<String, Value>,
+    /// Of responses, their relative errors effect by effect, without any first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub responses: Vec<ResponseErrors>,
     /// Of a servo axis, the figures of the literature by record, fitted ones first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub axis: Vec<AxisErrors>,
@@ -97,8 +100,20 @@ pub struct OutputError {
     pub rms: f64,
     /// The same over the noise as it leaves the loop.
     pub over_noise: f64,
-    /// Root mean square one step ahead.
-    pub rms_one_step: f64,
+    /// Root mean square one step ahead; responses have none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rms_one_step: Option<f64>,
+}
+
+/// Errors of the responses by output: root of the sum of squares over that of the response.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ResponseErrors {
+    /// What was added last.
+    pub model: String,
+    /// Of the response that was fitted.
+    pub fitted: BTreeMap<String, f64>,
+    /// Of the response that was held out.
+    pub held_out: BTreeMap<String, f64>,
 }
 
 /// How one effect did.
@@ -144,7 +159,7 @@ impl Diagnosis {
                     let error = OutputError {
                         rms: judged.closed_loop[i],
                         over_noise: judged.closed_loop[i] / found.noise[i],
-                        rms_one_step: judged.one_step[i] * found.noise[i],
+                        rms_one_step: Some(judged.one_step[i] * found.noise[i]),
                     };
                     (name.clone(), error)
                 })
@@ -231,6 +246,7 @@ impl Diagnosis {
                 })
                 .collect(),
             axis: Vec::new(),
+            responses: Vec::new(),
             reasons,
         }
     }
@@ -281,6 +297,20 @@ impl Diagnosis {
                 with.join(", ")
             ));
         }
+        let percent = |errors: &BTreeMap<String, f64>| {
+            let each = errors
+                .iter()
+                .map(|(name, e)| format!("{name} {:.2} %", 100.0 * e));
+            each.collect::<Vec<_>>().join(", ")
+        };
+        for r in &self.responses {
+            lines.push(format!(
+                "{}: error of the fitted response {}; of the one held out {}",
+                r.model,
+                percent(&r.fitted),
+                percent(&r.held_out)
+            ));
+        }
         for a in &self.axis {
             let pair = |f: fn(&AxisCheck) -> f64| format!("{:.4} -> {:.4}", f(&a.before), f(&a.after));
             let closed = |f: fn(&ClosedLoopAxis) -> f64| {
@@ -304,7 +334,7 @@ impl Diagnosis {
 }
 
 /// The unit of a parameter from a template in `u`, `y` and `y2`: the units of the first input and of the outputs.
-fn units(template: &str, bundle: &Bundle) -> String {
+pub(super) fn units(template: &str, bundle: &Bundle) -> String {
     let channels = &bundle.description().channels;
     let unit = |units: &[String], i: usize, name: &str| match units.get(i) {
         Some(unit) if unit.contains(['/', ' ']) => format!("({unit})"),

@@ -43,8 +43,8 @@ impl Diagnosed {
                 }
             }
             let mut section = Section::new("What was missing").table(table);
-            if self.force.iter().any(|[.., f]| *f != 0.0) {
-                section = section.figure(self.over_motion());
+            if let Some(figure) = &self.missing {
+                section = section.figure(figure.clone());
             }
             page = page.section(section);
         }
@@ -60,7 +60,7 @@ impl Diagnosed {
         page = page.section(
             Section::new("Before and after")
                 .table(table)
-                .figure(self.in_time()),
+                .figure(self.errors.clone()),
         );
         let mut table = Table::new(
             "Every effect of the catalogue that these data could show, as it did alone on held-out records.",
@@ -97,44 +97,59 @@ impl Diagnosed {
             .collect();
         format!("{what}; {}", errors.join(", "))
     }
-
-    /// What the effects add to the force of the first motor, over its speed and over its position.
-    fn over_motion(&self) -> Figure {
-        let panel = |axis: &str, at: usize| {
-            let points = self.force.iter().map(|v| (v[at], v[2])).collect();
-            Panel::new(
-                Axis::linear(axis),
-                Axis::linear("Force of the effects, first motor"),
-            )
-            .series(Series::new(points, Style::Dots).width(1.6).colour(Colour::Model))
-        };
-        Figure::new("")
-            .columns(2)
-            .panel(panel("Speed", 1))
-            .panel(panel("Position", 0))
-            .caption("What the fitted effects add to the force of the first motor along the first held-out record.")
-    }
-
-    fn in_time(&self) -> Figure {
-        let mut figure = Figure::new("")
-            .columns(1)
-            .caption("Error in closed loop along the first held-out record.");
-        let Some(track) = self.tracks.first() else {
-            return figure;
-        };
-        for (i, name) in self.outputs.iter().enumerate() {
-            let mut panel = Panel::new(Axis::linear("Time"), Axis::linear("Error")).title(name.clone());
-            let labels = [("before", Colour::Reference), ("after", Colour::Model)];
-            for (errors, (label, colour)) in self.errors.iter().zip(labels) {
-                let Some(record) = errors.first() else { continue };
-                let points = record
-                    .iter()
-                    .enumerate()
-                    .map(|(k, e)| (k as f64 * track.step, e[i]));
-                panel = panel.series(Series::line(points.collect()).label(label).colour(colour));
-            }
-            figure = figure.panel(panel);
-        }
-        figure
-    }
 }
+
+/// What effects add to the force of a motor, over its speed and over its position: by sample position, speed and force.
+pub(super) fn over_motion(force: &[[f64; 3]]) -> Figure {
+    let panel = |axis: &str, at: usize| {
+        let points = force.iter().map(|v| (v[at], v[2])).collect();
+        Panel::new(
+            Axis::linear(axis),
+            Axis::linear("Force of the effects, first motor"),
+        )
+        .series(Series::new(points, Style::Dots).width(1.6).colour(Colour::Model))
+    };
+    Figure::new("")
+        .columns(2)
+        .panel(panel("Speed", 1))
+        .panel(panel("Position", 0))
+        .caption(
+            "What the fitted effects add to the force of the first motor along the first held-out record.",
+        )
+}
+
+/// Errors by output before and after, over time.
+pub(super) fn in_time(outputs: &[String], step: f64, errors: [&[[f64; 2]]; 2]) -> Figure {
+    let mut figure = Figure::new("")
+        .columns(1)
+        .caption("Error in closed loop along the first held-out record.");
+    for (i, name) in outputs.iter().enumerate() {
+        let mut panel = Panel::new(Axis::linear("Time"), Axis::linear("Error")).title(name.clone());
+        for (record, (label, colour)) in errors.iter().zip(BEFORE_AFTER) {
+            let points = record.iter().enumerate().map(|(k, e)| (k as f64 * step, e[i]));
+            panel = panel.series(Series::line(points.collect()).label(label).colour(colour));
+        }
+        figure = figure.panel(panel);
+    }
+    figure
+}
+
+/// Magnitudes by output over frequency: what was measured, and the errors of a model before and after.
+pub(super) fn over_frequency(outputs: &[String], lines: &[f64], curves: &[[Vec<f64>; 3]]) -> Figure {
+    let mut figure = Figure::new("").columns(curves.len().min(2)).caption(
+        "Held-out response and what the model leaves of it, before and after; cycles per unit of time.",
+    );
+    for (name, [measured, before, after]) in outputs.iter().zip(curves) {
+        let line = |v: &[f64]| Series::line(lines.iter().copied().zip(v.iter().copied()).collect());
+        figure = figure.panel(
+            Panel::new(Axis::log("Frequency"), Axis::log("Magnitude"))
+                .title(name.clone())
+                .series(line(measured).label("measured").colour(Colour::Reference))
+                .series(line(before).label("error before").colour(Colour::Bound))
+                .series(line(after).label("error after").colour(Colour::Error)),
+        );
+    }
+    figure
+}
+
+const BEFORE_AFTER: [(&str, Colour); 2] = [("before", Colour::Reference), ("after", Colour::Model)];

@@ -1,6 +1,7 @@
 //! A mass on a guide with one motor.
 
 use super::{BaseParameter, Forces, Motion, Pair};
+use num_complex::Complex64 as C64;
 
 /// `M q'' + F_v q' + offset = force`, the input the force of the motor, the output its position.
 #[derive(Debug, Clone, PartialEq)]
@@ -8,6 +9,8 @@ pub struct Axis {
     pub(super) mass: f64,
     viscous: f64,
     offset: f64,
+    /// Whether responses are fitted, which do not know the offset.
+    linear: bool,
 }
 
 impl Axis {
@@ -17,7 +20,23 @@ impl Axis {
             mass,
             viscous,
             offset,
+            linear: false,
         }
+    }
+
+    /// The same for frequency responses, which do not know the offset.
+    #[must_use]
+    pub fn linear(self) -> Self {
+        Self {
+            offset: 0.0,
+            linear: true,
+            ..self
+        }
+    }
+
+    /// Force over motion at the complex frequency s.
+    pub(crate) fn dynamic(&self, s: C64) -> C64 {
+        s * (s * self.mass + self.viscous)
     }
 
     pub(super) fn parameters(&self) -> Vec<BaseParameter> {
@@ -28,10 +47,14 @@ impl Axis {
             positive,
             held: false,
         };
+        let offset = BaseParameter {
+            held: self.linear,
+            ..parameter("offset", "N", self.offset, false)
+        };
         vec![
             parameter("mass", "kg", self.mass, true),
             parameter("viscous friction", "N s/m", self.viscous, false),
-            parameter("offset", "N", self.offset, false),
+            offset,
         ]
     }
 

@@ -1,6 +1,7 @@
 //! First-order lag of the amplifier.
 
-use crate::effect::{Block, Effect, EffectParameter, Family, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Path, Scale};
+use num_complex::Complex64 as C64;
 
 pub(super) static EFFECT: Effect = Effect {
     name: "actuator-lag",
@@ -23,5 +24,9 @@ struct Late(f64);
 impl Block for Late {
     fn lag(&self) -> f64 {
         self.0
+    }
+
+    fn respond(&self, s: C64, path: &mut Path) {
+        path.command /= s * self.0 + 1.0;
     }
 }

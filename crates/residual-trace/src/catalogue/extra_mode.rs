@@ -1,8 +1,9 @@
 //! A resonance that the model does not have.
 
 use crate::base::Forces;
-use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Path, Scale};
 use crate::screen::Screen;
+use num_complex::Complex64 as C64;
 use std::f64::consts::TAU;
 
 pub(super) static EFFECT: Effect = Effect {
@@ -85,5 +86,12 @@ impl Block for Swing {
         let pull = self.rate * (self.rate * stretch + 2.0 * self.damping * speed);
         rates.copy_from_slice(&[own[1], -pull]);
         forces.load[0] += self.mass * pull;
+    }
+
+    fn respond(&self, s: C64, path: &mut Path) {
+        let spring = (s * (2.0 * self.damping) + self.rate) * self.rate;
+        let follow = spring / (s * s + spring);
+        path.dynamic += s * s * follow * self.mass;
+        path.follow *= follow;
     }
 }

@@ -1,7 +1,8 @@
 //! Scale error.
 
 use crate::base::Pair;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Path, Scale};
+use num_complex::Complex64 as C64;
 
 pub(super) static EFFECT: Effect = Effect {
     name: "sensor-gain",
@@ -31,5 +32,9 @@ struct Gain(f64);
 impl Block for Gain {
     fn sense(&self, _at: &Moment<'_>, outputs: &mut Pair) {
         outputs[0] *= 1.0 + self.0;
+    }
+
+    fn respond(&self, _s: C64, path: &mut Path) {
+        path.sensor *= 1.0 + self.0;
     }
 }

@@ -1,0 +1,241 @@
+//! Diagnosis from frequency responses, of an axis with one input that has no moves.
+
+use super::account::units;
+use super::{
+    Diagnosed, Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors, Tested, Value, page,
+};
+use crate::PipelineError;
+use crate::progress::Progress;
+use crate::responses::{estimate_periodic, load_records};
+use experiment_data::Bundle;
+use frf_estimation::PeriodicEstimate;
+use lpv_core::{Discrete, FrfEstimate, Purpose, RecordKind};
+use residual_trace::effect::Family;
+use residual_trace::{ResponseCase, ResponseStep, noise_of, response, trace_responses};
+use std::collections::BTreeMap;
+
+/// Error over the noise up to which nothing is left.
+const NOISE: f64 = 1.1;
+
+/// Difference on the held-out record up to which two effects are called equal.
+const TIE_DB: f64 = 0.5;
+
+/// Whether the bundle has one input, no scheduling, and periodic records only.
+pub(super) fn suits(bundle: &Bundle) -> bool {
+    let description = bundle.description();
+    let periodic = |r: &experiment_data::RecordEntry| matches!(r.record_kind(), RecordKind::Periodic { .. });
+    description.channels.input.len() == 1
+        && description.channels.scheduling.is_empty()
+        && description.records.iter().all(periodic)
+}
+
+pub(super) fn diagnose(
+    bundle: &Bundle,
+    clock: Discrete,
+    progress: Progress<'_>,
+) -> Result<Diagnosed, PipelineError> {
+    let entries = &bundle.description().records;
+    let one = |purpose: Purpose| -> Result<Option<PeriodicEstimate>, PipelineError> {
+        let mut records = load_records(bundle, |i| entries[i].purpose == purpose, progress)?;
+        if records.is_empty() {
+            return Ok(None);
+        }
+        Ok(estimate_periodic(&mut records, clock, None, progress)?
+            .into_iter()
+            .next())
+    };
+    let (fitted, judged) = (one(Purpose::Estimation)?, one(Purpose::Validation)?);
+    let Some(fitted) = fitted else {
+        return Err(PipelineError::NoResponses {
+            bundle: bundle.description().name.clone(),
+        });
+    };
+    let mut reasons = Vec::new();
+    for (what, e) in [("estimation", Some(&fitted)), ("validation", judged.as_ref())] {
+        reasons.extend(e.and_then(|e| distortion(what, e)));
+    }
+    let [fitted, judged] = match judged {
+        Some(judged) => [fitted.estimate, judged.estimate],
+        None => {
+            reasons.push("no record has use = \"validation\": every third line judges".to_owned());
+            let part = |judges: bool| fitted.estimate.select(|k, _| (k % 3 == 1) == judges);
+            [part(false), part(true)]
+        }
+    };
+    progress("competition of effects", 0, 1);
+    let steps = trace_responses(&ResponseCase {
+        fitted: &fitted,
+        judged: &judged,
+    })?;
+    progress("competition of effects", 1, 1);
+    for step in &steps {
+        if let (Some(effect), Some((other, margin))) = (step.effect, step.runner_up)
+            && margin.abs() < TIE_DB
+        {
+            reasons.push(format!(
+                "{} and {} are not told apart by these records ({margin:+.2} dB for the first): a multisine with lines up to Nyquist would",
+                effect.name, other.name
+            ));
+        }
+    }
+    Ok(Diagnosed {
+        missing: None,
+        errors: figure(bundle, &steps, &judged),
+        diagnosis: told(bundle, &steps, &judged, reasons),
+    })
+}
+
+/// What the lines that were not excited show.
+fn distortion(what: &str, estimate: &PeriodicEstimate) -> Option<String> {
+    let found = estimate.distortion.as_ref()?.detection.as_ref()?;
+    let percent = |levels: &Option<Vec<f64>>| match levels {
+        Some(levels) => {
+            let each = levels.iter().map(|l| format!("{:.2}", 100.0 * l));
+            each.collect::<Vec<_>>().join(" / ")
+        }
+        None => "not measured".to_owned(),
+    };
+    Some(format!(
+        "nonlinear distortion of the outputs in the {what} record, percent: odd {}, even {}; no linear effect explains it",
+        percent(&found.odd_relative),
+        percent(&found.even_relative)
+    ))
+}
+
+fn by_output(bundle: &Bundle, values: &[f64]) -> BTreeMap<String, f64> {
+    let names = &bundle.description().channels.output.columns;
+    names.iter().cloned().zip(values.iter().copied()).collect()
+}
+
+fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: Vec<String>) -> Diagnosis {
+    let noise = noise_of(judged);
+    let channels = &bundle.description().channels;
+    let channel = |family: Family| match family {
+        Family::Sensor => channels.output.columns[0].clone(),
+        _ => channels.input.columns[0].clone(),
+    };
+    let errors = |step: &ResponseStep| Errors {
+        validation: channels
+            .output
+            .columns
+            .iter()
+            .zip(step.judged.iter().zip(&noise))
+            .map(|(name, (error, noise))| {
+                let error = OutputError {
+                    rms: *error,
+                    over_noise: error / noise,
+                    rms_one_step: None,
+                };
+                (name.clone(), error)
+            })
+            .collect(),
+    };
+    let (first, last) = (&steps[0], &steps[steps.len() - 1]);
+    let squares = |s: &ResponseStep| s.judged.iter().map(|e| e * e).sum::<f64>();
+    let at_noise = last.judged.iter().zip(&noise).all(|(e, n)| *e <= NOISE * n);
+    let verdict = match (steps.len() > 1, at_noise) {
+        (false, true) => "nothing-missing",
+        (false, false) => "unexplained",
+        (true, true) => "explained",
+        (true, false) => "partly-explained",
+    };
+    let machine = last.model.base.fitted().count();
+    let mut from = machine;
+    let effects = steps
+        .windows(2)
+        .filter_map(|pair| {
+            let effect = pair[1].effect?;
+            let at = last.model.effects.iter().find(|(e, _)| e.name == effect.name)?;
+            let stds = &last.deviations[from..from + at.1.len()];
+            from += at.1.len();
+            let parameters = effect.parameters.iter().zip(at.1.iter().zip(stds));
+            Some(FoundEffect {
+                effect: effect.name,
+                family: effect.family.name(),
+                channel: channel(effect.family),
+                parameters: parameters
+                    .map(|(p, (value, std))| {
+                        let value = Value {
+                            value: *value,
+                            std: std.is_finite().then_some(*std),
+                            unit: units(if p.unit == "kg" { "u s^2/y" } else { p.unit }, bundle),
+                        };
+                        (p.name, value)
+                    })
+                    .collect(),
+                base_parameters_then: pair[1]
+                    .model
+                    .base
+                    .fitted()
+                    .map(|p| (p.name.to_owned(), p.value))
+                    .collect(),
+                evidence: Evidence {
+                    held_out_gain_db: 10.0 * (squares(&pair[0]) / squares(&pair[1])).log10(),
+                    p_value: pair[1].p_value,
+                    runner_up: pair[1].runner_up.map(|(e, _)| e.name),
+                    runner_up_margin_db: pair[1].runner_up.map(|(_, margin)| margin),
+                },
+            })
+        })
+        .collect();
+    let tested = first.tried.iter().map(|(effect, gain)| Tested {
+        effect: effect.name,
+        channel: channel(effect.family),
+        held_out_gain_db: *gain,
+        accepted: last.model.effects.iter().any(|(e, _)| e.name == effect.name),
+    });
+    let base = last.model.base.fitted().zip(&last.deviations);
+    Diagnosis {
+        format: 1,
+        bundle: bundle.description().name.clone(),
+        base_model: "rigid axis with viscous friction; rms are errors of the response over its size"
+            .to_owned(),
+        verdict,
+        effects,
+        noise_floor: by_output(bundle, &noise),
+        before: errors(first),
+        after: errors(last),
+        candidates: tested.collect(),
+        characterisation: None,
+        base_parameters: base
+            .map(|(p, std)| {
+                let value = Value {
+                    value: p.value,
+                    std: std.is_finite().then_some(*std),
+                    unit: String::new(),
+                };
+                (p.name.to_owned(), value)
+            })
+            .collect(),
+        responses: steps
+            .iter()
+            .map(|s| ResponseErrors {
+                model: s
+                    .effect
+                    .map_or("rigid axis".to_owned(), |e| format!("with {}", e.name)),
+                fitted: by_output(bundle, &s.fitted),
+                held_out: by_output(bundle, &s.judged),
+            })
+            .collect(),
+        axis: Vec::new(),
+        reasons,
+    }
+}
+
+fn figure(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate) -> lpv_report::Figure {
+    let frf = judged.frf();
+    let lines = frf.frequencies_hz();
+    let curves: Vec<[Vec<f64>; 3]> = (0..frf.outputs())
+        .map(|i| {
+            let left = |step: &ResponseStep| {
+                let error = |(k, f): (usize, &f64)| {
+                    (response(&step.model, *f)[i.min(1)] - frf.line(k)[(i, 0)]).norm()
+                };
+                lines.iter().enumerate().map(error).collect()
+            };
+            let measured = frf.channel(i, 0).map(|g| g.norm()).collect();
+            [measured, left(&steps[0]), left(&steps[steps.len() - 1])]
+        })
+        .collect();
+    page::over_frequency(&bundle.description().channels.output.columns, lines, &curves)
+}

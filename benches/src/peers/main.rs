@@ -1,0 +1,221 @@
+//! The hot kernels beside the tools that a user would pick instead: the same inputs, alternately in one run.
+//!
+//! `cargo xtask peers` runs this. Each side is a process of its own that prepares its inputs and then runs on demand, so that times and
+//! memory are those of the work alone; nothing of Python's start or of reading files is counted.
+
+mod child;
+mod page;
+mod works;
+
+use child::Child;
+use clap::Parser;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+use works::{Failure, Peer, WORKS, Work};
+
+/// Compares the hot kernels with other tools, and writes peers.json and the table of docs/performance.md.
+#[derive(Parser)]
+#[command(name = "cargo xtask peers")]
+struct Arguments {
+    /// Write docs/performance.md too.
+    #[arg(long)]
+    bless: bool,
+    /// Runs of each side, at least 7 for the page.
+    #[arg(long, default_value_t = 7)]
+    runs: usize,
+    /// These works only.
+    #[arg(long, value_delimiter = ',')]
+    only: Vec<String>,
+    /// Where peers.json, the inputs and the Python environment go.
+    #[arg(long, default_value = "target/peers")]
+    output: PathBuf,
+    /// Serve one work on demand, for the driver.
+    #[arg(long, hide = true)]
+    serve: Option<String>,
+    /// Threads of a served work.
+    #[arg(long, hide = true, default_value_t = 1)]
+    threads: usize,
+}
+
+/// One comparison.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct Row {
+    work: &'static str,
+    peer: &'static str,
+    threads: usize,
+    /// Median of their times over ours, run by run.
+    ratio: f64,
+    bar: f64,
+    our_error: f64,
+    their_error: f64,
+    our_mib: f64,
+    their_mib: f64,
+    our_seconds: f64,
+    their_seconds: f64,
+    /// Smallest and largest ratio of a run.
+    spread: [f64; 2],
+}
+
+#[derive(Serialize)]
+struct Account {
+    /// Packages of the environment with their versions.
+    packages: &'static [&'static str],
+    runs: usize,
+    rows: Vec<Row>,
+}
+
+/// Packages of the peers, pinned.
+const PACKAGES: [&str; 4] = [
+    "numpy==2.4.6",
+    "scipy==1.17.1",
+    "control==0.10.2",
+    "scikit-rf==2.2.0",
+];
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let result = match &arguments.serve {
+        Some(name) => serve(name, arguments.threads),
+        None => compare(&arguments),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn serve(name: &str, threads: usize) -> Result<(), Failure> {
+    let work = WORKS.iter().find(|w| w.name == name).ok_or("no such work")?;
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build_global()?;
+    let mut run = (work.ours)()?;
+    child::serve(&mut run)
+}
+
+fn compare(arguments: &Arguments) -> Result<(), Failure> {
+    let folder = std::path::absolute(&arguments.output)?;
+    std::fs::create_dir_all(&folder)?;
+    let python = match environment(&folder) {
+        Ok(python) => python,
+        Err(problem) => {
+            println!(
+                "skipped: no Python environment with {} ({problem})",
+                PACKAGES.join(", ")
+            );
+            return Ok(());
+        }
+    };
+    let mut rows = Vec::new();
+    for work in &WORKS {
+        if !(arguments.only.is_empty() || arguments.only.iter().any(|o| o == work.name)) {
+            continue;
+        }
+        let inputs = folder.join(work.name);
+        std::fs::create_dir_all(&inputs)?;
+        (work.export)(&inputs)?;
+        for peer in work.peers {
+            for threads in [1, 2] {
+                let row = measure(work, peer, threads, arguments.runs, &python, &inputs)?;
+                println!("{}", page::line(&row));
+                rows.push(row);
+            }
+        }
+        std::fs::remove_dir_all(&inputs)?;
+    }
+    let account = Account {
+        packages: &PACKAGES,
+        runs: arguments.runs,
+        rows,
+    };
+    std::fs::write(folder.join("peers.json"), serde_json::to_string_pretty(&account)?)?;
+    let page = page::page(&account.rows, arguments.runs, &PACKAGES);
+    std::fs::write(folder.join("performance.md"), &page)?;
+    if arguments.bless {
+        std::fs::write("docs/performance.md", &page)?;
+    }
+    Ok(())
+}
+
+/// The interpreter of an environment with the peers, made once.
+fn environment(folder: &Path) -> Result<PathBuf, Failure> {
+    let home = folder.join("python");
+    let python = home.join("bin/python");
+    let done = home.join("packages");
+    let wanted = PACKAGES.join("\n");
+    if std::fs::read_to_string(&done).is_ok_and(|found| found == wanted) {
+        return Ok(python);
+    }
+    let run = |command: &mut Command| -> Result<(), Failure> {
+        let out = command.output()?;
+        if out.status.success() {
+            return Ok(());
+        }
+        let text = String::from_utf8_lossy(&out.stderr);
+        Err(text
+            .lines()
+            .last()
+            .unwrap_or("it failed without a word")
+            .to_owned()
+            .into())
+    };
+    run(Command::new("python3").args(["-m", "venv"]).arg(&home))?;
+    run(Command::new(&python)
+        .args(["-m", "pip", "install", "-q"])
+        .args(PACKAGES))?;
+    std::fs::write(done, wanted)?;
+    Ok(python)
+}
+
+fn measure(
+    work: &Work,
+    peer: &Peer,
+    threads: usize,
+    runs: usize,
+    python: &Path,
+    inputs: &Path,
+) -> Result<Row, Failure> {
+    let mut one = Command::new(std::env::current_exe()?);
+    one.args(["--serve", work.name, "--threads", &threads.to_string()]);
+    let mut other = Command::new(python);
+    let script = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("peers")
+        .join(peer.script);
+    other
+        .arg(script)
+        .arg(inputs)
+        .arg(threads.to_string())
+        .arg(peer.word);
+    for variable in ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"] {
+        other.env(variable, threads.to_string());
+    }
+    let (mut ours, mut theirs) = (Child::start(&mut one)?, Child::start(&mut other)?);
+    let mut times = Vec::new();
+    for _ in 0..runs.max(1) {
+        times.push((ours.run()?, theirs.run()?));
+    }
+    let mut ratios: Vec<f64> = times.iter().map(|(a, b)| b / a).collect();
+    ratios.sort_by(f64::total_cmp);
+    let median = |mut v: Vec<f64>| {
+        v.sort_by(f64::total_cmp);
+        v[v.len() / 2]
+    };
+    Ok(Row {
+        work: work.what,
+        peer: peer.name,
+        threads,
+        ratio: median(ratios.clone()),
+        bar: peer.bar,
+        our_error: (work.error)(&ours.result(&inputs.join("ours"))?)?,
+        their_error: (work.error)(&theirs.result(&inputs.join("theirs"))?)?,
+        our_mib: ours.memory()?,
+        their_mib: theirs.memory()?,
+        our_seconds: median(times.iter().map(|t| t.0).collect()),
+        their_seconds: median(times.iter().map(|t| t.1).collect()),
+        spread: [ratios[0], ratios[ratios.len() - 1]],
+    })
+}

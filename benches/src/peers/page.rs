@@ -1,0 +1,68 @@
+//! docs/performance.md.
+
+use crate::Row;
+use std::fmt::Write as _;
+
+pub(crate) fn line(row: &Row) -> String {
+    format!(
+        "{}, {}, {} threads: {:.4} s against {:.4} s, ratio {:.1} ({:.1} to {:.1}; bar {}), errors {:.2e} and {:.2e}, {:.0} and {:.0} MiB",
+        row.work,
+        row.peer,
+        row.threads,
+        row.our_seconds,
+        row.their_seconds,
+        row.ratio,
+        row.spread[0],
+        row.spread[1],
+        row.bar,
+        row.our_error,
+        row.their_error,
+        row.our_mib,
+        row.their_mib
+    )
+}
+
+fn seconds(s: f64) -> String {
+    match s {
+        s if s < 1e-3 => format!("{:.0} us", 1e6 * s),
+        s if s < 1.0 => format!("{:.1} ms", 1e3 * s),
+        s => format!("{s:.2} s"),
+    }
+}
+
+pub(crate) fn page(rows: &[Row], runs: usize, packages: &[&str]) -> String {
+    let mut out = format!(
+        "# Performance\n\nThe hot kernels beside the tools that a user would pick instead, on the same inputs, alternately in one run of \
+         `cargo xtask peers --bless`: medians of {runs}. Times are those of the work alone; each side has read its inputs before. Errors \
+         are relative to a common truth. Peak memory is that of the process, inputs and interpreter included. Versions: {}. \
+         The scripts are in `benches/peers`.\n\n\
+         | work | peer | threads | ours | theirs | ratio (spread) | bar | error, ours | theirs | MiB, ours | theirs |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|\n",
+        packages.join(", ")
+    );
+    for r in rows {
+        // Bars hold on one thread, and for results that are as accurate.
+        let met = match (r.threads, r.ratio >= r.bar && r.our_error <= 1.01 * r.their_error) {
+            (1, true) => format!("{}: met", r.bar),
+            (1, false) => format!("{}: MISSED", r.bar),
+            _ => "-".to_owned(),
+        };
+        let _ = writeln!(
+            out,
+            "| {} | {} | {} | {} | {} | {:.1} ({:.1} to {:.1}) | {met} | {:.1e} | {:.1e} | {:.0} | {:.0} |",
+            r.work,
+            r.peer,
+            r.threads,
+            seconds(r.our_seconds),
+            seconds(r.their_seconds),
+            r.ratio,
+            r.spread[0],
+            r.spread[1],
+            r.our_error,
+            r.their_error,
+            r.our_mib,
+            r.their_mib
+        );
+    }
+    out
+}

@@ -1,0 +1,456 @@
+//! The works that are compared: their inputs, our way, and the error of a result.
+
+use frf_estimation::{Layout, PeriodicAccumulator, PeriodicSettings, SkipRule};
+use lpv_benches::Bench;
+use lpv_core::nalgebra::{DMatrix, DVector};
+use lpv_core::num_complex::Complex;
+use lpv_core::{Clock, Discrete, Frf, FrfEstimate, PeriodBlock, StateSpace};
+use lpv_ident::{RegressionSettings, regress};
+use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, Weighting, fit};
+use std::error::Error;
+use std::path::Path;
+use xytable_plant::{Experiment, ExperimentSettings, MultisineSettings};
+
+type C64 = Complex<f64>;
+pub(crate) type Failure = Box<dyn Error + Send + Sync>;
+
+/// One run, which gives the result as numbers.
+pub(crate) type Run = Box<dyn FnMut() -> Result<Vec<f64>, Failure>>;
+
+/// One of the other tools.
+pub(crate) struct Peer {
+    pub(crate) name: &'static str,
+    /// Script in `benches/peers`, and a word for it.
+    pub(crate) script: &'static str,
+    pub(crate) word: &'static str,
+    /// Ratio of the times, theirs over ours, that is asked for on one thread.
+    pub(crate) bar: f64,
+}
+
+/// What both do.
+pub(crate) struct Work {
+    pub(crate) name: &'static str,
+    pub(crate) what: &'static str,
+    pub(crate) peers: &'static [Peer],
+    /// Writes the inputs.
+    pub(crate) export: fn(&Path) -> Result<(), Failure>,
+    pub(crate) ours: fn() -> Result<Run, Failure>,
+    /// Relative error of a result.
+    pub(crate) error: fn(&[f64]) -> Result<f64, Failure>,
+}
+
+const fn peer(name: &'static str, script: &'static str, word: &'static str, bar: f64) -> Peer {
+    Peer {
+        name,
+        script,
+        word,
+        bar,
+    }
+}
+
+pub(crate) const WORKS: [Work; 5] = [
+    Work {
+        name: "frf",
+        what: "FRF of a 2x2 experiment with its covariance, 25 periods of 2^15",
+        peers: &[peer("scipy, numpy", "frf_scipy.py", "", 4.0)],
+        export: frf_export,
+        ours: frf_ours,
+        error: frf_error,
+    },
+    Work {
+        name: "poles",
+        what: "pole fit, 401 lines, 12 poles, 2x2",
+        peers: &[peer("scikit-rf", "poles_skrf.py", "", 8.0)],
+        export: poles_export,
+        ours: poles_ours,
+        error: poles_error,
+    },
+    Work {
+        name: "simulation",
+        what: "simulation at constant p, 24 states, 65,536 samples",
+        peers: &[
+            peer("python-control", "simulation_control.py", "", 50.0),
+            peer("scipy (dlsim)", "simulation_scipy.py", "", 50.0),
+        ],
+        export: simulation_export,
+        ours: simulation_ours,
+        error: simulation_error,
+    },
+    Work {
+        name: "response",
+        what: "frequency response, 24 states, 2,000 lines",
+        peers: &[peer("python-control", "response_control.py", "", 30.0)],
+        export: response_export,
+        ours: response_ours,
+        error: response_error,
+    },
+    Work {
+        name: "regression",
+        what: "regression core, 21 positions, 16,383 lines, 16 functions, 2x2, weighted by the covariance",
+        peers: &[
+            peer("numpy (lstsq)", "regression_numpy.py", "lstsq", 20.0),
+            peer("numpy (batched QR)", "regression_numpy.py", "qr", 4.0),
+        ],
+        export: regression_export,
+        ours: regression_ours,
+        error: regression_error,
+    },
+];
+
+/// States of the larger models.
+const STATES: usize = 24;
+
+fn write(folder: &Path, name: &str, values: impl IntoIterator<Item = f64>) -> Result<(), Failure> {
+    let bytes: Vec<u8> = values.into_iter().flat_map(f64::to_le_bytes).collect();
+    Ok(std::fs::write(folder.join(format!("{name}.f64")), bytes)?)
+}
+
+fn parts(z: C64) -> [f64; 2] {
+    [z.re, z.im]
+}
+
+/// Line after line, row after row.
+fn rows_of(frf: &Frf) -> Vec<f64> {
+    let mut all = Vec::with_capacity(2 * frf.values().len());
+    for k in 0..frf.len() {
+        all.extend(frf.line(k).transpose().iter().copied().flat_map(parts));
+    }
+    all
+}
+
+/// Matrices of lines as their estimate gives them.
+fn lines_of<'a>(count: usize, line: impl Fn(usize) -> lpv_core::nalgebra::DMatrixView<'a, C64>) -> Vec<f64> {
+    (0..count)
+        .flat_map(|k| {
+            line(k)
+                .transpose()
+                .iter()
+                .copied()
+                .flat_map(parts)
+                .collect::<Vec<_>>()
+        })
+        .collect()
+}
+
+fn distance(found: &[f64], truth: &[f64]) -> Result<f64, Failure> {
+    if found.len() != truth.len() {
+        return Err(format!(
+            "a result of {} numbers where {} are true",
+            found.len(),
+            truth.len()
+        )
+        .into());
+    }
+    let error: f64 = found.iter().zip(truth).map(|(a, b)| (a - b).powi(2)).sum();
+    let size: f64 = truth.iter().map(|b| b * b).sum();
+    Ok((error / size).sqrt())
+}
+
+fn system_export(folder: &Path, model: &StateSpace<Discrete>) -> Result<(), Failure> {
+    for (name, matrix) in [
+        ("a", model.a()),
+        ("b", model.b()),
+        ("c", model.c()),
+        ("d", model.d()),
+    ] {
+        write(folder, name, matrix.transpose().iter().copied())?;
+    }
+    Ok(())
+}
+
+// FRF of an experiment.
+
+const PERIOD: usize = 1 << 15;
+const PERIODS: usize = 25;
+
+/// Signals of one period of one experiment: outputs, inputs, references.
+type Period = [Vec<Vec<f64>>; 3];
+
+fn periods(bench: &Bench) -> Result<Vec<Period>, Failure> {
+    let multisine = MultisineSettings {
+        period: PERIOD,
+        crest_iterations: 2,
+        ..MultisineSettings::default()
+    };
+    let settings = ExperimentSettings {
+        periods: PERIODS,
+        ..ExperimentSettings::default()
+    };
+    let multisine = multisine.check()?;
+    let experiment = Experiment::new(&bench.machine, &bench.controller, &multisine, 0.2, settings)?;
+    let mut periods = Vec::new();
+    experiment.run(&mut |block| -> Result<(), xytable_plant::PlantError> {
+        periods.push((
+            block.experiment,
+            block.period,
+            [
+                block.outputs.to_vec(),
+                block.inputs.to_vec(),
+                block.references.to_vec(),
+            ],
+        ));
+        Ok(())
+    })?;
+    periods.sort_by_key(|(experiment, period, _)| (*experiment, *period));
+    Ok(periods.into_iter().map(|(.., signals)| signals).collect())
+}
+
+fn frf_estimate(periods: &[Period]) -> Result<FrfEstimate, Failure> {
+    let layout = Layout {
+        period: PERIOD,
+        outputs: 2,
+        inputs: 2,
+        references: 2,
+        experiments: 2,
+        sample_rate_hz: 20.0,
+    };
+    let settings = PeriodicSettings::default().skip(SkipRule::Fixed(0)).check()?;
+    let mut sums = PeriodicAccumulator::new(layout, &settings, Some(0.2))?;
+    for (i, [outputs, inputs, references]) in periods.iter().enumerate() {
+        sums.push(&PeriodBlock {
+            experiment: i / PERIODS,
+            period: i % PERIODS,
+            outputs,
+            inputs,
+            references,
+        })?;
+    }
+    Ok(sums.finish()?.estimate)
+}
+
+fn frf_export(folder: &Path) -> Result<(), Failure> {
+    let periods = periods(&Bench::new()?)?;
+    write(
+        folder,
+        "signals",
+        periods.iter().flatten().flatten().flatten().copied(),
+    )?;
+    let estimate = frf_estimate(&periods)?;
+    let width = 20.0 / PERIOD as f64;
+    let lines = estimate
+        .frf()
+        .frequencies_hz()
+        .iter()
+        .map(|f| (f / width).round());
+    write(folder, "lines", lines)
+}
+
+fn frf_ours() -> Result<Run, Failure> {
+    let periods = periods(&Bench::new()?)?;
+    Ok(Box::new(move || Ok(rows_of(frf_estimate(&periods)?.frf()))))
+}
+
+fn frf_error(found: &[f64]) -> Result<f64, Failure> {
+    let bench = Bench::new()?;
+    let periods = periods(&bench)?;
+    let lines = frf_estimate(&periods)?.frf().frequencies_hz().to_vec();
+    let truth = bench
+        .machine
+        .sampled(0.2, bench.clock)?
+        .frequency_response(&lines)?;
+    distance(found, &rows_of(&truth))
+}
+
+// Poles of an FRF.
+
+fn poles_frf(bench: &Bench) -> Result<Frf, Failure> {
+    Ok(bench.large_model(14)?.frequency_response(&bench.lines_hz(401))?)
+}
+
+fn poles_export(folder: &Path) -> Result<(), Failure> {
+    let frf = poles_frf(&Bench::new()?)?;
+    write(folder, "lines", frf.frequencies_hz().iter().copied())?;
+    write(folder, "frf", rows_of(&frf))
+}
+
+fn poles_ours() -> Result<Run, Failure> {
+    let bench = Bench::new()?;
+    let estimate = FrfEstimate::with_unit_covariance(poles_frf(&bench)?, None)?;
+    let settings = PoleFitSettings::new(12)
+        .integrators(Integrators::Fixed(2))
+        .numerator(NumeratorDegree::StrictlyProper)
+        .weighting(Weighting::Relative)
+        .check()?;
+    Ok(Box::new(move || {
+        let found = fit(&estimate, bench.clock, &settings)?;
+        Ok(rows_of(&found.response(estimate.frf().frequencies_hz())?))
+    }))
+}
+
+fn poles_error(found: &[f64]) -> Result<f64, Failure> {
+    distance(found, &rows_of(&poles_frf(&Bench::new()?)?))
+}
+
+// Simulation.
+
+const SAMPLES: usize = 1 << 16;
+
+/// The larger model without its double integrator's drift: a loop that is closed is stable.
+fn stable_model(bench: &Bench) -> Result<StateSpace<Discrete>, Failure> {
+    let model = bench.large_model(STATES)?;
+    let a = model.a() * 0.999;
+    Ok(StateSpace::new(
+        a,
+        model.b().clone(),
+        model.c().clone(),
+        model.d().clone(),
+        bench.clock,
+    )?)
+}
+
+fn simulation_inputs() -> DMatrix<f64> {
+    DMatrix::from_fn(2, SAMPLES, |i, k| {
+        ((0.37 + 0.11 * i as f64) * k as f64).sin() + 0.3 * (0.0123 * (k * k % 7919) as f64).cos()
+    })
+}
+
+fn simulation_export(folder: &Path) -> Result<(), Failure> {
+    system_export(folder, &stable_model(&Bench::new()?)?)?;
+    write(folder, "inputs", simulation_inputs().iter().copied())
+}
+
+fn simulation_ours() -> Result<Run, Failure> {
+    let model = stable_model(&Bench::new()?)?;
+    let (inputs, rest) = (simulation_inputs(), DVector::zeros(STATES));
+    Ok(Box::new(move || {
+        Ok(model.simulate(&rest, &inputs)?.outputs.as_slice().to_vec())
+    }))
+}
+
+/// A number and what rounding took from it.
+#[derive(Clone, Copy, Default)]
+struct Twofold(f64, f64);
+
+impl Twofold {
+    fn add_product(self, a: f64, b: Self) -> Self {
+        let product = a * b.0;
+        let low = a.mul_add(b.0, -product) + a * b.1;
+        let sum = self.0 + product;
+        let part = sum - self.0;
+        let lost = (self.0 - (sum - part)) + (product - part);
+        let low = self.1 + low + lost;
+        let high = sum + low;
+        Self(high, low - (high - sum))
+    }
+}
+
+fn simulation_error(found: &[f64]) -> Result<f64, Failure> {
+    let model = stable_model(&Bench::new()?)?;
+    let inputs = simulation_inputs();
+    let mut x = vec![Twofold::default(); STATES];
+    let mut truth = Vec::with_capacity(2 * SAMPLES);
+    for u in inputs.column_iter() {
+        let row = |m: &DMatrix<f64>, n: &DMatrix<f64>, i: usize| {
+            let state = x
+                .iter()
+                .enumerate()
+                .fold(Twofold::default(), |s, (j, x)| s.add_product(m[(i, j)], *x));
+            u.iter()
+                .enumerate()
+                .fold(state, |s, (j, u)| s.add_product(n[(i, j)], Twofold(*u, 0.0)))
+        };
+        truth.extend((0..2).map(|i| row(model.c(), model.d(), i).0));
+        x = (0..STATES).map(|i| row(model.a(), model.b(), i)).collect();
+    }
+    distance(found, &truth)
+}
+
+// Frequency response.
+
+fn response_export(folder: &Path) -> Result<(), Failure> {
+    let bench = Bench::new()?;
+    system_export(folder, &bench.large_model(STATES)?)?;
+    write(folder, "lines", bench.lines_hz(2000))
+}
+
+fn response_ours() -> Result<Run, Failure> {
+    let bench = Bench::new()?;
+    let (model, lines) = (bench.large_model(STATES)?, bench.lines_hz(2000));
+    Ok(Box::new(move || Ok(rows_of(&model.frequency_response(&lines)?))))
+}
+
+/// Against a dense solution a line, refined once.
+fn response_error(found: &[f64]) -> Result<f64, Failure> {
+    let bench = Bench::new()?;
+    let model = bench.large_model(STATES)?;
+    let complex = |m: &DMatrix<f64>| m.map(C64::from);
+    let (a, b, c, d) = (
+        complex(model.a()),
+        complex(model.b()),
+        complex(model.c()),
+        complex(model.d()),
+    );
+    let mut truth = Vec::new();
+    for f in bench.lines_hz(2000) {
+        let shifted = DMatrix::identity(STATES, STATES) * bench.clock.point(f) - &a;
+        let lu = shifted.clone().lu();
+        let mut x = lu.solve(&b).ok_or("a line on a pole")?;
+        x += lu.solve(&(&b - &shifted * &x)).ok_or("a line on a pole")?;
+        let g: DMatrix<C64> = &c * x + &d;
+        truth.extend(g.transpose().iter().copied().flat_map(parts));
+    }
+    distance(found, &truth)
+}
+
+// Regression.
+
+const POSITIONS: usize = 21;
+const LINES: usize = (1 << 14) - 1;
+const FUNCTIONS: usize = 16;
+
+fn regression_export(folder: &Path) -> Result<(), Failure> {
+    let bench = Bench::new()?;
+    let estimates = bench.estimates(POSITIONS, LINES)?;
+    write(folder, "frf", estimates.iter().flat_map(|e| rows_of(e.frf())))?;
+    let noise = |e: &FrfEstimate| lines_of(LINES, |k| e.output_covariance(k));
+    write(folder, "noise", estimates.iter().flat_map(noise))?;
+    let factor = |e: &FrfEstimate| lines_of(LINES, |k| e.input_factor(k));
+    write(folder, "factor", estimates.iter().flat_map(factor))?;
+    let basis = bench
+        .basis(FUNCTIONS)?
+        .frequency_response(&bench.lines_hz(LINES))?;
+    write(folder, "basis", basis.values().iter().copied().flat_map(parts))
+}
+
+fn regression_ours() -> Result<Run, Failure> {
+    let bench = Bench::new()?;
+    let (estimates, basis) = (bench.estimates(POSITIONS, LINES)?, bench.basis(FUNCTIONS)?);
+    let settings = RegressionSettings::new().check()?;
+    Ok(Box::new(move || {
+        let fits = regress(&estimates, &basis, &settings)?;
+        let mut all = Vec::new();
+        for fit in fits.fits() {
+            for n in 0..FUNCTIONS {
+                all.extend(fit.weights.columns(2 * n, 2).transpose().iter());
+            }
+        }
+        Ok(all)
+    }))
+}
+
+/// Against the exact responses: what noise and too few functions leave.
+fn regression_error(found: &[f64]) -> Result<f64, Failure> {
+    let bench = Bench::new()?;
+    let (estimates, basis) = (bench.estimates(POSITIONS, LINES)?, bench.basis(FUNCTIONS)?);
+    let phi = basis.frequency_response(&bench.lines_hz(LINES))?;
+    let (mut error, mut size) = (0.0, 0.0);
+    for (p, estimate) in estimates.iter().enumerate() {
+        let weights = &found[4 * FUNCTIONS * p..4 * FUNCTIONS * (p + 1)];
+        let truth = bench
+            .machine
+            .sampled(estimate.position().unwrap_or(0.0), bench.clock)?
+            .frequency_response(&bench.lines_hz(LINES))?;
+        for k in 0..LINES {
+            for i in 0..2 {
+                for j in 0..2 {
+                    let model: C64 = (0..FUNCTIONS)
+                        .map(|n| phi.line(k)[(n, 0)] * weights[4 * n + 2 * i + j])
+                        .sum();
+                    error += (model - truth.line(k)[(i, j)]).norm_sqr();
+                    size += truth.line(k)[(i, j)].norm_sqr();
+                }
+            }
+        }
+    }
+    Ok((error / size).sqrt())
+}

@@ -41,6 +41,21 @@ enum Task {
     /// Hide effects in random machines, diagnose their bundles, and write docs/blind.md.
     #[command(after_help = "Example:\n  cargo xtask blind --quick")]
     Blind(Blind),
+    /// Compare the hot kernels with scipy, numpy, python-control and scikit-rf, and write docs/performance.md.
+    #[command(after_help = "Example:\n  cargo xtask peers --only frf,response")]
+    Peers(Passed),
+    /// Measure how near the hot kernels are to the machine's limits and how they grow, and write docs/limits.md.
+    #[command(after_help = "Example:\n  cargo xtask limits")]
+    Limits(Passed),
+}
+
+/// Options of a program of the benches.
+#[derive(clap::Args)]
+#[command(disable_help_flag = true)]
+struct Passed {
+    /// Its options; `--help` tells them.
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    options: Vec<String>,
 }
 
 /// Options of the bench of hidden effects.
@@ -129,6 +144,8 @@ fn main() -> ExitCode {
         Task::Measured(options) => run_measured(&options).map(|()| true),
         Task::Small(options) => run_small(&options).map(|()| true),
         Task::Blind(options) => run_blind(&options),
+        Task::Peers(passed) => run_bench("peers", &passed.options),
+        Task::Limits(passed) => run_bench("limits", &passed.options),
     };
     match done {
         Ok(true) => ExitCode::SUCCESS,
@@ -138,6 +155,25 @@ fn main() -> ExitCode {
             ExitCode::from(1)
         }
     }
+}
+
+/// Builds and runs a program of the benches: they depend on the kernels only.
+fn run_bench(name: &str, options: &[String]) -> Result<bool, TaskError> {
+    let status = std::process::Command::new("cargo")
+        .args([
+            "run",
+            "--quiet",
+            "--release",
+            "--package",
+            "lpv-benches",
+            "--bin",
+            name,
+            "--",
+        ])
+        .args(options)
+        .current_dir(root())
+        .status()?;
+    Ok(status.success())
 }
 
 fn run_measured(options: &Pages) -> Result<(), TaskError> {

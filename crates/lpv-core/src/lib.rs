@@ -76,6 +76,7 @@ mod polynomial;
 mod range;
 mod realise;
 mod record;
+mod recursion;
 mod response;
 mod rigid_body;
 mod sampled;

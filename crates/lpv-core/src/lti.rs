@@ -2,6 +2,7 @@
 
 use crate::clock::same_clock;
 use crate::linalg::{block_diagonal, dimension, eigenvalues, finite, finite_vector, from_blocks, square};
+use crate::recursion::Recursion;
 use crate::{Clock, CoreError, Discrete};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
@@ -179,15 +180,8 @@ impl StateSpace<Discrete> {
         dimension("simulation: rows of the input", self.inputs(), inputs.nrows())?;
         finite("simulation: input", inputs)?;
         finite_vector("simulation: initial state", initial_state)?;
-        let mut outputs = &self.d * inputs;
         let mut x = initial_state.clone();
-        let mut next = x.clone();
-        for k in 0..inputs.ncols() {
-            outputs.column_mut(k).gemv(1.0, &self.c, &x, 1.0);
-            next.gemv(1.0, &self.a, &x, 0.0);
-            next.gemv(1.0, &self.b, &inputs.column(k), 1.0);
-            std::mem::swap(&mut x, &mut next);
-        }
+        let outputs = Recursion::new(&self.a, &self.b, &self.c, &self.d).run(&mut x, inputs);
         Ok(Trajectory {
             outputs,
             final_state: x,

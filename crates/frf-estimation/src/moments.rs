@@ -43,6 +43,14 @@ impl Moments {
 
     /// Takes one observation: planes `re, im` of channel 0, then of channel 1, and so on.
     pub(crate) fn push(&mut self, planes: &[f64]) {
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || self.add(planes),
+        );
+    }
+
+    #[inline(always)]
+    fn add(&mut self, planes: &[f64]) {
         self.count += 1;
         let inverse = 1.0 / self.count as f64;
         let weight = 1.0 - inverse;

@@ -48,7 +48,12 @@ impl Spectra {
         let scale = 1.0 / signal.len() as f64;
         // A constant offset is removed by hand: its leakage is zero in theory, and rounding of a large offset would
         // raise the noise of every line.
-        let mean = signal.iter().sum::<f64>() * scale;
+        let mut sums = [0.0; 16];
+        let (wide, last) = signal.as_chunks::<16>();
+        for values in wide {
+            sums.iter_mut().zip(values).for_each(|(s, v)| *s += v);
+        }
+        let mean = (sums.iter().sum::<f64>() + last.iter().sum::<f64>()) * scale;
         if self.input.len() != signal.len() {
             return Err(realfft::FftError::InputBuffer(self.input.len(), signal.len()).into());
         }

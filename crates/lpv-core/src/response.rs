@@ -4,21 +4,20 @@ use crate::linalg::finite;
 use crate::{Clock, CoreError, Frf, StateSpace};
 use nalgebra::{DMatrix, Hessenberg};
 use num_complex::Complex;
+use pulp::{Simd, WithSimd};
 
 /// A model reduced to Hessenberg form, ready to be evaluated at many points.
 ///
 /// With `A = Q H Q^T`, the response is `C Q (z I - H)^-1 Q^T B + D`; `z I - H` is solved by elimination between
-/// neighbouring rows with pivoting (Laub, IEEE TAC 26(2), 1981), for several points at a time, one in each lane of the
-/// vector registers that the machine has. The result does not depend on how wide they are.
+/// neighbouring rows with pivoting (Laub, IEEE TAC 26(2), 1981), for as many points at a time as a vector register of the
+/// machine has lanes.
 #[derive(Debug, Clone)]
 pub struct ResponseKernel {
     h: DMatrix<f64>,
     b: DMatrix<f64>,
     c: DMatrix<f64>,
     d: DMatrix<f64>,
-    work: Vec<Lanes>,
-    rhs: Vec<Lanes>,
-    arch: pulp::Arch,
+    work: Vec<f64>,
 }
 
 impl ResponseKernel {
@@ -34,9 +33,7 @@ impl ResponseKernel {
             b: q.transpose() * system.b(),
             c: system.c() * &q,
             d: system.d().clone(),
-            work: vec![Lanes::ZERO; n * n],
-            rhs: vec![Lanes::ZERO; n * system.inputs()],
-            arch: pulp::Arch::new(),
+            work: vec![0.0; 2 * WIDEST * n * (n + system.inputs())],
             h,
         }
     }
@@ -50,177 +47,193 @@ impl ResponseKernel {
     /// # Panics
     /// Never, if `out` has `n_y n_u` entries a point; a shorter slice is filled as far as it goes.
     pub fn evaluate(&mut self, points: &[Complex<f64>], out: &mut [Complex<f64>]) -> Result<(), usize> {
-        let size = self.d.len();
-        let arch = self.arch;
-        for (block, points) in points.chunks(LANES).enumerate() {
-            let from = (block * LANES * size).min(out.len());
-            let out = &mut out[from..];
-            let poles = arch.dispatch(|| self.block(points, out));
-            if let Some(lane) = poles[..points.len()].iter().position(|pole| *pole) {
-                return Err(block * LANES + lane);
+        pulp::Arch::new().dispatch(Points {
+            kernel: self,
+            points,
+            out,
+        })
+    }
+}
+
+/// Most lanes that a register of doubles has.
+const WIDEST: usize = 8;
+
+/// All points, in the registers of one kind of machine.
+struct Points<'a> {
+    kernel: &'a mut ResponseKernel,
+    points: &'a [Complex<f64>],
+    out: &'a mut [Complex<f64>],
+}
+
+impl WithSimd for Points<'_> {
+    type Output = Result<(), usize>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+        let lanes = S::F64_LANES;
+        let size = self.kernel.d.len();
+        for (block, points) in self.points.chunks(lanes).enumerate() {
+            let from = (block * lanes * size).min(self.out.len());
+            if let Err(lane) = self.kernel.block(simd, points, &mut self.out[from..]) {
+                return Err(block * lanes + lane);
             }
         }
         Ok(())
     }
+}
 
-    /// The response at as many points as there are lanes, or fewer; which of them are poles.
+impl ResponseKernel {
+    /// The response at as many points as there are lanes, or fewer; the first of them that is a pole.
     #[inline(always)]
-    fn block(&mut self, points: &[Complex<f64>], out: &mut [Complex<f64>]) -> [bool; LANES] {
+    fn block<S: Simd>(
+        &mut self,
+        simd: S,
+        points: &[Complex<f64>],
+        out: &mut [Complex<f64>],
+    ) -> Result<(), usize> {
         let n = self.h.nrows();
         let (ny, nu) = self.d.shape();
-        let z = Lanes::of(points);
+        let (all, _) = S::as_mut_simd_f64s(&mut self.work);
+        let (all, _) = all.as_chunks_mut::<2>();
+        let (work, rest) = all.split_at_mut(n * n);
+        let rhs = &mut rest[..n * nu];
+        let (zero, z) = (simd.splat_f64s(0.0), lanes_of::<S>(simd, points));
         for i in 0..n {
             for j in i.saturating_sub(1)..n {
-                self.work[i * n + j] = Lanes::real(-self.h[(i, j)]);
+                work[i * n + j] = [simd.splat_f64s(-self.h[(i, j)]), zero];
             }
-            self.work[i * n + i].add(&z);
+            let [re, _] = work[i * n + i];
+            work[i * n + i] = [simd.add_f64s(re, z[0]), z[1]];
             for j in 0..nu {
-                self.rhs[i * nu + j] = Lanes::real(self.b[(i, j)]);
+                rhs[i * nu + j] = [simd.splat_f64s(self.b[(i, j)]), zero];
             }
         }
-        self.solve(n, nu);
+        solve::<S>(simd, work, rhs, n, nu);
         for j in 0..nu {
             for i in 0..ny {
-                let mut sum = Lanes::real(self.d[(i, j)]);
+                let mut sum = [simd.splat_f64s(self.d[(i, j)]), zero];
                 for k in 0..n {
-                    sum.add_scaled(&self.rhs[k * nu + j], self.c[(i, k)]);
+                    let c = simd.splat_f64s(self.c[(i, k)]);
+                    let x = rhs[k * nu + j];
+                    sum = [
+                        simd.mul_add_f64s(c, x[0], sum[0]),
+                        simd.mul_add_f64s(c, x[1], sum[1]),
+                    ];
                 }
+                let [re, im] = sum.map(|s| values_of::<S>(simd, s));
                 for lane in 0..points.len() {
                     if let Some(o) = out.get_mut(lane * ny * nu + j * ny + i) {
-                        *o = Complex::new(sum.re[lane], sum.im[lane]);
+                        *o = Complex::new(re[lane], im[lane]);
                     }
                 }
             }
         }
-        let mut poles = [false; LANES];
-        for v in &self.rhs {
-            for lane in 0..LANES {
-                poles[lane] |= !(v.re[lane].is_finite() && v.im[lane].is_finite());
-            }
-        }
-        poles
-    }
-
-    #[inline(always)]
-    fn solve(&mut self, n: usize, nu: usize) {
-        for k in 0..n.saturating_sub(1) {
-            let (top, bottom) = self.work.split_at_mut((k + 1) * n);
-            let (row, next) = (&mut top[k * n + k..], &mut bottom[k..n]);
-            let (above, below) = self.rhs.split_at_mut((k + 1) * nu);
-            let (above, below) = (&mut above[k * nu..], &mut below[..nu]);
-            let larger = next[0].exceeds(&row[0]);
-            if larger.contains(&true) {
-                let rows = row.iter_mut().zip(next.iter_mut());
-                for (one, other) in rows.chain(above.iter_mut().zip(below.iter_mut())) {
-                    Lanes::swap_where(&larger, one, other);
-                }
-            }
-            let factor = next[0].over(&row[0]);
-            for (next, row) in next[1..].iter_mut().zip(&row[1..]) {
-                next.subtract_product(&factor, row);
-            }
-            for (below, above) in below.iter_mut().zip(above.iter()) {
-                below.subtract_product(&factor, above);
-            }
-        }
-        for k in (0..n).rev() {
-            let inverse = Lanes::real(1.0).over(&self.work[k * n + k]);
-            let (known, solved) = self.rhs.split_at_mut((k + 1) * nu);
-            for j in 0..nu {
-                let sum = &mut known[k * nu + j];
-                for l in k + 1..n {
-                    sum.subtract_product(&self.work[k * n + l], &solved[(l - k - 1) * nu + j]);
-                }
-                *sum = sum.times(&inverse);
-            }
+        // What is not finite minus itself is not zero.
+        let left = rhs
+            .iter()
+            .flatten()
+            .fold(zero, |sum, v| simd.add_f64s(sum, simd.sub_f64s(*v, *v)));
+        match values_of::<S>(simd, left)[..points.len()]
+            .iter()
+            .position(|l| *l != 0.0)
+        {
+            Some(lane) => Err(lane),
+            None => Ok(()),
         }
     }
 }
 
-/// Points that are solved for together: one or more registers, of whatever width.
-const LANES: usize = 8;
+/// One complex number of each point: real and imaginary parts.
+type Lanes<S> = [<S as Simd>::f64s; 2];
 
-/// One complex number of each point.
-#[derive(Debug, Clone, Copy)]
-struct Lanes {
-    re: [f64; LANES],
-    im: [f64; LANES],
-}
-
-impl Lanes {
-    const ZERO: Self = Self {
-        re: [0.0; LANES],
-        im: [0.0; LANES],
+/// The last point fills the lanes that are left.
+#[inline(always)]
+fn lanes_of<S: Simd>(simd: S, points: &[Complex<f64>]) -> Lanes<S> {
+    let at = |lane: usize| points[lane.min(points.len() - 1)];
+    let load = |values: [f64; WIDEST]| match S::as_simd_f64s(&values).0.first() {
+        Some(lanes) => *lanes,
+        None => simd.splat_f64s(values[0]),
     };
+    [
+        load(std::array::from_fn(|lane| at(lane).re)),
+        load(std::array::from_fn(|lane| at(lane).im)),
+    ]
+}
 
-    /// The last point fills the lanes that are left.
-    #[inline(always)]
-    fn of(points: &[Complex<f64>]) -> Self {
-        let at = |lane: usize| points[lane.min(points.len() - 1)];
-        Self {
-            re: std::array::from_fn(|lane| at(lane).re),
-            im: std::array::from_fn(|lane| at(lane).im),
+/// Values by lane; zero where there is none.
+#[inline(always)]
+fn values_of<S: Simd>(_simd: S, lanes: S::f64s) -> [f64; WIDEST] {
+    let mut values = [0.0; WIDEST];
+    if let Some(first) = S::as_mut_simd_f64s(&mut values).0.first_mut() {
+        *first = lanes;
+    }
+    values
+}
+
+/// `sum - a b`.
+#[inline(always)]
+fn less<S: Simd>(simd: S, sum: Lanes<S>, a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {
+    let re = simd.mul_add_f64s(a[1], b[1], simd.sub_f64s(sum[0], simd.mul_f64s(a[0], b[0])));
+    let im = simd.sub_f64s(sum[1], simd.mul_add_f64s(a[0], b[1], simd.mul_f64s(a[1], b[0])));
+    [re, im]
+}
+
+/// `a / b`.
+#[inline(always)]
+fn over<S: Simd>(simd: S, a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {
+    let square = simd.mul_add_f64s(b[0], b[0], simd.mul_f64s(b[1], b[1]));
+    let re = simd.mul_add_f64s(a[0], b[0], simd.mul_f64s(a[1], b[1]));
+    let im = simd.sub_f64s(simd.mul_f64s(a[1], b[0]), simd.mul_f64s(a[0], b[1]));
+    [simd.div_f64s(re, square), simd.div_f64s(im, square)]
+}
+
+/// The sum of the absolute values of the parts.
+#[inline(always)]
+fn size<S: Simd>(simd: S, a: Lanes<S>) -> S::f64s {
+    simd.add_f64s(simd.abs_f64s(a[0]), simd.abs_f64s(a[1]))
+}
+
+/// Solves the Hessenberg systems in place.
+#[inline(always)]
+fn solve<S: Simd>(simd: S, work: &mut [Lanes<S>], rhs: &mut [Lanes<S>], n: usize, nu: usize) {
+    for k in 0..n.saturating_sub(1) {
+        let (top, bottom) = work.split_at_mut((k + 1) * n);
+        let (row, next) = (&mut top[k * n + k..], &mut bottom[k..n]);
+        let (above, below) = rhs.split_at_mut((k + 1) * nu);
+        let (above, below) = (&mut above[k * nu..], &mut below[..nu]);
+        let larger = simd.greater_than_f64s(size(simd, next[0]), size(simd, row[0]));
+        if simd.first_true_m64s(larger) < S::F64_LANES {
+            let rows = row.iter_mut().zip(next.iter_mut());
+            for (one, other) in rows.chain(above.iter_mut().zip(below.iter_mut())) {
+                for (one, other) in one.iter_mut().zip(other.iter_mut()) {
+                    let (a, b) = (*one, *other);
+                    *one = simd.select_f64s(larger, b, a);
+                    *other = simd.select_f64s(larger, a, b);
+                }
+            }
+        }
+        let factor = over(simd, next[0], row[0]);
+        for (next, row) in next[1..].iter_mut().zip(&row[1..]) {
+            *next = less(simd, *next, factor, *row);
+        }
+        for (below, above) in below.iter_mut().zip(above.iter()) {
+            *below = less(simd, *below, factor, *above);
         }
     }
-    #[inline(always)]
-    fn real(v: f64) -> Self {
-        Self {
-            re: [v; LANES],
-            ..Self::ZERO
-        }
-    }
-    #[inline(always)]
-    fn add(&mut self, other: &Self) {
-        self.add_scaled(other, 1.0);
-    }
-    #[inline(always)]
-    fn add_scaled(&mut self, other: &Self, factor: f64) {
-        for l in 0..LANES {
-            self.re[l] += other.re[l] * factor;
-            self.im[l] += other.im[l] * factor;
-        }
-    }
-    #[inline(always)]
-    fn subtract_product(&mut self, a: &Self, b: &Self) {
-        for l in 0..LANES {
-            self.re[l] -= a.re[l] * b.re[l] - a.im[l] * b.im[l];
-            self.im[l] -= a.re[l] * b.im[l] + a.im[l] * b.re[l];
-        }
-    }
-    #[inline(always)]
-    fn times(&self, other: &Self) -> Self {
-        let mut product = Self::ZERO;
-        for l in 0..LANES {
-            product.re[l] = self.re[l] * other.re[l] - self.im[l] * other.im[l];
-            product.im[l] = self.re[l] * other.im[l] + self.im[l] * other.re[l];
-        }
-        product
-    }
-    #[inline(always)]
-    fn over(&self, other: &Self) -> Self {
-        let mut ratio = Self::ZERO;
-        for l in 0..LANES {
-            let (a, b, c, d) = (self.re[l], self.im[l], other.re[l], other.im[l]);
-            let square = c * c + d * d;
-            ratio.re[l] = (a * c + b * d) / square;
-            ratio.im[l] = (b * c - a * d) / square;
-        }
-        ratio
-    }
-    /// Where it is larger, by the sum of the absolute values of its parts.
-    #[inline(always)]
-    fn exceeds(&self, other: &Self) -> [bool; LANES] {
-        let size = |v: &Self, l: usize| v.re[l].abs() + v.im[l].abs();
-        std::array::from_fn(|l| size(self, l) > size(other, l))
-    }
-    #[inline(always)]
-    fn swap_where(mask: &[bool; LANES], one: &mut Self, other: &mut Self) {
-        let (a, b) = (*one, *other);
-        for l in 0..LANES {
-            one.re[l] = if mask[l] { b.re[l] } else { a.re[l] };
-            one.im[l] = if mask[l] { b.im[l] } else { a.im[l] };
-            other.re[l] = if mask[l] { a.re[l] } else { b.re[l] };
-            other.im[l] = if mask[l] { a.im[l] } else { b.im[l] };
+    let one = [simd.splat_f64s(1.0), simd.splat_f64s(0.0)];
+    let none = [simd.splat_f64s(0.0); 2];
+    for k in (0..n).rev() {
+        let inverse = over(simd, one, work[k * n + k]);
+        let (known, solved) = rhs.split_at_mut((k + 1) * nu);
+        let row = &work[k * n + k + 1..(k + 1) * n];
+        for j in 0..nu {
+            let mut sum = known[k * nu + j];
+            for (factor, solved) in row.iter().zip(solved.chunks_exact(nu)) {
+                sum = less(simd, sum, *factor, solved[j]);
+            }
+            // None less the product of what is less than none.
+            let negative = less(simd, none, sum, inverse);
+            known[k * nu + j] = negative.map(|v| simd.neg_f64s(v));
         }
     }
 }

@@ -398,23 +398,59 @@ const POSITIONS: usize = 21;
 const LINES: usize = (1 << 14) - 1;
 const FUNCTIONS: usize = 16;
 
-fn regression_export(folder: &Path) -> Result<(), Failure> {
+/// Weight of a function in a channel: any, but known.
+fn true_weight(p: usize, n: usize, i: usize, j: usize) -> f64 {
+    1e-3 * (1.0 + 0.3 * p as f64 + 1.7 * n as f64 + 2.9 * i as f64 + 4.1 * j as f64).sin()
+}
+
+/// Responses of known weights with the noise of an experiment and its covariance; and the basis.
+fn regression_inputs() -> Result<(Vec<FrfEstimate>, StateSpace<Discrete>), Failure> {
     let bench = Bench::new()?;
-    let estimates = bench.estimates(POSITIONS, LINES)?;
+    let (basis, lines) = (bench.basis(FUNCTIONS)?, bench.lines_hz(LINES));
+    let phi = basis.frequency_response(&lines)?;
+    let estimates = bench
+        .estimates(POSITIONS, LINES)?
+        .into_iter()
+        .enumerate()
+        .map(|(p, estimate)| {
+            let position = estimate.position().unwrap_or(0.0);
+            let plant = bench
+                .machine
+                .sampled(position, bench.clock)?
+                .frequency_response(&lines)?;
+            let mut frf = estimate.frf().clone();
+            for k in 0..LINES {
+                let (functions, exact) = (phi.line(k), plant.line(k));
+                for (at, value) in frf.line_slice_mut(k).iter_mut().enumerate() {
+                    let (i, j) = (at % 2, at / 2);
+                    let model: C64 = (0..FUNCTIONS)
+                        .map(|n| functions[(n, 0)] * true_weight(p, n, i, j))
+                        .sum();
+                    *value += model - exact[(i, j)];
+                }
+            }
+            let all = |line: &dyn Fn(usize) -> Vec<C64>| (0..LINES).flat_map(line).collect::<Vec<_>>();
+            let noise = all(&|k| estimate.output_covariance(k).iter().copied().collect());
+            let factor = all(&|k| estimate.input_factor(k).iter().copied().collect());
+            let degrees = estimate.degrees_of_freedom();
+            Ok(FrfEstimate::new(frf, noise, factor, degrees, Some(position))?)
+        });
+    Ok((estimates.collect::<Result<_, Failure>>()?, basis))
+}
+
+fn regression_export(folder: &Path) -> Result<(), Failure> {
+    let (estimates, basis) = regression_inputs()?;
     write(folder, "frf", estimates.iter().flat_map(|e| rows_of(e.frf())))?;
     let noise = |e: &FrfEstimate| lines_of(LINES, |k| e.output_covariance(k));
     write(folder, "noise", estimates.iter().flat_map(noise))?;
     let factor = |e: &FrfEstimate| lines_of(LINES, |k| e.input_factor(k));
     write(folder, "factor", estimates.iter().flat_map(factor))?;
-    let basis = bench
-        .basis(FUNCTIONS)?
-        .frequency_response(&bench.lines_hz(LINES))?;
-    write(folder, "basis", basis.values().iter().copied().flat_map(parts))
+    let phi = basis.frequency_response(estimates[0].frf().frequencies_hz())?;
+    write(folder, "basis", phi.values().iter().copied().flat_map(parts))
 }
 
 fn regression_ours() -> Result<Run, Failure> {
-    let bench = Bench::new()?;
-    let (estimates, basis) = (bench.estimates(POSITIONS, LINES)?, bench.basis(FUNCTIONS)?);
+    let (estimates, basis) = regression_inputs()?;
     let settings = RegressionSettings::new().check()?;
     Ok(Box::new(move || {
         let fits = regress(&estimates, &basis, &settings)?;
@@ -428,29 +464,13 @@ fn regression_ours() -> Result<Run, Failure> {
     }))
 }
 
-/// Against the exact responses: what noise and too few functions leave.
+/// Against the known weights: what the noise leaves.
 fn regression_error(found: &[f64]) -> Result<f64, Failure> {
-    let bench = Bench::new()?;
-    let (estimates, basis) = (bench.estimates(POSITIONS, LINES)?, bench.basis(FUNCTIONS)?);
-    let phi = basis.frequency_response(&bench.lines_hz(LINES))?;
-    let (mut error, mut size) = (0.0, 0.0);
-    for (p, estimate) in estimates.iter().enumerate() {
-        let weights = &found[4 * FUNCTIONS * p..4 * FUNCTIONS * (p + 1)];
-        let truth = bench
-            .machine
-            .sampled(estimate.position().unwrap_or(0.0), bench.clock)?
-            .frequency_response(&bench.lines_hz(LINES))?;
-        for k in 0..LINES {
-            for i in 0..2 {
-                for j in 0..2 {
-                    let model: C64 = (0..FUNCTIONS)
-                        .map(|n| phi.line(k)[(n, 0)] * weights[4 * n + 2 * i + j])
-                        .sum();
-                    error += (model - truth.line(k)[(i, j)]).norm_sqr();
-                    size += truth.line(k)[(i, j)].norm_sqr();
-                }
-            }
+    let mut truth = Vec::new();
+    for p in 0..POSITIONS {
+        for n in 0..FUNCTIONS {
+            truth.extend([(0, 0), (0, 1), (1, 0), (1, 1)].map(|(i, j)| true_weight(p, n, i, j)));
         }
     }
-    Ok((error / size).sqrt())
+    distance(found, &truth)
 }

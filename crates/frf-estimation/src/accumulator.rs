@@ -2,7 +2,7 @@
 
 use crate::moments::Moments;
 use crate::periodic::{Averages, PeriodicEstimate};
-use crate::spectra::Spectra;
+use crate::spectra::{Spectra, sum};
 use crate::{CheckedSettings, FrfError, SkipRule};
 use lpv_core::PeriodBlock;
 
@@ -84,7 +84,7 @@ impl Experiment {
         references: &[Vec<f64>],
         spectra: &mut Spectra,
         planes: &mut [f64],
-        lines: usize,
+        (lines, used): (usize, usize),
     ) -> Result<(), FrfError> {
         let size = 2 * references.len() * lines;
         if self.first_reference.is_empty() {
@@ -99,7 +99,7 @@ impl Experiment {
             if self.reference_repeats {
                 // The periods before this one were alike and stand for one entry so far: give each its weight.
                 spectra.planes(first, lines, planes)?;
-                for _ in 2..self.moments.count() {
+                for _ in 2..used {
                     self.reference.push(&planes[..size]);
                 }
                 self.reference_repeats = false;
@@ -115,8 +115,8 @@ impl Experiment {
 /// Streaming estimator for the experiments at one scheduling position.
 ///
 /// Experiments may be interleaved in any order; the periods of an experiment come in order. Memory does not grow with
-/// the number of periods: `n_z (n_z + 2) + n_r (n_r + 2)` numbers a line and experiment, `n_z = n_y + n_u`. The transform of
-/// a reference that repeats exactly is computed once an experiment, and skipped periods are not transformed at all.
+/// the number of periods: `n_z (n_z + 2) + n_r (n_r + 2)` numbers a line and experiment, `n_z = n_y + n_u`, and `8 n_z` a line for
+/// periods that are taken up together; so it helps to push those of one experiment in a row. The transform of a reference that repeats exactly is computed once an experiment, and skipped periods are not transformed at all.
 pub struct PeriodicAccumulator {
     layout: Layout,
     settings: CheckedSettings,
@@ -124,9 +124,17 @@ pub struct PeriodicAccumulator {
     skip: usize,
     lines: usize,
     spectra: Option<Spectra>,
+    /// Spectra of periods that wait, all of one experiment.
     planes: Vec<f64>,
+    waiting: usize,
+    waiting_of: usize,
+    references: Vec<f64>,
     experiments: Vec<Option<Experiment>>,
 }
+
+/// Periods that are taken up together: what is kept of an experiment is larger than the caches, and read and written once for
+/// all of them.
+const TOGETHER: usize = 4;
 
 impl std::fmt::Debug for PeriodicAccumulator {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -167,6 +175,9 @@ impl PeriodicAccumulator {
             lines,
             spectra: None,
             planes: Vec::new(),
+            waiting: 0,
+            waiting_of: 0,
+            references: Vec::new(),
             experiments: (0..layout.experiments).map(|_| None).collect(),
         })
     }
@@ -186,6 +197,10 @@ impl PeriodicAccumulator {
             ..
         } = self.layout;
         let (lines, nz) = (self.lines, outputs + inputs);
+        if self.waiting_of != block.experiment {
+            self.take_up();
+            self.waiting_of = block.experiment;
+        }
         let experiment = self.experiments[block.experiment].get_or_insert_with(|| Experiment {
             next_period: 0,
             moments: Moments::new(nz, lines),
@@ -199,15 +214,30 @@ impl PeriodicAccumulator {
             return Ok(());
         }
         let spectra = self.spectra.get_or_insert_with(|| Spectra::new(period));
-        self.planes.resize(2 * nz.max(references) * lines, 0.0);
+        let size = 2 * nz * lines;
+        self.planes.resize(TOGETHER * size, 0.0);
         let channels = block.outputs.iter().chain(block.inputs).map(Vec::as_slice);
-        spectra.planes(channels, lines, &mut self.planes)?;
-        experiment.moments.push(&self.planes[..2 * nz * lines]);
+        spectra.planes(channels, lines, &mut self.planes[self.waiting * size..])?;
+        self.waiting += 1;
         experiment.next_period += 1;
         if references > 0 {
-            experiment.push_reference(block.references, spectra, &mut self.planes, lines)?;
+            self.references.resize(2 * references * lines, 0.0);
+            let used = experiment.next_period - self.skip;
+            experiment.push_reference(block.references, spectra, &mut self.references, (lines, used))?;
+        }
+        if self.waiting == TOGETHER {
+            self.take_up();
         }
         Ok(())
+    }
+
+    /// Takes up the periods that wait.
+    fn take_up(&mut self) {
+        let size = 2 * (self.layout.outputs + self.layout.inputs) * self.lines;
+        if let Some(experiment) = &mut self.experiments[self.waiting_of] {
+            experiment.moments.push(&self.planes[..self.waiting * size]);
+        }
+        self.waiting = 0;
     }
 
     /// The estimate from all periods.
@@ -215,7 +245,8 @@ impl PeriodicAccumulator {
     /// # Errors
     /// [`FrfError::TooFewPeriods`], [`FrfError::References`], [`FrfError::NoExcitation`], [`FrfError::Singular`],
     /// [`FrfError::Core`] where numbers overflow.
-    pub fn finish(self) -> Result<PeriodicEstimate, FrfError> {
+    pub fn finish(mut self) -> Result<PeriodicEstimate, FrfError> {
+        self.take_up();
         let mut experiments = Vec::with_capacity(self.experiments.len());
         for (experiment, data) in self.experiments.into_iter().enumerate() {
             let used = data.as_ref().map_or(0, |d| d.moments.count());
@@ -306,13 +337,8 @@ pub(crate) fn finite(
     channel: usize,
     samples: &[f64],
 ) -> Result<(), FrfError> {
-    // What is not finite times zero is not zero; a sum without branches is looked at by many lanes at once.
-    let mut sums = [0.0; 16];
-    let (wide, last) = samples.as_chunks::<16>();
-    for values in wide {
-        sums.iter_mut().zip(values).for_each(|(s, v)| *s += v * 0.0);
-    }
-    if sums.iter().all(|s| *s == 0.0) && last.iter().all(|v| v.is_finite()) {
+    // A sum with something in it that is not finite is not finite either.
+    if sum(samples).is_finite() {
         return Ok(());
     }
     match samples.iter().position(|v| !v.is_finite()) {

@@ -41,7 +41,8 @@ impl Moments {
         self.count
     }
 
-    /// Takes one observation: planes `re, im` of channel 0, then of channel 1, and so on.
+    /// Takes observations, one after the other: of each the planes `re, im` of channel 0, then of channel 1, and so on. What is kept
+    /// is read and written once for all of them.
     pub(crate) fn push(&mut self, planes: &[f64]) {
         pulp::Arch::new().dispatch(
             #[inline(always)]
@@ -51,47 +52,57 @@ impl Moments {
 
     #[inline(always)]
     fn add(&mut self, planes: &[f64]) {
-        self.count += 1;
-        let inverse = 1.0 / self.count as f64;
+        let size = (2 * self.channels * self.lines).max(1);
+        let before = self.count;
+        for start in (0..self.lines).step_by(CHUNK) {
+            for (m, planes) in planes.chunks_exact(size).enumerate() {
+                self.add_chunk(planes, start, before + m + 1);
+            }
+        }
+        self.count += planes.len() / size;
+    }
+
+    /// Lines from `start` of the observation that makes `count`.
+    #[inline(always)]
+    fn add_chunk(&mut self, planes: &[f64], start: usize, count: usize) {
+        let inverse = 1.0 / count as f64;
         let weight = 1.0 - inverse;
         let lines = self.lines;
-        for start in (0..lines).step_by(CHUNK) {
-            let width = CHUNK.min(lines - start);
-            for plane in 0..2 * self.channels {
-                let range = plane * lines + start..plane * lines + start + width;
-                let z = &planes[range.clone()];
-                let mean = &mut self.mean[range];
-                let d = &mut self.deviation[plane * CHUNK..plane * CHUNK + width];
-                for ((d, m), z) in d.iter_mut().zip(mean).zip(z) {
-                    *d = z - *m;
-                    *m += *d * inverse;
-                }
+        let width = CHUNK.min(lines - start);
+        for plane in 0..2 * self.channels {
+            let range = plane * lines + start..plane * lines + start + width;
+            let z = &planes[range.clone()];
+            let mean = &mut self.mean[range];
+            let d = &mut self.deviation[plane * CHUNK..plane * CHUNK + width];
+            for ((d, m), z) in d.iter_mut().zip(mean).zip(z) {
+                *d = z - *m;
+                *m += *d * inverse;
             }
-            if self.count == 1 {
-                continue;
+        }
+        if count == 1 {
+            return;
+        }
+        let part = |c: usize, p: usize| {
+            let at = (2 * c + p) * CHUNK;
+            &self.deviation[at..at + width]
+        };
+        let mut plane = 0;
+        for i in 0..self.channels {
+            let (ar, ai) = (part(i, 0), part(i, 1));
+            let at = plane * lines + start;
+            for ((s, a), b) in self.scatter[at..at + width].iter_mut().zip(ar).zip(ai) {
+                *s += weight * (a * a + b * b);
             }
-            let part = |c: usize, p: usize| {
-                let at = (2 * c + p) * CHUNK;
-                &self.deviation[at..at + width]
-            };
-            let mut plane = 0;
-            for i in 0..self.channels {
-                let (ar, ai) = (part(i, 0), part(i, 1));
+            plane += 1;
+            for j in i + 1..self.channels {
+                let (br, bi) = (part(j, 0), part(j, 1));
                 let at = plane * lines + start;
-                for ((s, a), b) in self.scatter[at..at + width].iter_mut().zip(ar).zip(ai) {
-                    *s += weight * (a * a + b * b);
+                let (re, im) = self.scatter[at..at + lines + width].split_at_mut(lines);
+                for l in 0..width {
+                    re[l] += weight * (ar[l] * br[l] + ai[l] * bi[l]);
+                    im[l] += weight * (ai[l] * br[l] - ar[l] * bi[l]);
                 }
-                plane += 1;
-                for j in i + 1..self.channels {
-                    let (br, bi) = (part(j, 0), part(j, 1));
-                    let at = plane * lines + start;
-                    let (re, im) = self.scatter[at..at + lines + width].split_at_mut(lines);
-                    for l in 0..width {
-                        re[l] += weight * (ar[l] * br[l] + ai[l] * bi[l]);
-                        im[l] += weight * (ai[l] * br[l] - ar[l] * bi[l]);
-                    }
-                    plane += 2;
-                }
+                plane += 2;
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use crate::FrfError;
 use num_complex::Complex;
+use pulp::{Simd, WithSimd};
 use realfft::{RealFftPlanner, RealToComplex};
 use std::sync::Arc;
 
@@ -48,12 +49,7 @@ impl Spectra {
         let scale = 1.0 / signal.len() as f64;
         // A constant offset is removed by hand: its leakage is zero in theory, and rounding of a large offset would
         // raise the noise of every line.
-        let mut sums = [0.0; 16];
-        let (wide, last) = signal.as_chunks::<16>();
-        for values in wide {
-            sums.iter_mut().zip(values).for_each(|(s, v)| *s += v);
-        }
-        let mean = (sums.iter().sum::<f64>() + last.iter().sum::<f64>()) * scale;
+        let mean = sum(signal) * scale;
         if self.input.len() != signal.len() {
             return Err(realfft::FftError::InputBuffer(self.input.len(), signal.len()).into());
         }
@@ -62,10 +58,45 @@ impl Spectra {
         }
         self.plan
             .process_with_scratch(&mut self.input, &mut self.output, &mut self.scratch)?;
-        for ((r, i), x) in re.iter_mut().zip(im.iter_mut()).zip(&self.output[1..]) {
-            *r = x.re * scale;
-            *i = x.im * scale;
-        }
+        let lines = &self.output[1..];
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for ((r, i), x) in re.iter_mut().zip(im.iter_mut()).zip(lines) {
+                    *r = x.re * scale;
+                    *i = x.im * scale;
+                }
+            },
+        );
         Ok(())
+    }
+}
+
+/// Sum of a signal, many lanes at once.
+pub(crate) fn sum(signal: &[f64]) -> f64 {
+    pulp::Arch::new().dispatch(Sum(signal))
+}
+
+struct Sum<'a>(&'a [f64]);
+
+impl WithSimd for Sum<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let (wide, last) = S::as_simd_f64s(self.0);
+        let (fours, rest) = wide.as_chunks::<4>();
+        let mut sums = [simd.splat_f64s(0.0); 4];
+        for values in fours {
+            for i in 0..4 {
+                sums[i] = simd.add_f64s(sums[i], values[i]);
+            }
+        }
+        for value in rest {
+            sums[0] = simd.add_f64s(sums[0], *value);
+        }
+        let [a, b, c, d] = sums;
+        let all = simd.add_f64s(simd.add_f64s(a, b), simd.add_f64s(c, d));
+        simd.reduce_sum_f64s(all) + last.iter().sum::<f64>()
     }
 }

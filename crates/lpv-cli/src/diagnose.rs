@@ -15,7 +15,7 @@ use crate::config::IdentifyConfig;
 use crate::poles::fit_poles;
 use crate::progress::Progress;
 use crate::responses::{estimate_bundle, load_records, rests};
-use experiment_data::Bundle;
+use experiment_data::{Bundle, ControllerState};
 use lpv_core::{Discrete, Purpose, Record, RecordKind};
 use lpv_report::Figure;
 use lti_ident::Segment;
@@ -70,6 +70,7 @@ pub fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagnosed, Pi
             .map(|r| Track::new(r, clock.sample_time(), substeps))
             .collect::<Result<Vec<_>, _>>()?)
     };
+    reasons.extend(wrong_controller(&fit_records, &controller.start()?));
     let rough = roughness(&fit_records);
     let (fitted, judged) = (tracks(&fit_records)?, tracks(&judge_records)?);
     let start = controller.start()?;
@@ -148,12 +149,50 @@ fn unrepeated(bundle: &Bundle, progress: Progress<'_>) -> Result<(f64, Pairs), P
         let y = &r.outputs.columns;
         let last = r.len().checked_sub(period)?;
         let one = |k: usize, i: usize| y.get(i).map_or(0.0, |y| (y[k + period] - y[k]) * FRAC_1_SQRT_2);
-        Some((FIRST * period..last).map(|k| [one(k, 0), one(k, 1)]).collect())
+        // Of two periods even the first counts.
+        let first = FIRST.min((r.len() / period).saturating_sub(2));
+        Some((first * period..last).map(|k| [one(k, 0), one(k, 1)]).collect())
     };
     let positions: Vec<f64> = records.iter().filter_map(|r| r.position).collect();
     let position = positions.iter().sum::<f64>() / positions.len().max(1) as f64;
     let left = records.iter().filter_map(differences).filter(|d| !d.is_empty());
     Ok((position, left.collect()))
+}
+
+/// Words on the record whose inputs the controller, from rest, gives worst, if that is bad.
+fn wrong_controller(records: &[Record], controller: &ControllerState) -> Option<String> {
+    /// Part of the inputs that rounding, or a start that is not quite at rest, may make.
+    const SMALL: f64 = 1e-2;
+    let gap = |record: &Record| {
+        let mut controller = controller.clone();
+        let (mut gap, mut size) = (0.0, 0.0);
+        for k in 0..record.len() {
+            let at = |columns: &[Vec<f64>]| columns.iter().map(|c| c[k]).collect::<Vec<f64>>();
+            let (logged, injected) = (at(&record.inputs.columns), at(&record.injection.columns));
+            let mut u = vec![0.0; logged.len()];
+            controller.step(
+                &at(&record.references.columns),
+                &at(&record.outputs.columns),
+                &mut u,
+            );
+            for (i, logged) in logged.iter().enumerate() {
+                gap += (u[i] + injected.get(i).copied().unwrap_or(0.0) - logged).powi(2);
+                size += logged * logged;
+            }
+        }
+        (gap / size).sqrt()
+    };
+    let (worst, name) = records
+        .iter()
+        .map(|r| (gap(r), &r.name))
+        .max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (worst > SMALL).then(|| {
+        format!(
+            "the controller of the bundle gives the logged inputs of {name} with an error of {:.1} %: if they are those of the machine, \
+             check [controller] before you believe what was found",
+            100.0 * worst
+        )
+    })
 }
 
 /// The xy-table.

@@ -10,7 +10,7 @@ use pulp::{Simd, WithSimd};
 ///
 /// With `A = Q H Q^T`, the response is `C Q (z I - H)^-1 Q^T B + D`; `z I - H` is solved by elimination between
 /// neighbouring rows with pivoting (Laub, IEEE TAC 26(2), 1981), for as many points at a time as a vector register of the
-/// machine has lanes.
+/// machine has lanes. No products and sums are fused: the result does not depend on the machine.
 #[derive(Debug, Clone)]
 pub struct ResponseKernel {
     h: DMatrix<f64>,
@@ -116,8 +116,8 @@ impl ResponseKernel {
                     let c = simd.splat_f64s(self.c[(i, k)]);
                     let x = rhs[k * nu + j];
                     sum = [
-                        simd.mul_add_f64s(c, x[0], sum[0]),
-                        simd.mul_add_f64s(c, x[1], sum[1]),
+                        simd.add_f64s(sum[0], simd.mul_f64s(x[0], c)),
+                        simd.add_f64s(sum[1], simd.mul_f64s(x[1], c)),
                     ];
                 }
                 let [re, im] = sum.map(|s| values_of::<S>(simd, s));
@@ -170,19 +170,29 @@ fn values_of<S: Simd>(_simd: S, lanes: S::f64s) -> [f64; WIDEST] {
     values
 }
 
+/// `a b`.
+#[inline(always)]
+fn times<S: Simd>(simd: S, a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {
+    let re = simd.sub_f64s(simd.mul_f64s(a[0], b[0]), simd.mul_f64s(a[1], b[1]));
+    let im = simd.add_f64s(simd.mul_f64s(a[0], b[1]), simd.mul_f64s(a[1], b[0]));
+    [re, im]
+}
+
 /// `sum - a b`.
 #[inline(always)]
 fn less<S: Simd>(simd: S, sum: Lanes<S>, a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {
-    let re = simd.mul_add_f64s(a[1], b[1], simd.sub_f64s(sum[0], simd.mul_f64s(a[0], b[0])));
-    let im = simd.sub_f64s(sum[1], simd.mul_add_f64s(a[0], b[1], simd.mul_f64s(a[1], b[0])));
-    [re, im]
+    let product = times(simd, a, b);
+    [
+        simd.sub_f64s(sum[0], product[0]),
+        simd.sub_f64s(sum[1], product[1]),
+    ]
 }
 
 /// `a / b`.
 #[inline(always)]
 fn over<S: Simd>(simd: S, a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {
-    let square = simd.mul_add_f64s(b[0], b[0], simd.mul_f64s(b[1], b[1]));
-    let re = simd.mul_add_f64s(a[0], b[0], simd.mul_f64s(a[1], b[1]));
+    let square = simd.add_f64s(simd.mul_f64s(b[0], b[0]), simd.mul_f64s(b[1], b[1]));
+    let re = simd.add_f64s(simd.mul_f64s(a[0], b[0]), simd.mul_f64s(a[1], b[1]));
     let im = simd.sub_f64s(simd.mul_f64s(a[1], b[0]), simd.mul_f64s(a[0], b[1]));
     [simd.div_f64s(re, square), simd.div_f64s(im, square)]
 }
@@ -221,7 +231,6 @@ fn solve<S: Simd>(simd: S, work: &mut [Lanes<S>], rhs: &mut [Lanes<S>], n: usize
         }
     }
     let one = [simd.splat_f64s(1.0), simd.splat_f64s(0.0)];
-    let none = [simd.splat_f64s(0.0); 2];
     for k in (0..n).rev() {
         let inverse = over(simd, one, work[k * n + k]);
         let (known, solved) = rhs.split_at_mut((k + 1) * nu);
@@ -231,9 +240,7 @@ fn solve<S: Simd>(simd: S, work: &mut [Lanes<S>], rhs: &mut [Lanes<S>], n: usize
             for (factor, solved) in row.iter().zip(solved.chunks_exact(nu)) {
                 sum = less(simd, sum, *factor, solved[j]);
             }
-            // None less the product of what is less than none.
-            let negative = less(simd, none, sum, inverse);
-            known[k * nu + j] = negative.map(|v| simd.neg_f64s(v));
+            known[k * nu + j] = times(simd, sum, inverse);
         }
     }
 }

@@ -6,18 +6,23 @@
 //! A model leaves an error `e = y - y_sim` along a move in closed loop. [`trace()`] simulates the base model inside the loop of
 //! the experiment, with blocks of the catalogue where they act: on the commands, on the motors, on the load, on the sensors.
 //! The white error w (what one sample adds to what the past of e tells) is fitted by Levenberg-Marquardt over the parameters
-//! of effects and machine together. With S the sum of squares of N samples of w in units of their noise, and `W (c - c_0)` the
-//! departure of the machine's coordinates c from what frequency responses tell of them ([`fit_table`]), it minimises
+//! of effects and machine together. With S the sum of squares of N samples of w in units of their noise, and d = `W (c - c_0)` the
+//! departure of the machine's n coordinates c from what frequency responses tell of them ([`fit_table`]), it minimises
 //!
 //! ```text
-//! N ln(S / N) + |W (c - c_0)|^2   while S > N,   S - N + |W (c - c_0)|^2   else
+//! N ln(S / N) + n ln(1 + |d|^2 / n)   while S > N,   S - N + n ln(1 + |d|^2 / n)   else
 //! ```
 //!
 //! the likelihood of an error whose size is not known before it is explained: a large error does not bend the machine away from
-//! what is known of it, a small one refines it. Every effect is tried by one linear step from each of its starts, with
+//! what is known of it, a small one refines it. What is known may be wrong itself, where an effect was there when the responses were
+//! measured: far from it, it holds no longer. The masses that a geometry tells are held at first; a machine with free masses is
+//! taken where it alone describes the records in fewer words than effects do. Every effect is tried by one linear step from each of its starts, with
 //! the directions of the machine taken out; the most promising are fitted in full; refinements of what does well start where it
 //! ends (Stribeck from Coulomb friction, a swinging mass from a mass). The least `objective + k ln N` wins, and is added if the
-//! error falls on the judged records too. This is repeated until noise is left, or nothing helps.
+//! error falls on the judged records too. This is repeated until noise is left, or nothing helps. The result is followed in parts
+//! of a sample so fine that its errors change no more.
+//!
+//! Where there are no moves, [`trace_responses`] adds linear effects to a rigid axis, on its frequency response.
 //!
 //! # Words
 //!

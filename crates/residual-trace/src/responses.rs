@@ -3,7 +3,7 @@
 use crate::TraceError;
 use crate::base::{Axis, Base};
 use crate::catalogue::CATALOGUE;
-use crate::effect::{Effect, Path, Scale};
+use crate::effect::{Effect, Family, Path, Scale};
 use crate::fit::{Explained, Minimum, deviations, minimum};
 use crate::trace::chance;
 use lpv_core::FrfEstimate;
@@ -97,12 +97,21 @@ pub fn trace_responses(case: &ResponseCase<'_>) -> Result<Vec<ResponseStep>, Tra
         tried: Vec::new(),
     };
     let mut steps = vec![step(&now)];
+    // What cannot be told apart from what was added.
+    let mut tied: Vec<&str> = Vec::new();
+    let highest = case
+        .fitted
+        .frf()
+        .frequencies_hz()
+        .iter()
+        .copied()
+        .fold(0.0, f64::max);
     while steps.len() <= MOST {
         let before = judge(&now.0);
         let taken = |e: &Effect| now.0.effects.iter().any(|(t, _)| t.name == e.name);
         let mut tried: Vec<(&'static Effect, (Explained, Minimum))> = CATALOGUE
             .into_par_iter()
-            .filter(|e| !taken(e))
+            .filter(|e| !taken(e) && !tied.contains(&e.name))
             .filter_map(|effect| {
                 starts(effect, &now.0, case.fitted)
                     .into_iter()
@@ -111,6 +120,7 @@ pub fn trace_responses(case: &ResponseCase<'_>) -> Result<Vec<ResponseStep>, Tra
                         start.effects.push((effect, values));
                         fit(&start)
                     })
+                    .filter(|(model, found)| is_known(effect, model, found, highest))
                     .min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
                     .map(|best| (effect, best))
             })
@@ -143,6 +153,11 @@ pub fn trace_responses(case: &ResponseCase<'_>) -> Result<Vec<ResponseStep>, Tra
         };
         if length(&best.1) >= length(&now.1) || judge(&best.0) > (1.0 - SHARE) * before {
             break;
+        }
+        if let Some((other, gain)) = gains.get(1)
+            && gains[0].1 - gain < EQUAL_DB
+        {
+            tied.push(other.name);
         }
         steps.push(ResponseStep {
             effect: Some(effect),
@@ -259,6 +274,18 @@ fn spread(model: &Explained, found: &Minimum) -> Vec<f64> {
         .zip(scales)
         .map(|(d, s)| level * d * s)
         .collect()
+}
+
+/// Whether a last effect is larger than its deviation, and a time not longer than half a cycle of the highest line: on lines a
+/// delay is known up to the period only.
+fn is_known(effect: &Effect, model: &Explained, found: &Minimum, highest_hz: f64) -> bool {
+    let deviations = spread(model, found);
+    let Some((_, values)) = model.effects.last() else {
+        return false;
+    };
+    let deviation = deviations[deviations.len() - values.len()];
+    let short = effect.family != Family::Timing || values[0].abs() * highest_hz <= 0.5;
+    short && deviation.is_finite() && values[0].abs() > 2.0 * deviation
 }
 
 /// Starts of the effects that a response can show; none of the others.

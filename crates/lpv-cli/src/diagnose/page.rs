@@ -48,10 +48,15 @@ impl Diagnosed {
             }
             page = page.section(section);
         }
-        let mut table = Table::new(
-            "Root mean square on held-out records, simulated in closed loop, in brackets over the noise as it leaves the loop.",
-            ["output", "before", "after"],
-        );
+        let what = match d.responses.is_empty() {
+            true => {
+                "Root mean square on held-out records, simulated in closed loop, in brackets over the noise as it leaves the loop."
+            }
+            false => {
+                "Error of the held-out responses over their size, roots of sums of squares over all lines, in brackets over that of the noise."
+            }
+        };
+        let mut table = Table::new(what, ["output", "before", "after"]);
         for (name, before) in &d.before.validation {
             let after = &d.after.validation[name];
             let cell = |e: &OutputError| Cell::text(format!("{:.3e} ({:.2})", e.rms, e.over_noise));

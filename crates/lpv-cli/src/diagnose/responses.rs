@@ -20,6 +20,9 @@ const NOISE: f64 = 1.1;
 /// Difference on the held-out record up to which two effects are called equal.
 const TIE_DB: f64 = 0.5;
 
+/// Noise over the size of a response from which nothing can be judged by it.
+const MOSTLY: f64 = 0.5;
+
 /// Whether the bundle has one input, no scheduling, and periodic records only.
 pub(super) fn suits(bundle: &Bundle) -> bool {
     let description = bundle.description();
@@ -62,6 +65,11 @@ pub(super) fn diagnose(
             [part(false), part(true)]
         }
     };
+    if noise_of(&judged).iter().any(|n| *n > MOSTLY) {
+        return Err(PipelineError::Structure {
+            problem: "the held-out response is mostly noise: check `period` and the channels, or record more periods",
+        });
+    }
     progress("competition of effects", 0, 1);
     let steps = trace_responses(&ResponseCase {
         fitted: &fitted,
@@ -202,7 +210,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
                 let value = Value {
                     value: p.value,
                     std: std.is_finite().then_some(*std),
-                    unit: String::new(),
+                    unit: units(if p.name == "mass" { "u s^2/y" } else { "u s/y" }, bundle),
                 };
                 (p.name.to_owned(), value)
             })

@@ -4,6 +4,7 @@
 //! on deviations from the running mean loses none.
 
 use num_complex::Complex;
+use pulp::{Simd, WithSimd};
 
 type C64 = Complex<f64>;
 
@@ -25,6 +26,21 @@ pub(crate) struct Moments {
     deviation: Vec<f64>,
 }
 
+/// Observations to be added, in the registers of one kind of machine.
+struct Observations<'a> {
+    sums: &'a mut Moments,
+    planes: &'a [f64],
+}
+
+impl WithSimd for Observations<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        self.sums.add(self.planes);
+    }
+}
+
 impl Moments {
     pub(crate) fn new(channels: usize, lines: usize) -> Self {
         Self {
@@ -44,10 +60,7 @@ impl Moments {
     /// Takes observations, one after the other: of each the planes `re, im` of channel 0, then of channel 1, and so on. What is kept
     /// is read and written once for all of them.
     pub(crate) fn push(&mut self, planes: &[f64]) {
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || self.add(planes),
-        );
+        pulp::Arch::new().dispatch(Observations { sums: self, planes });
     }
 
     #[inline(always)]

@@ -59,15 +59,7 @@ impl Spectra {
         self.plan
             .process_with_scratch(&mut self.input, &mut self.output, &mut self.scratch)?;
         let lines = &self.output[1..];
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                for ((r, i), x) in re.iter_mut().zip(im.iter_mut()).zip(lines) {
-                    *r = x.re * scale;
-                    *i = x.im * scale;
-                }
-            },
-        );
+        pulp::Arch::new().dispatch(Split { lines, scale, re, im });
         Ok(())
     }
 }
@@ -75,6 +67,26 @@ impl Spectra {
 /// Sum of a signal, many lanes at once.
 pub(crate) fn sum(signal: &[f64]) -> f64 {
     pulp::Arch::new().dispatch(Sum(signal))
+}
+
+/// Numbers times a factor, real and imaginary parts apart.
+struct Split<'a> {
+    lines: &'a [Complex<f64>],
+    scale: f64,
+    re: &'a mut [f64],
+    im: &'a mut [f64],
+}
+
+impl WithSimd for Split<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        for ((r, i), x) in self.re.iter_mut().zip(self.im).zip(self.lines) {
+            *r = x.re * self.scale;
+            *i = x.im * self.scale;
+        }
+    }
 }
 
 struct Sum<'a>(&'a [f64]);

@@ -290,6 +290,14 @@ impl FrfEstimate {
         let n = self.frf.outputs;
         DMatrixView::from_slice(&self.output_covariance[k * n * n..(k + 1) * n * n], n, n)
     }
+    /// `C_V` of all lines, column-major, line after line.
+    pub fn output_covariances(&self) -> &[C64] {
+        &self.output_covariance
+    }
+    /// `S` of all lines, column-major, line after line.
+    pub fn input_factors(&self) -> &[C64] {
+        &self.input_factor
+    }
     /// `S = G^H G` of line `k`, `n_u x n_u`.
     ///
     /// # Panics

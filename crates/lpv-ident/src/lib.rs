@@ -47,7 +47,7 @@ mod choose;
 mod error;
 mod interpolation;
 mod model;
-mod model_error;
+mod planes;
 mod regression;
 mod settings;
 mod triangle;

@@ -1,15 +1,18 @@
 //! The linear regression of (13) at each position, with the rigid-body gains shared by all.
 
 mod eliminate;
+mod gram;
+mod solve;
 
-use crate::model_error::with_model_error;
-use crate::triangle::{Triangle, solve_upper};
+use crate::triangle::solve_upper;
 use crate::{CheckedRegression, IdentError, RigidTerm, Weighting};
-use eliminate::{Eliminated, Regressors, eliminate};
+use eliminate::Regressors;
+use gram::Equations;
 use lpv_core::{Discrete, Frf, FrfEstimate, StateSpace};
-use nalgebra::{DMatrix, DVector, Dyn, SVD};
+use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
 use rayon::prelude::*;
+use solve::{by_products, by_reflections, each};
 
 /// The regression's account: gains, samples of the coefficient functions, covariances, what remains.
 #[derive(Debug, Clone)]
@@ -40,7 +43,7 @@ pub struct LocalFit {
     pub unknowns: usize,
     /// Condition number of the column-scaled regressors.
     pub condition: f64,
-    /// Blocks of rows factorised: the unit of work.
+    /// Factorisations: one of the sums of products, or one a block of rows.
     pub factorisations: usize,
     /// `R11` of the whitened regressors `[Phi_W, Phi_c] = Q [R11 R12; 0 R22]`.
     pub(crate) r11: DMatrix<f64>,
@@ -52,7 +55,8 @@ pub struct LocalFit {
 ///
 /// `basis`: one input, `n_g` outputs. Each position is whitened and factorised once; its own `n_g n_y n_u` coefficients
 /// are eliminated, the few rows that remain decide the shared gains, and the coefficients follow by back-substitution.
-/// The result is that of one joint least-squares problem over all positions.
+/// The result is that of one joint least-squares problem over all positions. Its triangular factors come from sums of
+/// products where the condition of the regressors allows it, and from reflections of the whitened rows elsewhere.
 ///
 /// # Errors
 /// [`IdentError::TooFewLines`], [`IdentError::RankDeficient`], [`IdentError::Covariance`] and what is wrong with the
@@ -71,31 +75,36 @@ pub fn regress(
         has_rigid_body,
         eliminate::kept_frequencies(&estimates[0], positions[0], basis, settings)?,
     )?;
-    let eliminated: Vec<_> = estimates
-        .par_iter()
+    let own = each(estimates.par_iter().zip(&positions), |(estimate, &position)| {
+        let frequencies = eliminate::kept_frequencies(estimate, position, basis, settings)?;
+        let others = frequencies != shared.frequencies_hz();
+        others
+            .then(|| Regressors::new(basis, has_rigid_body, frequencies))
+            .transpose()
+    })?;
+    let equations: Vec<Equations<'_>> = estimates
+        .iter()
         .zip(&positions)
-        .map(|(estimate, &position)| {
-            let estimate = &*with_model_error(estimate, settings.model_error())?;
-            let frequencies = eliminate::kept_frequencies(estimate, position, basis, settings)?;
-            if frequencies == shared.frequencies_hz() {
-                return eliminate(estimate, position, &shared, settings);
-            }
-            let own = Regressors::new(basis, has_rigid_body, frequencies)?;
-            eliminate(estimate, position, &own, settings)
+        .zip(&own)
+        .map(|((estimate, &position), own)| Equations {
+            estimate,
+            position,
+            regressors: own.as_ref().unwrap_or(&shared),
+            settings,
         })
         .collect();
-    // Of several errors the first in the order of the positions, whichever thread was faster.
-    let eliminated = eliminated.into_iter().collect::<Result<Vec<_>, _>>()?;
 
     let nc = settings.rigid_body().len();
-    let (gains, unit_covariance) = shared_gains(&eliminated, nc)?;
-
-    let (ny, nu) = (estimates[0].frf().outputs(), estimates[0].frf().inputs());
-    let fits: Vec<_> = eliminated
-        .into_par_iter()
-        .map(|e| back_substitute(e, &gains, ny, nu, basis.outputs()))
-        .collect();
-    let fits = fits.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let sizes = (
+        estimates[0].frf().outputs(),
+        estimates[0].frf().inputs(),
+        basis.outputs(),
+    );
+    let ((gains, unit_covariance), fits) = match by_products(&equations, nc, sizes)? {
+        Some(solved) => solved,
+        None => by_reflections(&equations, nc, sizes)?,
+    };
+    let (ny, nu, _) = sizes;
     let row_variance = match settings.weighting() {
         Weighting::Covariance => 1.0,
         Weighting::Relative | Weighting::Uniform => {
@@ -135,80 +144,6 @@ fn filter_bank(basis: &StateSpace<Discrete>) -> Result<(), IdentError> {
         (1, _) => Ok(()),
         (found, _) => refused("regression: inputs of the basis", found),
     }
-}
-
-/// The gains and their covariance for rows of variance one, from the stacked R22 of all positions: in their order, so that
-/// the sum does not depend on threads.
-fn shared_gains(eliminated: &[Eliminated], nc: usize) -> Result<(DVector<f64>, DMatrix<f64>), IdentError> {
-    let mut triangle = Triangle::new(nc + 1, eliminated.len() * (nc + 1));
-    for j in 0..=nc {
-        let stacked = triangle.column_mut(j).chunks_exact_mut(nc + 1);
-        for (rows, e) in stacked.zip(eliminated) {
-            let n = e.unknowns;
-            rows.copy_from_slice(e.r.view((n, n + j), (nc + 1, 1)).into_owned().as_slice());
-        }
-    }
-    triangle.absorb(eliminated.len() * (nc + 1));
-    let r22 = DMatrix::from_fn(nc, nc, |i, j| triangle.column(j)[i]);
-    let r2 = DMatrix::from_fn(nc, 1, |i, _| triangle.column(nc)[i]);
-
-    // What the positions' own coefficients leave of each column, against the whole column: a part that is rounding means
-    // that the basis does what the rigid body should do.
-    let whole = DVector::from_fn(nc, |j, _| {
-        let norms = eliminated.iter().map(|e| e.r.column(e.unknowns + j).norm());
-        norms.fold(0.0, f64::hypot).max(f64::MIN_POSITIVE)
-    });
-    let left = DMatrix::from_fn(nc, nc, |i, j| r22[(i, j)] / whole[j]);
-    let (_, smallest) = extreme_singular_values(&left).unwrap_or((0.0, 0.0));
-    let deficient = || IdentError::RankDeficient {
-        position: eliminated.first().map_or(0.0, |e| e.position),
-        reciprocal: smallest,
-        function: 0,
-    };
-    if nc > 0 && smallest <= LEAST_RECIPROCAL {
-        return Err(deficient());
-    }
-    let gains = solve_upper(&r22, &r2).ok_or_else(deficient)?;
-    let inverse = solve_upper(&r22, &DMatrix::identity(nc, nc)).ok_or_else(deficient)?;
-    Ok((gains.column(0).into_owned(), &inverse * inverse.transpose()))
-}
-
-/// Reciprocal condition at which regressors count as dependent.
-const LEAST_RECIPROCAL: f64 = 1e-12;
-
-/// The largest and the smallest singular value; none for a matrix that is empty or not finite.
-fn extreme_singular_values(m: &DMatrix<f64>) -> Option<(f64, f64)> {
-    let values = decompose(m, Vectors::No)?.singular_values;
-    Some((values.max(), values.min()))
-}
-
-/// The column that weighs most in the direction of the smallest singular value.
-fn most_dependent_column(m: &DMatrix<f64>) -> usize {
-    let column = decompose(m, Vectors::Right).and_then(|svd| {
-        let weakest = svd.singular_values.imin();
-        Some(svd.v_t?.row(weakest).transpose().iamax())
-    });
-    column.unwrap_or(0)
-}
-
-#[derive(PartialEq)]
-enum Vectors {
-    No,
-    Right,
-}
-
-fn decompose(m: &DMatrix<f64>, vectors: Vectors) -> Option<SVD<f64, Dyn, Dyn>> {
-    // The iteration neither accepts an empty matrix nor ends on one that is not finite.
-    if m.is_empty() || m.iter().any(|v| !v.is_finite()) {
-        return None;
-    }
-    SVD::try_new(
-        m.clone(),
-        false,
-        vectors == Vectors::Right,
-        5.0 * f64::EPSILON,
-        10_000,
-    )
 }
 
 fn checked_positions(estimates: &[FrfEstimate], rigid: &[RigidTerm]) -> Result<Vec<f64>, IdentError> {
@@ -270,62 +205,6 @@ pub(crate) fn rigid_response(clock: Discrete, frequency_hz: f64) -> Result<Compl
         return Err(lpv_core::CoreError::PoleOnLine { frequency_hz }.into());
     }
     Ok(value)
-}
-
-fn back_substitute(
-    e: Eliminated,
-    gains: &DVector<f64>,
-    ny: usize,
-    nu: usize,
-    ng: usize,
-) -> Result<LocalFit, IdentError> {
-    let (n, nc) = (e.unknowns, gains.len());
-    let r11 = e.r.view((0, 0), (n, n)).into_owned();
-    let r12 = e.r.view((0, n), (n, nc)).into_owned();
-    let r1 = e.r.view((0, n + nc), (n, 1)).into_owned();
-
-    // Condition after scaling the columns to unit length: the units of the unknowns must not matter.
-    let norms: Vec<f64> = (0..n)
-        .map(|j| r11.column(j).norm().max(f64::MIN_POSITIVE))
-        .collect();
-    let scaled = DMatrix::from_fn(n, n, |i, j| r11[(i, j)] / norms[j]);
-    let (largest, smallest) = extreme_singular_values(&scaled).unwrap_or((1.0, 0.0));
-    if smallest <= LEAST_RECIPROCAL * largest {
-        return Err(IdentError::RankDeficient {
-            position: e.position,
-            reciprocal: smallest / largest,
-            function: most_dependent_column(&scaled) % ng + 1,
-        });
-    }
-    let deficient = || IdentError::RankDeficient {
-        position: e.position,
-        reciprocal: 0.0,
-        function: 0,
-    };
-    let gain_response = solve_upper(&r11, &r12).ok_or_else(deficient)?;
-    let w = solve_upper(&r11, &r1).ok_or_else(deficient)? - &gain_response * gains;
-
-    // Cost: the rows below R11, at the shared gains.
-    let r22 = e.r.view((n, n), (nc + 1, nc));
-    let r2 = e.r.view((n, n + nc), (nc + 1, 1));
-    let cost = (r2 - r22 * gains).norm_squared();
-
-    // Unknowns stand as (b n_y + a) n_g + i; W_i is columns i n_u ... of the sample.
-    let weights = DMatrix::from_fn(ny, ng * nu, |a, column| {
-        let (i, b) = (column / nu, column % nu);
-        w[((b * ny + a) * ng + i, 0)]
-    });
-    Ok(LocalFit {
-        position: e.position,
-        weights,
-        cost,
-        equations: e.equations,
-        unknowns: n,
-        condition: largest / smallest,
-        factorisations: e.factorisations,
-        r11,
-        gain_response,
-    })
 }
 
 impl LocalFits {

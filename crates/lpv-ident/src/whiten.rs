@@ -1,109 +1,207 @@
 //! The factors that turn the error of a line into independent unit noise.
 
-use crate::{IdentError, Weighting};
+use crate::planes::Planes;
+use crate::{CheckedRegression, IdentError, Weighting};
 use lpv_core::FrfEstimate;
-use nalgebra::{DMatrix, DMatrixView};
 use num_complex::Complex;
-
-type C64 = Complex<f64>;
+use pulp::{Simd, WithSimd};
 
 /// A pivot below this part of its diagonal entry is rounding. It would be taken for a direction without noise and
 /// outweigh every other line.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
-/// `N = left dF right` has independent entries whose real and imaginary parts have variance one each.
+/// Lower triangular matrices, one a line: planes of the entries `(i, j)`, `i >= j`, row after row.
+#[derive(Debug)]
+pub(crate) struct Lower {
+    size: usize,
+    entries: Vec<Planes>,
+}
+
+fn place(i: usize, j: usize) -> usize {
+    i * (i + 1) / 2 + j
+}
+
+/// `N = left dF right` has independent entries whose real and imaginary parts have variance one each, on every line of a
+/// block.
 ///
 /// With `E[dF_ij conj(dF_kl)] = C[i,k] S[l,j]`, `C = L_C L_C^H` and `S = L_S L_S^H`, these are
 /// `left = sqrt(2) L_C^-1` and `right = L_S^-H`: then `dF = L_C N L_S^H / sqrt(2)` has the covariance
-/// `C[i,k] (L_S L_S^H)[l,j]`. One value serves all lines of an estimate, so that no line costs an allocation.
+/// `C[i,k] (L_S L_S^H)[l,j]`.
 pub(crate) struct Whitening {
-    left: DMatrix<C64>,
+    /// `left`.
+    pub(crate) left: Lower,
     /// `L_S^-1`, the adjoint of `right`.
-    right_adjoint: DMatrix<C64>,
+    pub(crate) right_adjoint: Lower,
 }
 
 impl Whitening {
-    pub(crate) fn new(outputs: usize, inputs: usize) -> Self {
+    /// For blocks of up to `lines` lines.
+    pub(crate) fn new(outputs: usize, inputs: usize, lines: usize) -> Self {
         Self {
-            left: DMatrix::identity(outputs, outputs),
-            right_adjoint: DMatrix::identity(inputs, inputs),
+            left: Lower::identity(outputs, lines),
+            right_adjoint: Lower::identity(inputs, lines),
         }
     }
 
-    /// Entry `(r, a)` of `left`, zero for `a > r`.
-    pub(crate) fn left(&self, r: usize, a: usize) -> C64 {
-        self.left[(r, a)]
-    }
-
-    /// Entry `(b, s)` of `right`, zero for `b > s`.
-    pub(crate) fn right(&self, b: usize, s: usize) -> C64 {
-        self.right_adjoint[(s, b)].conj()
-    }
-
-    /// Computes the factors of one line.
+    /// Computes the factors of a block; what stands beyond its lines means nothing.
     pub(crate) fn set(
         &mut self,
         estimate: &FrfEstimate,
-        line: usize,
-        weighting: Weighting,
+        lines: &[usize],
+        settings: &CheckedRegression,
         position: f64,
     ) -> Result<(), IdentError> {
         let frf = estimate.frf();
-        match weighting {
+        match settings.weighting() {
             Weighting::Uniform => {}
             Weighting::Relative => {
-                let size = frf.line(line).norm().max(f64::MIN_POSITIVE);
-                self.left.fill_diagonal(C64::from(1.0 / size));
+                for (row, &k) in lines.iter().enumerate() {
+                    let size = frf.line(k).norm().max(f64::MIN_POSITIVE);
+                    for i in 0..self.left.size {
+                        self.left.entries[place(i, i)].set(row, Complex::from(1.0 / size));
+                    }
+                }
             }
             Weighting::Covariance => {
-                let good = inverse_cholesky(estimate.output_covariance(line), &mut self.left)
-                    && inverse_cholesky(estimate.input_factor(line), &mut self.right_adjoint);
-                if !good {
+                // Half of C, for the factor sqrt(2).
+                self.left.gather(lines, estimate.output_covariances(), 0.5);
+                self.right_adjoint.gather(lines, estimate.input_factors(), 1.0);
+                self.add_model_error(estimate, lines, settings.model_error());
+                let bad = pulp::Arch::new().dispatch(Inversion {
+                    whitening: self,
+                    lines: lines.len(),
+                });
+                if let Some(row) = bad {
+                    let line = lines[row];
                     return Err(IdentError::Covariance {
                         position,
                         line,
                         frequency_hz: frf.frequencies_hz()[line],
                     });
                 }
-                self.left *= C64::from(std::f64::consts::SQRT_2);
             }
         }
         Ok(())
     }
+
+    /// What the basis cannot represent, as noise: `(relative ||F_i||)^2` for the variance of each row i of F, spread over
+    /// its channels as the noise is, so that `C_ii` grows by that over `tr(S)`.
+    fn add_model_error(&mut self, estimate: &FrfEstimate, lines: &[usize], relative: f64) {
+        if relative == 0.0 {
+            return;
+        }
+        for (at, &k) in lines.iter().enumerate() {
+            let trace = estimate.input_factor(k).trace().re;
+            for (i, row) in estimate.frf().line(k).row_iter().enumerate() {
+                self.left.entries[place(i, i)].re[at] += 0.5 * relative.powi(2) * row.norm_squared() / trace;
+            }
+        }
+    }
 }
 
-/// Writes `L^-1` of `m = L L^H` into `out`, whose upper triangle is left alone; the lower triangle of `m` is read.
-/// Returns false, with `out` unspecified, where `m` is not positive definite beyond rounding or its factor overflows.
-fn inverse_cholesky(m: DMatrixView<'_, C64>, out: &mut DMatrix<C64>) -> bool {
-    let n = m.nrows();
-    for j in 0..n {
-        let mut pivot = m[(j, j)].re;
-        for k in 0..j {
-            pivot -= out[(j, k)].norm_sqr();
+/// Both factors of all lines of a block, in vector registers.
+struct Inversion<'a> {
+    whitening: &'a mut Whitening,
+    lines: usize,
+}
+
+impl WithSimd for Inversion<'_> {
+    type Output = Option<usize>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) -> Option<usize> {
+        let Whitening { left, right_adjoint } = self.whitening;
+        let bad = left.invert_cholesky(self.lines);
+        bad.into_iter()
+            .chain(right_adjoint.invert_cholesky(self.lines))
+            .min()
+    }
+}
+
+impl Lower {
+    fn identity(size: usize, lines: usize) -> Self {
+        let mut entries = vec![Planes::zeros(lines); place(size, 0)];
+        for i in 0..size {
+            entries[place(i, i)].fill(1.0);
         }
-        if pivot.is_nan() || pivot <= ROUNDING * n as f64 * m[(j, j)].re {
-            return false;
+        Self { size, entries }
+    }
+
+    pub(crate) fn size(&self) -> usize {
+        self.size
+    }
+
+    /// Entry `(i, j)`, `i >= j`.
+    pub(crate) fn entry(&self, i: usize, j: usize) -> &Planes {
+        &self.entries[place(i, j)]
+    }
+
+    /// The lower triangles of matrices of all lines, times a factor.
+    fn gather(&mut self, lines: &[usize], matrices: &[Complex<f64>], factor: f64) {
+        let n = self.size;
+        for i in 0..n {
+            for j in 0..=i {
+                let values = lines.iter().map(|k| matrices[k * n * n + j * n + i] * factor);
+                self.entries[place(i, j)].gather(values);
+            }
         }
-        let diagonal = pivot.sqrt();
-        out[(j, j)] = C64::from(diagonal);
-        for i in j + 1..n {
-            let mut sum = m[(i, j)];
+    }
+
+    /// Turns the lower triangles of `M = L L^H` into `L^-1`. The first line, if any, where `M` is not positive definite
+    /// beyond rounding or its factor overflows.
+    #[inline(always)]
+    fn invert_cholesky(&mut self, lines: usize) -> Option<usize> {
+        let n = self.size;
+        let mut bad = vec![0.0; lines];
+        for j in 0..n {
+            let mut pivot = std::mem::take(&mut self.entries[place(j, j)]);
+            // The diagonal is real; the plane of its imaginary parts keeps what is left of it for the comparison.
+            let (left, whole) = (&mut pivot.re, &mut pivot.im);
+            whole.copy_from_slice(left);
             for k in 0..j {
-                sum -= out[(i, k)] * out[(j, k)].conj();
+                let row = &self.entries[place(j, k)];
+                for ((l, re), im) in left.iter_mut().zip(&row.re).zip(&row.im) {
+                    *l -= re * re + im * im;
+                }
             }
-            out[(i, j)] = sum / diagonal;
-        }
-    }
-    // In place, column by column from the left: row i below the diagonal still holds L where it is needed.
-    for j in 0..n {
-        out[(j, j)] = C64::from(1.0 / out[(j, j)].re);
-        for i in j + 1..n {
-            let mut sum = C64::from(0.0);
-            for k in j..i {
-                sum -= out[(i, k)] * out[(k, j)];
+            let least = ROUNDING * n as f64;
+            for ((bad, l), w) in bad.iter_mut().zip(left.iter()).zip(whole.iter()) {
+                // Also where the pivot is not a number.
+                *bad += if *l > least * w { 0.0 } else { 1.0 };
             }
-            out[(i, j)] = sum / out[(i, i)].re;
+            for v in left.iter_mut() {
+                *v = 1.0 / v.sqrt();
+            }
+            for i in j + 1..n {
+                let mut entry = std::mem::take(&mut self.entries[place(i, j)]);
+                for k in 0..j {
+                    let (x, y) = (&self.entries[place(i, k)], &self.entries[place(j, k)]);
+                    entry.add_product(x, y, -1.0, -1.0);
+                }
+                entry.scale(left);
+                self.entries[place(i, j)] = entry;
+            }
+            whole.fill(0.0);
+            self.entries[place(j, j)] = pivot;
         }
+        // Column by column from the left: row i still holds L right of the column; the diagonal is inverted already.
+        for j in 0..n {
+            for i in j + 1..n {
+                let mut sum = Planes::zeros(self.entries[place(i, j)].re.len());
+                for k in j..i {
+                    let (x, y) = (&self.entries[place(i, k)], &self.entries[place(k, j)]);
+                    sum.add_product(x, y, -1.0, 1.0);
+                }
+                sum.scale(&self.entries[place(i, i)].re);
+                self.entries[place(i, j)] = sum;
+            }
+        }
+        for entry in &self.entries {
+            for ((bad, re), im) in bad.iter_mut().zip(&entry.re).zip(&entry.im) {
+                // Nothing times what is not finite is not zero.
+                *bad += if 0.0 * re + 0.0 * im == 0.0 { 0.0 } else { 1.0 };
+            }
+        }
+        bad.iter().position(|b| *b != 0.0)
     }
-    (0..n).all(|j| (j..n).all(|i| out[(i, j)].re.is_finite() && out[(i, j)].im.is_finite()))
 }

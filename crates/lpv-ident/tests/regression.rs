@@ -127,11 +127,35 @@ fn recovers_what_made_the_data() {
 }
 
 #[test]
-fn work_is_one_factorisation_a_block_of_rows() {
-    let estimates = [FrfEstimate::with_unit_covariance(response(0.0, &lines(600)), Some(0.0)).unwrap()];
-    let fits = regress(&estimates, &bank(), &settings()).unwrap();
-    // 600 lines of 8 real rows: 4800 rows in blocks of 2048.
-    assert_eq!(fits.fits()[0].factorisations, 3);
+fn sums_of_products_give_way_to_reflections_where_functions_are_nearly_dependent() {
+    let frequencies = lines(600);
+    let near = |distance: f64| {
+        StateSpace::new(
+            dmatrix![0.5, 0.0; 0.0, 0.5 + distance],
+            dmatrix![1.0; 1.0],
+            DMatrix::identity(2, 2),
+            DMatrix::zeros(2, 1),
+            Discrete::new(1.0).unwrap(),
+        )
+        .unwrap()
+    };
+    // Well apart: one factorisation. Nearly the same: 4800 rows in blocks of 2048.
+    for (distance, factorisations, accuracy) in [(0.3, 1, 1e-13), (1e-2, 1, 1e-11), (1e-6, 3, 1e-7)] {
+        let bank = near(distance);
+        let phi = bank.frequency_response(&frequencies).unwrap();
+        let mut frf = Frf::zeros(frequencies.clone(), 2, 2).unwrap();
+        for k in 0..frequencies.len() {
+            let sum: DMatrix<C64> = (0..2)
+                .map(|i| truth(0.4).columns(2 * i, 2).map(C64::from) * phi.line(k)[(i, 0)])
+                .sum();
+            frf.line_slice_mut(k).copy_from_slice(sum.as_slice());
+        }
+        let estimate = FrfEstimate::with_unit_covariance(frf, Some(0.4)).unwrap();
+        let fits = regress(&[estimate], &bank, &RegressionSettings::new().check().unwrap()).unwrap();
+        let fit = &fits.fits()[0];
+        assert_eq!(fit.factorisations, factorisations, "{distance} {}", fit.condition);
+        assert!((&fit.weights - truth(0.4)).norm() < accuracy, "{distance}");
+    }
 }
 
 #[test]

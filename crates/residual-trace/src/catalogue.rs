@@ -58,6 +58,22 @@ pub static CATALOGUE: [&Effect; 23] = [
     &quantization::EFFECT,
 ];
 
+/// Of those in a list, the best first, that are equal to the best: the one that comes first in the catalogue leads.
+pub(crate) fn first_of_equals<T>(
+    list: &mut [T],
+    effect: impl Fn(&T) -> &'static Effect,
+    is_equal: impl Fn(&T) -> bool,
+) {
+    let place = |e: &Effect| CATALOGUE.iter().position(|c| c.name == e.name);
+    let equals = list.iter().filter(|t| is_equal(t)).map(&effect);
+    let Some(first) = equals.min_by_key(|e| place(e)) else {
+        return;
+    };
+    if let Some(at) = list.iter().position(|t| effect(t).name == first.name) {
+        list[..=at].rotate_right(1);
+    }
+}
+
 /// Forces of the motors that together do what this input does in the middle of the range.
 fn motor_forces(machine: &Base, input: f64) -> Pair {
     machine.commanded(0.0, [input, 0.0])

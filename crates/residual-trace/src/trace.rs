@@ -8,7 +8,7 @@ mod refine;
 
 use crate::TraceError;
 use crate::base::{Base, Pair};
-use crate::catalogue::{CATALOGUE, quantization};
+use crate::catalogue::{CATALOGUE, first_of_equals, quantization};
 use crate::effect::Effect;
 use crate::fit::{Explained, Fitted, Prior};
 use crate::track::Track;
@@ -86,7 +86,7 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
         false => case.noise[i],
     });
     let case = Case { noise, ..*case };
-    let strict = compete(&case)?;
+    let strict = compete(&case, alone(&case)?);
     let free = match case.free {
         Some((base, prior)) if !strict.is_noise() => {
             let free = Case {
@@ -95,12 +95,13 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
                 free: None,
                 ..case
             };
-            (alone(&free)? < strict.now.length()).then_some(free)
+            let bare = alone(&free)?;
+            (bare.1.length() < strict.now.length()).then_some((free, bare))
         }
         _ => None,
     };
-    let mut found = match &free {
-        Some(free) => compete(free)?.conclude(free)?,
+    let mut found = match free {
+        Some((free, bare)) => compete(&free, bare).conclude(&free)?,
         None => strict.conclude(&case)?,
     };
     if coarse.contains(&true) && found.verdict != Verdict::Unexplained {
@@ -123,8 +124,8 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
     Ok(found)
 }
 
-/// Length of the description by the base model alone.
-fn alone(case: &Case<'_>) -> Result<f64, TraceError> {
+/// The base model alone: the noise in its loop, and its fit.
+fn alone(case: &Case<'_>) -> Result<(Whitening, Fitted), TraceError> {
     let bare = Explained {
         base: case.base.clone(),
         effects: Vec::new(),
@@ -134,7 +135,7 @@ fn alone(case: &Case<'_>) -> Result<f64, TraceError> {
         case,
     };
     let fit = bench.problem().fit(&bare, ITERATIONS, None)?;
-    Ok(fit.length())
+    Ok((bench.whitening, fit))
 }
 
 /// What a competition leaves.
@@ -157,16 +158,8 @@ impl Contest {
     }
 }
 
-fn compete(case: &Case<'_>) -> Result<Contest, TraceError> {
-    let bare = Explained {
-        base: case.base.clone(),
-        effects: Vec::new(),
-    };
-    let bench = Bench {
-        whitening: loop_noise(case, &bare)?,
-        case,
-    };
-    let bare = bench.problem().fit(&bare, ITERATIONS, None)?;
+fn compete(case: &Case<'_>, (whitening, bare): (Whitening, Fitted)) -> Contest {
+    let bench = Bench { whitening, case };
     let before = bench.judge(&bare.model);
     let (mut now, mut judged) = (bare.clone(), before.clone());
     let (mut all_added, mut candidates) = (Vec::new(), Vec::new());
@@ -265,7 +258,7 @@ fn compete(case: &Case<'_>) -> Result<Contest, TraceError> {
             break;
         }
     }
-    Ok(Contest {
+    Contest {
         whitening: bench.whitening,
         bare,
         before,
@@ -273,7 +266,7 @@ fn compete(case: &Case<'_>) -> Result<Contest, TraceError> {
         after: judged,
         added: all_added,
         candidates,
-    })
+    }
 }
 
 /// Of effects that explain the records equally well, with as many parameters, the first in the catalogue leads.
@@ -282,18 +275,11 @@ fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)]) {
         return;
     };
     let (most, parameters) = (fit.length() + EQUAL, best.parameters.len());
-    let place = |e: &Effect| CATALOGUE.iter().position(|c| c.name == e.name);
-    let equals = finals
-        .iter()
-        .take_while(|(_, f, _)| f.length() <= most)
-        .filter(|(e, ..)| e.parameters.len() <= parameters);
-    let first = equals.map(|(e, ..)| *e).min_by_key(|e| place(e));
-    if let Some(at) = finals
-        .iter()
-        .position(|(e, ..)| first.is_some_and(|f| f.name == e.name))
-    {
-        finals[..=at].rotate_right(1);
-    }
+    first_of_equals(
+        finals,
+        |(e, ..)| *e,
+        |(e, f, _)| f.length() <= most && e.parameters.len() <= parameters,
+    );
 }
 
 fn decibel(ratio: f64) -> f64 {

@@ -1,6 +1,7 @@
 //! The exponential of one interval, and how it moves with its generator.
 
 use nalgebra::DMatrix;
+use pulp::{Simd, WithSimd};
 
 /// Nodes of Gauss-Legendre quadrature on [0, 1] with their weights, symmetric about the middle. For a generator of norm
 /// 1/2 three make the derivative exact to `1e-6`, for norm one four to `2e-7`: more than a step of a search can use.
@@ -33,11 +34,40 @@ pub(crate) fn multiply(a: &DMatrix<f64>, b: &DMatrix<f64>, out: &mut DMatrix<f64
 
 /// `out += factor a b`; of a, as many columns count as b has rows.
 pub(crate) fn add_product(factor: f64, a: &DMatrix<f64>, b: &DMatrix<f64>, out: &mut DMatrix<f64>) {
-    let (rows, inner) = (a.nrows(), b.nrows());
-    let (a, b, out) = (a.as_slice(), b.as_slice(), out.as_mut_slice());
-    pulp::Arch::new().dispatch(
-        #[inline(always)]
-        || match rows {
+    pulp::Arch::new().dispatch(AddProduct {
+        factor,
+        a: a.as_slice(),
+        b: b.as_slice(),
+        rows: a.nrows(),
+        inner: b.nrows(),
+        out: out.as_mut_slice(),
+    });
+}
+
+/// `out += factor a b`, compiled for the registers of each kind of machine.
+struct AddProduct<'a> {
+    factor: f64,
+    a: &'a [f64],
+    b: &'a [f64],
+    rows: usize,
+    inner: usize,
+    out: &'a mut [f64],
+}
+
+impl WithSimd for AddProduct<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self {
+            factor,
+            a,
+            b,
+            rows,
+            inner,
+            out,
+        } = self;
+        match rows {
             2 => add_columns::<2>(factor, a, b, inner, out),
             4 => add_columns::<4>(factor, a, b, inner, out),
             6 => add_columns::<6>(factor, a, b, inner, out),
@@ -52,8 +82,8 @@ pub(crate) fn add_product(factor: f64, a: &DMatrix<f64>, b: &DMatrix<f64>, out: 
                     }
                 }
             }
-        },
-    );
+        }
+    }
 }
 
 /// Columns of a length that the compiler knows stay in registers.
@@ -233,17 +263,11 @@ fn exponential(powers: &[DMatrix<f64>], tail: &mut DMatrix<f64>, out: &mut DMatr
 /// `e^(s X)` up to the last power, rows of the states.
 fn series(powers: &[DMatrix<f64>], s: f64, out: &mut DMatrix<f64>) {
     out.fill(0.0);
-    let all = out.as_mut_slice();
-    pulp::Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            for term in powers.iter().rev() {
-                for (out, t) in all.iter_mut().zip(term.as_slice()) {
-                    *out = (*out + t) * s;
-                }
-            }
-        },
-    );
+    for term in powers.iter().rev() {
+        for (out, t) in out.as_mut_slice().iter_mut().zip(term.as_slice()) {
+            *out = (*out + t) * s;
+        }
+    }
     let n = out.nrows();
     for i in 0..n {
         out[(i, i)] += 1.0;

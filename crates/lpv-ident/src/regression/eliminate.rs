@@ -6,6 +6,7 @@
 //! result is the same up to rounding.
 
 use super::rigid_response;
+use crate::planes::Planes;
 use crate::triangle::Triangle;
 use crate::whiten::Whitening;
 use crate::{CheckedRegression, IdentError, RigidTerm, Weighting};
@@ -20,6 +21,9 @@ type C64 = Complex<f64>;
 /// small enough for the cache.
 const BLOCK_ROWS: usize = 2048;
 
+/// Most lanes that a register of doubles has.
+const WIDEST: usize = 8;
+
 /// Lines that one task of the filters' response takes.
 const CHUNK: usize = 1024;
 
@@ -33,34 +37,16 @@ pub(super) struct Eliminated {
     pub(super) factorisations: usize,
 }
 
-/// Complex numbers of all lines as two planes, which lets products over lines run in vector registers.
-#[derive(Clone)]
-struct Planes {
-    re: Vec<f64>,
-    im: Vec<f64>,
-}
-
-impl Planes {
-    fn zeros(n: usize) -> Self {
-        Self {
-            re: vec![0.0; n],
-            im: vec![0.0; n],
-        }
-    }
-    fn collect(values: impl Iterator<Item = C64>) -> Self {
-        let (re, im) = values.map(|v| (v.re, v.im)).unzip();
-        Self { re, im }
-    }
-    fn set(&mut self, k: usize, v: C64) {
-        (self.re[k], self.im[k]) = (v.re, v.im);
-    }
-}
-
 /// The responses of the filters, and of the rigid body, on one set of lines.
 pub(super) struct Regressors {
     frequencies_hz: Vec<f64>,
     functions: Vec<Planes>,
     rigid: Option<Planes>,
+}
+
+/// With zeros behind, so that whole registers can be read.
+fn padded(values: impl Iterator<Item = C64>) -> Planes {
+    Planes::collect(values.chain([C64::from(0.0); WIDEST]))
 }
 
 impl Regressors {
@@ -76,12 +62,12 @@ impl Regressors {
         // The whole list again on an error, so that the error counts its lines from the first.
         let parts = parts.or_else(|_| basis.frequency_response(&frequencies_hz).map(|whole| vec![whole]))?;
         let functions = (0..basis.outputs())
-            .map(|i| Planes::collect(parts.iter().flat_map(|part| part.channel(i, 0))))
+            .map(|i| padded(parts.iter().flat_map(|part| part.channel(i, 0))))
             .collect();
         let rigid = has_rigid_body
             .then(|| {
                 let phi_r = frequencies_hz.iter().map(|&f| rigid_response(basis.clock(), f));
-                Ok::<_, IdentError>(Planes::collect(phi_r.collect::<Result<Vec<_>, _>>()?.into_iter()))
+                Ok::<_, IdentError>(padded(phi_r.collect::<Result<Vec<_>, _>>()?.into_iter()))
             })
             .transpose()?;
         Ok(Self {
@@ -91,12 +77,22 @@ impl Regressors {
         })
     }
 
+    /// Planes of the functions, with zeros for some lines more than there are.
+    pub(super) fn functions(&self) -> &[Planes] {
+        &self.functions
+    }
+
+    /// The same of the rigid body, where it is needed.
+    pub(super) fn rigid(&self) -> Option<&Planes> {
+        self.rigid.as_ref()
+    }
+
     pub(super) fn frequencies_hz(&self) -> &[f64] {
         &self.frequencies_hz
     }
 }
 
-fn kept(estimate: &FrfEstimate, settings: &CheckedRegression) -> Vec<usize> {
+pub(super) fn kept(estimate: &FrfEstimate, settings: &CheckedRegression) -> Vec<usize> {
     let frequencies = estimate.frf().frequencies_hz();
     (0..frequencies.len())
         .filter(|&k| settings.keeps(frequencies[k]))
@@ -160,13 +156,13 @@ fn channels(
     estimate: &FrfEstimate,
     lines: &[usize],
     position: f64,
-    weighting: Weighting,
+    settings: &CheckedRegression,
 ) -> Result<Vec<Channel>, IdentError> {
     let (ny, nu) = (estimate.frf().outputs(), estimate.frf().inputs());
     let mut channels = Vec::with_capacity(ny * nu);
     for s in 0..nu {
         for r in 0..ny {
-            let (first_a, first_b) = match weighting {
+            let (first_a, first_b) = match settings.weighting() {
                 Weighting::Covariance => (0, 0),
                 Weighting::Relative | Weighting::Uniform => (r, s),
             };
@@ -176,14 +172,13 @@ fn channels(
             channels.push(Channel { parts });
         }
     }
-    let mut whitening = Whitening::new(ny, nu);
-    for (row, &k) in lines.iter().enumerate() {
-        whitening.set(estimate, k, weighting, position)?;
-        for (index, channel) in channels.iter_mut().enumerate() {
-            let (r, s) = (index % ny, index / ny);
-            for (a, b, factor) in &mut channel.parts {
-                factor.set(row, whitening.left(r, *a) * whitening.right(*b, s));
-            }
+    let mut whitening = Whitening::new(ny, nu, lines.len());
+    whitening.set(estimate, lines, settings, position)?;
+    for (index, channel) in channels.iter_mut().enumerate() {
+        let (r, s) = (index % ny, index / ny);
+        for (a, b, factor) in &mut channel.parts {
+            let (left, right) = (&whitening.left, &whitening.right_adjoint);
+            factor.add_product(left.entry(r, *a), right.entry(s, *b), 1.0, -1.0);
         }
     }
     Ok(channels)
@@ -209,7 +204,7 @@ pub(super) fn eliminate(
 
     let mut whole = Triangle::new(columns, (2 * block).max(columns));
     let mut stacked = 0;
-    for channel in channels(estimate, &lines, position, settings.weighting())? {
+    for channel in channels(estimate, &lines, position, settings)? {
         let own = channel.columns(rigid_terms, ny, nu, ng);
         let rows = Rows {
             channel,

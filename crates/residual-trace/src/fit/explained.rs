@@ -41,6 +41,20 @@ impl Explained {
             .collect()
     }
 
+    /// Derivatives of the values by their coordinates: of the machine's that are fitted, then of the effects'.
+    pub(crate) fn scales(&self) -> Vec<f64> {
+        let machine = self.base.fitted().map(|p| if p.positive { p.value } else { 1.0 });
+        let effects = self
+            .effects
+            .iter()
+            .flat_map(|(e, values)| values.iter().zip(e.parameters));
+        let effect = |(v, p): (&f64, &EffectParameter)| match p.scale {
+            Scale::Logarithmic => v.abs(),
+            _ => 1.0,
+        };
+        machine.chain(effects.map(effect)).collect()
+    }
+
     pub(crate) fn with(&self, coordinates: &[f64]) -> Self {
         let own = self.base.coordinates().len();
         let mut rest = coordinates[own..].iter();

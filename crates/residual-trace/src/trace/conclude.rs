@@ -4,7 +4,6 @@ use super::bench::Bench;
 use super::noise::loop_noise;
 use super::{Case, Contest, ITERATIONS, LEFT, NOISE, Trace, Verdict};
 use crate::TraceError;
-use crate::effect::Scale;
 use crate::fit::{Explained, Fitted, deviations};
 use crate::track::Track;
 
@@ -28,7 +27,7 @@ impl Contest {
             self.now = self.bare.clone();
         }
         // A competition is held with an integration that all can afford.
-        let finer = self.finer(case)?;
+        let finer = self.finer(case);
         let finer = finer.as_ref().map(|[fitted, judged]| Case {
             fitted,
             judged,
@@ -64,7 +63,7 @@ impl Contest {
 
     /// Records to fit and to judge by, followed so finely that the errors of the result change no more; none where they do not
     /// anyway.
-    fn finer(&self, case: &Case<'_>) -> Result<Option<[Vec<Track>; 2]>, TraceError> {
+    fn finer(&self, case: &Case<'_>) -> Option<[Vec<Track>; 2]> {
         let errors = |judged: &[Track]| {
             let bench = Bench {
                 whitening: self.whitening.clone(),
@@ -94,7 +93,7 @@ impl Contest {
             found = Some([fitted, judged]);
             coarse = fine;
         }
-        Ok(found)
+        found
     }
 }
 
@@ -102,25 +101,19 @@ impl Fitted {
     /// Standard deviations of the machine's parameters, infinite where they are held; those of the effects go to them.
     fn give_deviations(&self, added: &mut [super::Added]) -> Vec<f64> {
         let spread = self.excess.sqrt();
-        let mut deviations = deviations(&self.factor).into_iter().map(|d| spread * d);
+        let scales = self.model.scales();
+        let mut deviations = deviations(&self.factor)
+            .into_iter()
+            .zip(scales)
+            .map(|(d, s)| spread * d * s);
         let mut next = || deviations.next().unwrap_or(f64::INFINITY);
-        let machine = self
-            .model
-            .base
-            .parameters()
+        let parameters = self.model.base.parameters();
+        let machine = parameters
             .iter()
-            .map(|p| match (p.held, p.positive) {
-                (true, _) => f64::INFINITY,
-                (false, true) => p.value * next(),
-                (false, false) => next(),
-            })
+            .map(|p| if p.held { f64::INFINITY } else { next() })
             .collect();
-        for (added, (effect, values)) in added.iter_mut().zip(&self.model.effects) {
-            let deviation = |(v, p): (&f64, &crate::effect::EffectParameter)| match p.scale {
-                Scale::Logarithmic => (*v, v.abs() * next()),
-                _ => (*v, next()),
-            };
-            added.values = values.iter().zip(effect.parameters).map(deviation).collect();
+        for (added, (_, values)) in added.iter_mut().zip(&self.model.effects) {
+            added.values = values.iter().map(|v| (*v, next())).collect();
         }
         machine
     }

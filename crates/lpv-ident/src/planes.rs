@@ -1,0 +1,69 @@
+//! Complex numbers of many lines as two planes, which lets products over lines run in vector registers.
+
+use num_complex::Complex;
+use std::ops::Range;
+
+/// Real and imaginary parts by line.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Planes {
+    pub(crate) re: Vec<f64>,
+    pub(crate) im: Vec<f64>,
+}
+
+impl Planes {
+    pub(crate) fn zeros(n: usize) -> Self {
+        Self {
+            re: vec![0.0; n],
+            im: vec![0.0; n],
+        }
+    }
+
+    pub(crate) fn collect(values: impl Iterator<Item = Complex<f64>>) -> Self {
+        let (re, im) = values.map(|v| (v.re, v.im)).unzip();
+        Self { re, im }
+    }
+
+    /// Overwrites as many lines as there are values.
+    pub(crate) fn gather(&mut self, values: impl Iterator<Item = Complex<f64>>) {
+        for ((re, im), v) in self.re.iter_mut().zip(&mut self.im).zip(values) {
+            (*re, *im) = (v.re, v.im);
+        }
+    }
+
+    pub(crate) fn set(&mut self, k: usize, v: Complex<f64>) {
+        (self.re[k], self.im[k]) = (v.re, v.im);
+    }
+
+    pub(crate) fn fill(&mut self, v: f64) {
+        self.re.fill(v);
+        self.im.fill(0.0);
+    }
+
+    /// These lines, both parts.
+    #[inline(always)]
+    pub(crate) fn part(&self, lines: Range<usize>) -> (&[f64], &[f64]) {
+        (&self.re[lines.clone()], &self.im[lines])
+    }
+
+    /// `self += sign x y`, or with `conj(y)` for a negative `conjugate`.
+    #[inline(always)]
+    pub(crate) fn add_product(&mut self, x: &Self, y: &Self, sign: f64, conjugate: f64) {
+        let n = self.re.len();
+        let (re, im) = (&mut self.re[..n], &mut self.im[..n]);
+        let (xr, xi, yr, yi) = (&x.re[..n], &x.im[..n], &y.re[..n], &y.im[..n]);
+        for k in 0..n {
+            let yi = conjugate * yi[k];
+            re[k] += sign * (xr[k] * yr[k] - xi[k] * yi);
+            im[k] += sign * (xr[k] * yi + xi[k] * yr[k]);
+        }
+    }
+
+    /// `self *= factor`, line by line.
+    #[inline(always)]
+    pub(crate) fn scale(&mut self, factor: &[f64]) {
+        for ((re, im), f) in self.re.iter_mut().zip(&mut self.im).zip(factor) {
+            *re *= f;
+            *im *= f;
+        }
+    }
+}

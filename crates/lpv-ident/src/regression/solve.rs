@@ -1,0 +1,210 @@
+//! From the triangular factors of all positions to the gains that they share and their own coefficients.
+
+use super::eliminate::{Eliminated, eliminate};
+use super::gram::{self, Equations};
+use super::{IdentError, LocalFit};
+use crate::triangle::{Triangle, solve_upper};
+use faer::MatRef;
+use nalgebra::{DMatrix, DVector, SVD};
+use rayon::prelude::*;
+
+/// Numbers of outputs, inputs and functions.
+pub(super) type Sizes = (usize, usize, usize);
+
+/// The gains with their covariance, and the fits.
+pub(super) type Solved = ((DVector<f64>, DMatrix<f64>), Vec<LocalFit>);
+
+/// Of all positions in their order; the first error counts.
+pub(super) fn each<T: Send, U: Send>(
+    items: impl IndexedParallelIterator<Item = T>,
+    run: impl Fn(T) -> Result<U, IdentError> + Sync + Send,
+) -> Result<Vec<U>, IdentError> {
+    let results: Vec<_> = items.map(run).collect();
+    results.into_iter().collect()
+}
+
+/// Positions that are worked on together.
+const GROUP: usize = 4;
+
+/// By the normal equations, corrected once with what the first solution leaves; none where they would cost digits.
+pub(super) fn by_products(
+    equations: &[Equations<'_>],
+    nc: usize,
+    sizes: Sizes,
+) -> Result<Option<Solved>, IdentError> {
+    let group = equations.len().div_ceil(rayon::current_num_threads()).min(GROUP);
+    let groups: Vec<&[Equations<'_>]> = equations
+        .chunk_by(|a, b| std::ptr::eq(a.regressors, b.regressors))
+        .flat_map(|same| same.chunks(group))
+        .collect();
+    let eliminated = each(groups.into_par_iter(), gram::eliminate)?;
+    let Some(eliminated) = eliminated.into_iter().collect::<Option<Vec<_>>>() else {
+        return Ok(None);
+    };
+    let mut eliminated: Vec<Eliminated> = eliminated.into_iter().flatten().collect();
+    let (gains, covariance) = shared_gains(&eliminated, nc)?;
+    let mut fits = each(eliminated.par_iter(), |e| back_substitute(e, &gains, sizes))?;
+    let left = each(
+        equations.par_iter().zip(&mut eliminated).zip(&fits),
+        |((equations, e), fit)| equations.left_by(fit, &gains, e),
+    )?;
+    let (change, _) = shared_gains(&eliminated, nc)?;
+    for ((fit, e), left) in fits.iter_mut().zip(&eliminated).zip(left) {
+        let w = e.solved_for(&change).ok_or_else(|| e.deficient(0.0, 0))?;
+        fit.weights += weights(&w, sizes);
+        // The cost is a parabola: exact, and not negative but by rounding.
+        let step = DVector::from_iterator(w.len() + nc, w.iter().chain(change.iter()).copied());
+        let r = e.r.view((0, 0), (step.len(), step.len()));
+        fit.cost = (left.cost - 2.0 * step.dot(&left.gradient) + (r * &step).norm_squared()).max(0.0);
+    }
+    Ok(Some(((gains + change, covariance), fits)))
+}
+
+/// By orthogonal transformations of the whitened rows: for regressors that are nearly dependent.
+pub(super) fn by_reflections(
+    equations: &[Equations<'_>],
+    nc: usize,
+    sizes: Sizes,
+) -> Result<Solved, IdentError> {
+    let eliminated = each(equations.par_iter(), |e| {
+        eliminate(e.estimate, e.position, e.regressors, e.settings)
+    })?;
+    let (gains, covariance) = shared_gains(&eliminated, nc)?;
+    let fits = each(eliminated.par_iter(), |e| back_substitute(e, &gains, sizes))?;
+    Ok(((gains, covariance), fits))
+}
+
+/// The gains and their covariance for rows of variance one, from the stacked R22 of all positions: in their order, so that
+/// the sum does not depend on threads.
+fn shared_gains(eliminated: &[Eliminated], nc: usize) -> Result<(DVector<f64>, DMatrix<f64>), IdentError> {
+    let mut triangle = Triangle::new(nc + 1, eliminated.len() * (nc + 1));
+    for j in 0..=nc {
+        let stacked = triangle.column_mut(j).chunks_exact_mut(nc + 1);
+        for (rows, e) in stacked.zip(eliminated) {
+            let n = e.unknowns;
+            rows.copy_from_slice(e.r.view((n, n + j), (nc + 1, 1)).into_owned().as_slice());
+        }
+    }
+    triangle.absorb(eliminated.len() * (nc + 1));
+    let r22 = DMatrix::from_fn(nc, nc, |i, j| triangle.column(j)[i]);
+    let r2 = DMatrix::from_fn(nc, 1, |i, _| triangle.column(nc)[i]);
+
+    // What the positions' own coefficients leave of each column, against the whole column: a part that is rounding means
+    // that the basis does what the rigid body should do.
+    let whole = DVector::from_fn(nc, |j, _| {
+        let norms = eliminated.iter().map(|e| e.r.column(e.unknowns + j).norm());
+        norms.fold(0.0, f64::hypot).max(f64::MIN_POSITIVE)
+    });
+    let left = DMatrix::from_fn(nc, nc, |i, j| r22[(i, j)] / whole[j]);
+    let (_, smallest) = extreme_singular_values(&left).unwrap_or((0.0, 0.0));
+    let deficient = || IdentError::RankDeficient {
+        position: eliminated.first().map_or(0.0, |e| e.position),
+        reciprocal: smallest,
+        function: 0,
+    };
+    if nc > 0 && smallest <= LEAST_RECIPROCAL {
+        return Err(deficient());
+    }
+    let gains = solve_upper(&r22, &r2).ok_or_else(deficient)?;
+    let inverse = solve_upper(&r22, &DMatrix::identity(nc, nc)).ok_or_else(deficient)?;
+    Ok((gains.column(0).into_owned(), &inverse * inverse.transpose()))
+}
+
+/// Reciprocal condition at which regressors count as dependent.
+const LEAST_RECIPROCAL: f64 = 1e-12;
+
+/// The largest and the smallest singular value; none for a matrix that is empty or not finite.
+fn extreme_singular_values(m: &DMatrix<f64>) -> Option<(f64, f64)> {
+    // The iteration neither accepts an empty matrix nor ends on one that is not finite.
+    if m.is_empty() || m.iter().any(|v| !v.is_finite()) {
+        return None;
+    }
+    let view = MatRef::from_column_major_slice(m.as_slice(), m.nrows(), m.ncols());
+    let values = view.singular_values().ok()?;
+    Some((*values.first()?, *values.last()?))
+}
+
+/// The column that weighs most in the direction of the smallest singular value.
+fn most_dependent_column(m: &DMatrix<f64>) -> usize {
+    if m.is_empty() || m.iter().any(|v| !v.is_finite()) {
+        return 0;
+    }
+    let column = SVD::try_new(m.clone(), false, true, 5.0 * f64::EPSILON, 10_000).and_then(|svd| {
+        let weakest = svd.singular_values.imin();
+        Some(svd.v_t?.row(weakest).transpose().iamax())
+    });
+    column.unwrap_or(0)
+}
+
+/// Condition after scaling the columns to unit length: the units of the unknowns must not matter. None for a matrix that is
+/// not finite or singular.
+fn condition(r: &DMatrix<f64>) -> Option<f64> {
+    let (largest, smallest) = extreme_singular_values(&scaled(r)).unwrap_or((1.0, 1.0));
+    (smallest > LEAST_RECIPROCAL * largest).then(|| largest / smallest)
+}
+
+fn scaled(r: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut scaled = r.clone();
+    for mut column in scaled.column_iter_mut() {
+        column /= column.norm().max(f64::MIN_POSITIVE);
+    }
+    scaled
+}
+
+impl Eliminated {
+    fn deficient(&self, reciprocal: f64, function: usize) -> IdentError {
+        IdentError::RankDeficient {
+            position: self.position,
+            reciprocal,
+            function,
+        }
+    }
+
+    fn r11(&self) -> DMatrix<f64> {
+        self.r.view((0, 0), (self.unknowns, self.unknowns)).into_owned()
+    }
+
+    /// The coefficients for the last column of the factor and these gains.
+    fn solved_for(&self, gains: &DVector<f64>) -> Option<DVector<f64>> {
+        let (n, nc) = (self.unknowns, gains.len());
+        let right = self.r.column(n + nc).rows(0, n) - self.r.view((0, n), (n, nc)) * gains;
+        self.r.view((0, 0), (n, n)).solve_upper_triangular(&right)
+    }
+}
+
+/// Unknowns stand as `(b n_y + a) n_g + i`; `W_i` is columns `i n_u ...` of the sample.
+fn weights(w: &DVector<f64>, (ny, nu, ng): Sizes) -> DMatrix<f64> {
+    DMatrix::from_fn(ny, ng * nu, |a, column| {
+        let (i, b) = (column / nu, column % nu);
+        w[(b * ny + a) * ng + i]
+    })
+}
+
+fn back_substitute(e: &Eliminated, gains: &DVector<f64>, sizes: Sizes) -> Result<LocalFit, IdentError> {
+    let (n, nc) = (e.unknowns, gains.len());
+    let r11 = e.r11();
+    let condition = condition(&r11).ok_or_else(|| {
+        let scaled = scaled(&r11);
+        let (largest, smallest) = extreme_singular_values(&scaled).unwrap_or((1.0, 0.0));
+        e.deficient(smallest / largest, most_dependent_column(&scaled) % sizes.2 + 1)
+    })?;
+    let r12 = e.r.view((0, n), (n, nc)).into_owned();
+    let gain_response = solve_upper(&r11, &r12).ok_or_else(|| e.deficient(0.0, 0))?;
+    let w = e.solved_for(gains).ok_or_else(|| e.deficient(0.0, 0))?;
+
+    // Cost: the rows below R11, at the shared gains.
+    let r22 = e.r.view((n, n), (nc + 1, nc));
+    let r2 = e.r.view((n, n + nc), (nc + 1, 1));
+    let cost = (r2 - r22 * gains).norm_squared();
+    Ok(LocalFit {
+        position: e.position,
+        weights: weights(&w, sizes),
+        cost,
+        equations: e.equations,
+        unknowns: n,
+        condition,
+        factorisations: e.factorisations,
+        r11,
+        gain_response,
+    })
+}

@@ -7,7 +7,7 @@ import skrf
 from peer import complex_, real, serve
 
 warnings.filterwarnings("ignore")
-lines = real("lines", -1)
+lines = real("rates", -1)
 frf = complex_("frf", -1, 2, 2)
 network = skrf.Network(f=lines, s=frf, f_unit="hz")
 

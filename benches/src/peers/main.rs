@@ -12,7 +12,7 @@ use clap::Parser;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
-use works::{Failure, Peer, WORKS, Work};
+use works::{Failure, Peer, WORKS, Way, Work};
 
 /// Compares the hot kernels with other tools, and writes peers.json and the table of docs/performance.md.
 #[derive(Parser)]
@@ -33,6 +33,9 @@ struct Arguments {
     /// Serve one work on demand, for the driver.
     #[arg(long, hide = true)]
     serve: Option<String>,
+    /// Serve this peer's way of the work instead of ours.
+    #[arg(long, hide = true)]
+    peer: Option<String>,
     /// Threads of a served work.
     #[arg(long, hide = true, default_value_t = 1)]
     threads: usize,
@@ -76,7 +79,7 @@ const PACKAGES: [&str; 4] = [
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let result = match &arguments.serve {
-        Some(name) => serve(name, arguments.threads),
+        Some(name) => serve(name, arguments.peer.as_deref(), arguments.threads),
         None => compare(&arguments),
     };
     match result {
@@ -88,12 +91,16 @@ fn main() -> ExitCode {
     }
 }
 
-fn serve(name: &str, threads: usize) -> Result<(), Failure> {
+fn serve(name: &str, peer: Option<&str>, threads: usize) -> Result<(), Failure> {
     let work = WORKS.iter().find(|w| w.name == name).ok_or("no such work")?;
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build_global()?;
-    let mut run = (work.ours)()?;
+    let peer = peer.and_then(|name| work.peers.iter().find(|p| p.name == name));
+    let mut run = match peer.map(|p| &p.way) {
+        Some(Way::Rust(run)) => run()?,
+        _ => (work.ours)()?,
+    };
     child::serve(&mut run)
 }
 
@@ -179,20 +186,29 @@ fn measure(
     python: &Path,
     inputs: &Path,
 ) -> Result<Row, Failure> {
-    let mut one = Command::new(std::env::current_exe()?);
-    one.args(["--serve", work.name, "--threads", &threads.to_string()]);
-    let mut other = Command::new(python);
-    let script = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("peers")
-        .join(peer.script);
-    other
-        .arg(script)
-        .arg(inputs)
-        .arg(threads.to_string())
-        .arg(peer.word);
-    for variable in ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"] {
-        other.env(variable, threads.to_string());
-    }
+    let count = threads.to_string();
+    let served = || -> Result<Command, Failure> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command.args(["--serve", work.name, "--threads", &count]);
+        Ok(command)
+    };
+    let mut one = served()?;
+    let mut other = match &peer.way {
+        Way::Rust(_) => {
+            let mut other = served()?;
+            other.args(["--peer", peer.name]);
+            other
+        }
+        Way::Python(script, word) => {
+            let mut other = Command::new(python);
+            let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers");
+            other.arg(folder.join(script)).arg(inputs).arg(&count).arg(word);
+            for variable in ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"] {
+                other.env(variable, &count);
+            }
+            other
+        }
+    };
     let (mut ours, mut theirs) = (Child::start(&mut one)?, Child::start(&mut other)?);
     let mut times = Vec::new();
     for _ in 0..runs.max(1) {

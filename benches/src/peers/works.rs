@@ -1,5 +1,9 @@
 //! The works that are compared: their inputs, our way, and the error of a result.
 
+mod moving;
+mod positions;
+mod refinement;
+
 use frf_estimation::{Layout, PeriodicAccumulator, PeriodicSettings, SkipRule};
 use lpv_benches::Bench;
 use lpv_core::nalgebra::{DMatrix, DVector};
@@ -20,11 +24,17 @@ pub(crate) type Run = Box<dyn FnMut() -> Result<Vec<f64>, Failure>>;
 /// One of the other tools.
 pub(crate) struct Peer {
     pub(crate) name: &'static str,
-    /// Script in `benches/peers`, and a word for it.
-    pub(crate) script: &'static str,
-    pub(crate) word: &'static str,
+    pub(crate) way: Way,
     /// Ratio of the times, theirs over ours, that is asked for on one thread.
     pub(crate) bar: f64,
+}
+
+/// How another tool is run.
+pub(crate) enum Way {
+    /// Script in `benches/peers`, and a word for it.
+    Python(&'static str, &'static str),
+    /// A crate.
+    Rust(fn() -> Result<Run, Failure>),
 }
 
 /// What both do.
@@ -39,20 +49,27 @@ pub(crate) struct Work {
     pub(crate) error: fn(&[f64]) -> Result<f64, Failure>,
 }
 
-const fn peer(name: &'static str, script: &'static str, word: &'static str, bar: f64) -> Peer {
+const fn python(name: &'static str, script: &'static str, word: &'static str, bar: f64) -> Peer {
     Peer {
         name,
-        script,
-        word,
+        way: Way::Python(script, word),
         bar,
     }
 }
 
-pub(crate) const WORKS: [Work; 5] = [
+const fn rust(name: &'static str, run: fn() -> Result<Run, Failure>, bar: f64) -> Peer {
+    Peer {
+        name,
+        way: Way::Rust(run),
+        bar,
+    }
+}
+
+pub(crate) const WORKS: [Work; 8] = [
     Work {
         name: "frf",
         what: "FRF of a 2x2 experiment with its covariance, 25 periods of 2^15",
-        peers: &[peer("scipy, numpy", "frf_scipy.py", "", 4.0)],
+        peers: &[python("scipy, numpy", "frf_scipy.py", "", 4.0)],
         export: frf_export,
         ours: frf_ours,
         error: frf_error,
@@ -60,7 +77,10 @@ pub(crate) const WORKS: [Work; 5] = [
     Work {
         name: "poles",
         what: "pole fit, 401 lines, 12 poles, 2x2",
-        peers: &[peer("scikit-rf", "poles_skrf.py", "", 8.0)],
+        peers: &[
+            rust("dsmc", poles_dsmc, 1.5),
+            python("scikit-rf", "poles_skrf.py", "", 8.0),
+        ],
         export: poles_export,
         ours: poles_ours,
         error: poles_error,
@@ -69,8 +89,8 @@ pub(crate) const WORKS: [Work; 5] = [
         name: "simulation",
         what: "simulation at constant p, 24 states, 65,536 samples",
         peers: &[
-            peer("python-control", "simulation_control.py", "", 50.0),
-            peer("scipy (dlsim)", "simulation_scipy.py", "", 50.0),
+            python("python-control", "simulation_control.py", "", 50.0),
+            python("scipy (dlsim)", "simulation_scipy.py", "", 50.0),
         ],
         export: simulation_export,
         ours: simulation_ours,
@@ -79,7 +99,7 @@ pub(crate) const WORKS: [Work; 5] = [
     Work {
         name: "response",
         what: "frequency response, 24 states, 2,000 lines",
-        peers: &[peer("python-control", "response_control.py", "", 30.0)],
+        peers: &[python("python-control", "response_control.py", "", 30.0)],
         export: response_export,
         ours: response_ours,
         error: response_error,
@@ -88,12 +108,49 @@ pub(crate) const WORKS: [Work; 5] = [
         name: "regression",
         what: "regression core, 21 positions, 16,383 lines, 16 functions, 2x2, weighted by the covariance",
         peers: &[
-            peer("numpy (lstsq)", "regression_numpy.py", "lstsq", 20.0),
-            peer("numpy (batched QR)", "regression_numpy.py", "qr", 4.0),
+            python("numpy (lstsq)", "regression_numpy.py", "lstsq", 20.0),
+            python("numpy (batched QR)", "regression_numpy.py", "qr", 4.0),
         ],
         export: regression_export,
         ours: regression_ours,
         error: regression_error,
+    },
+    Work {
+        name: "moving",
+        what: "moving-p simulation of the plant in its loop, 4,000 samples, error below 1e-10",
+        peers: &[
+            python("scipy (solve_ivp, DOP853)", "moving_scipy.py", "", 100.0),
+            rust("differential-equations (DOP853)", moving::peer, 5.0),
+        ],
+        export: moving::export,
+        ours: moving::ours,
+        error: moving::error,
+    },
+    Work {
+        name: "refinement",
+        what: "LFR refinement to the same cost, 8 states, 5 deltas, 21 positions, 160 lines",
+        peers: &[python(
+            "scipy (least_squares, analytic Jacobian)",
+            "refinement_scipy.py",
+            "",
+            15.0,
+        )],
+        export: refinement::export,
+        ours: refinement::ours,
+        error: refinement::error,
+    },
+    Work {
+        name: "positions",
+        what: "LPV fit over 9 positions, 401 lines, judged between them",
+        peers: &[python(
+            "scikit-rf (VectorFittingParametric)",
+            "positions_skrf.py",
+            "",
+            10.0,
+        )],
+        export: positions::export,
+        ours: positions::ours,
+        error: positions::error,
     },
 ];
 
@@ -258,9 +315,51 @@ fn poles_frf(bench: &Bench) -> Result<Frf, Failure> {
 }
 
 fn poles_export(folder: &Path) -> Result<(), Failure> {
-    let frf = poles_frf(&Bench::new()?)?;
-    write(folder, "lines", frf.frequencies_hz().iter().copied())?;
+    let bench = Bench::new()?;
+    let frf = poles_frf(&bench)?;
+    write(folder, "rates", warped(&bench, frf.frequencies_hz()))?;
     write(folder, "frf", rows_of(&frf))
+}
+
+/// A sampled response is a rational function of `s = (2/T) (z - 1)/(z + 1)`, on the imaginary axis at these rates.
+fn warped(bench: &Bench, lines: &[f64]) -> Vec<f64> {
+    let t = bench.clock.sample_time();
+    let rate = |f: &f64| 2.0 / t * (std::f64::consts::PI * f * t).tan();
+    lines.iter().map(rate).collect()
+}
+
+/// It fits one channel at a time.
+fn poles_dsmc() -> Result<Run, Failure> {
+    use dsmc::system_identification::frequency_response::vector_fitting::{
+        VectorFittingOptions, identify_relative,
+    };
+    let bench = Bench::new()?;
+    let frf = poles_frf(&bench)?;
+    let rates = warped(&bench, frf.frequencies_hz());
+    let channels: Vec<Vec<dsmc::FrequencyResponse<f64>>> = [(0, 0), (0, 1), (1, 0), (1, 1)]
+        .map(|(i, j)| {
+            let values = frf.channel(i, j).zip(&rates);
+            values
+                .map(|(value, omega)| dsmc::FrequencyResponse { omega: *omega, value })
+                .collect()
+        })
+        .to_vec();
+    let options = VectorFittingOptions {
+        fit_d: true,
+        ..VectorFittingOptions::default()
+    };
+    Ok(Box::new(move || {
+        let mut all = vec![C64::from(0.0); 4 * rates.len()];
+        for (c, samples) in channels.iter().enumerate() {
+            let found = identify_relative(samples, 12, &options)?;
+            for (k, omega) in rates.iter().enumerate() {
+                let s = C64::new(0.0, *omega);
+                let terms = found.poles.iter().zip(&found.residues).map(|(p, r)| r / (s - p));
+                all[4 * k + c] = terms.sum::<C64>() + found.d;
+            }
+        }
+        Ok(all.into_iter().flat_map(parts).collect())
+    }))
 }
 
 fn poles_ours() -> Result<Run, Failure> {

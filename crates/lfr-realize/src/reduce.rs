@@ -42,14 +42,14 @@ pub struct Reduced<K: Sampling> {
 
 impl<K: Sampling> Reduced<K> {
     /// The reduced model fitted to data in the place of the LFR that it came from, by the stages and the stopping rules of
-    /// [`crate::grow`], and from no other start.
+    /// [`crate::grow`]: the first start is the reduced model itself, the others begin at its centre.
     ///
     /// # Errors
     /// Those of [`crate::grow`].
     pub fn grow(&self, data: &FrozenData, settings: &CheckedGrowSettings) -> Result<Grown<K>, RealizeError> {
         let (local, model) = (self.local()?, &self.refined.candidate);
         let field = Field::new(&local, self.gamma.as_ref(), data, model.range(), settings)?;
-        field.grow_given(model)
+        field.grow(model.to_lfr()?.deltas(), Some(model))
     }
 
     /// The flexible part at the centre of the range: a local model from which [`crate::grow`] can begin on the data

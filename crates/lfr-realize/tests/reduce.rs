@@ -7,7 +7,7 @@ mod common;
 use common::*;
 use lfr_realize::{
     Candidate, FrozenData, GainFit, GrowSettings, LocalSettings, RealizeError, ReduceSettings, StartKind,
-    grow, local_model, realize, reduce, reduce_to_continuous,
+    StartSearch, grow, local_model, realize, reduce, reduce_to_continuous,
 };
 use lpv_core::nalgebra::{DMatrix, dmatrix};
 use lpv_core::{Clock, Continuous, Discrete, Frf, FrfEstimate, Lfr, LfrBlocks, StateSpace};
@@ -164,8 +164,8 @@ fn response(machine: &Machine, clock: Discrete, p: f64) -> Frf {
     sampled.frequency_response(&table_lines()).unwrap()
 }
 
-/// From (36, 34) to (8, 5). The large LFR is itself far from the machine, and so is what is nearest to it; refined on the
-/// responses of the machine it is as good as what growth reaches.
+/// From (36, 34) to (8, 5). The large LFR is itself far from the machine, and so is what is nearest to it; fitted to the
+/// responses of the machine it is as good as what grows there from the true poles.
 #[test]
 fn the_expansion_reduces_to_eight_states_and_five_deltas() {
     let bench = Bench::new();
@@ -202,7 +202,13 @@ fn the_expansion_reduces_to_eight_states_and_five_deltas() {
         &LocalSettings::new().check().unwrap(),
     )
     .unwrap();
-    let settings = GrowSettings::new().gain(GainFit::Free).check().unwrap();
+    // All starts but the random ones: how far beyond its target a single one goes is chance.
+    let settings = GrowSettings::new()
+        .gain(GainFit::Free)
+        .search(StartSearch::All)
+        .restarts(0)
+        .check()
+        .unwrap();
     let own = reduced.grow(&bench.data, &settings).unwrap();
     let (flexible, gamma) = (&local.flexible, local.gamma.as_ref());
     let best = grow(flexible, gamma, &bench.data, &five, &range, &settings).unwrap();

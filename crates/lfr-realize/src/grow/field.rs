@@ -83,12 +83,6 @@ impl<'a, K: Sampling> Field<'a, K> {
         self.best(kinds, deltas, given)
     }
 
-    /// The model that starts from the one given, and from no other.
-    pub(crate) fn grow_given(&self, given: &Candidate<K>) -> Result<Grown<K>, RealizeError> {
-        let deltas = given.to_lfr()?.deltas().to_vec();
-        self.best(vec![StartKind::Given], &deltas, Some(given))
-    }
-
     fn best(
         &self,
         kinds: Vec<StartKind>,

@@ -144,7 +144,7 @@ fn main() -> ExitCode {
         Task::Measured(options) => run_measured(&options).map(|()| true),
         Task::Small(options) => run_small(&options).map(|()| true),
         Task::Blind(options) => run_blind(&options),
-        Task::Peers(passed) => run_bench("peers", &passed.options),
+        Task::Peers(passed) => run_peers(&passed.options),
         Task::Limits(passed) => run_bench("limits", &passed.options),
     };
     match done {
@@ -174,6 +174,12 @@ fn run_bench(name: &str, options: &[String]) -> Result<bool, TaskError> {
         .current_dir(root())
         .status()?;
     Ok(status.success())
+}
+
+/// The whole reproduction, too, is compared: it is this program.
+fn run_peers(options: &[String]) -> Result<bool, TaskError> {
+    let own = std::env::current_exe()?.display().to_string();
+    run_bench("peers", &[options, &["--xtask".to_owned(), own]].concat())
 }
 
 fn run_measured(options: &Pages) -> Result<(), TaskError> {

@@ -196,16 +196,17 @@ fn kernels(bench: &Bench, gemm: f64, copy: f64) -> Result<Vec<Kernel>, Failure> 
             bar,
         }
     };
-    // Four complex equations a line, 64 unknowns and two gains, the right side with them: a triangle by reflections.
+    // Sums of products of 64 unknowns and two gains, weighted; and, twice, the gradient of what is left, once with a model.
     const LINES: usize = (1 << 14) - 1;
-    let (rows, columns) = (8.0 * LINES as f64, 67.0);
-    let triangle = 2.0 * rows * columns * columns;
+    const POSITIONS: f64 = 21.0;
+    let columns = 66.0;
+    let a_line = columns * (columns + 1.0) + 2.0 * 4.0 * columns + 4.0 * columns;
     let regression = of(
-        "regression core: one position, 16,383 lines, 16 functions, 2x2",
-        regression(bench, 1, LINES, 16)?,
-        triangle,
-        // Response, covariances and the responses of the functions are read once.
-        LINES as f64 * 16.0 * (12.0 + 16.0),
+        "regression core: 21 positions, 16,383 lines, 16 functions, 2x2",
+        regression(bench, 21, LINES, 16)?,
+        POSITIONS * LINES as f64 * a_line,
+        // Response and covariances are read twice, the responses of the functions once.
+        LINES as f64 * 16.0 * (POSITIONS * 2.0 * 12.0 + 16.0),
         Some(0.5),
     );
     const PERIOD: usize = 1 << 15;

@@ -5,6 +5,7 @@
 
 mod child;
 mod page;
+mod whole;
 mod works;
 
 use child::Child;
@@ -30,6 +31,9 @@ struct Arguments {
     /// Where peers.json, the inputs and the Python environment go.
     #[arg(long, default_value = "target/peers")]
     output: PathBuf,
+    /// The program that runs the reproduction.
+    #[arg(long, hide = true)]
+    xtask: Option<PathBuf>,
     /// Serve one work on demand, for the driver.
     #[arg(long, hide = true)]
     serve: Option<String>,
@@ -58,6 +62,26 @@ pub(crate) struct Row {
     their_seconds: f64,
     /// Smallest and largest ratio of a run.
     spread: [f64; 2],
+}
+
+impl Row {
+    /// The peer of a row that compares two threads with one.
+    pub(crate) const ITSELF: &str = "itself on one thread";
+}
+
+/// The one in the middle.
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// Median, and the smallest and the largest.
+pub(crate) fn ratios(all: impl Iterator<Item = f64> + Clone) -> (f64, [f64; 2]) {
+    let ends = [
+        all.clone().fold(f64::INFINITY, f64::min),
+        all.clone().fold(0.0, f64::max),
+    ];
+    (median(all.collect()), ends)
 }
 
 #[derive(Serialize)]
@@ -133,6 +157,13 @@ fn compare(arguments: &Arguments) -> Result<(), Failure> {
             }
         }
         std::fs::remove_dir_all(&inputs)?;
+    }
+    let is_wanted = arguments.only.is_empty() || arguments.only.iter().any(|o| o == "reproduction");
+    if let (true, Some(xtask)) = (is_wanted, &arguments.xtask) {
+        for row in whole::rows(xtask, &python, &folder.join("reproduction"), arguments.runs)? {
+            println!("{}", page::line(&row));
+            rows.push(row);
+        }
     }
     let account = Account {
         packages: &PACKAGES,
@@ -214,17 +245,12 @@ fn measure(
     for _ in 0..runs.max(1) {
         times.push((ours.run()?, theirs.run()?));
     }
-    let mut ratios: Vec<f64> = times.iter().map(|(a, b)| b / a).collect();
-    ratios.sort_by(f64::total_cmp);
-    let median = |mut v: Vec<f64>| {
-        v.sort_by(f64::total_cmp);
-        v[v.len() / 2]
-    };
+    let (ratio, spread) = ratios(times.iter().map(|(a, b)| b / a));
     Ok(Row {
         work: work.what,
         peer: peer.name,
         threads,
-        ratio: median(ratios.clone()),
+        ratio,
         bar: peer.bar,
         our_error: (work.error)(&ours.result(&inputs.join("ours"))?)?,
         their_error: (work.error)(&theirs.result(&inputs.join("theirs"))?)?,
@@ -232,6 +258,6 @@ fn measure(
         their_mib: theirs.memory()?,
         our_seconds: median(times.iter().map(|t| t.0).collect()),
         their_seconds: median(times.iter().map(|t| t.1).collect()),
-        spread: [ratios[0], ratios[ratios.len() - 1]],
+        spread,
     })
 }

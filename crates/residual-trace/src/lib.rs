@@ -129,7 +129,9 @@ pub use character::{Character, characterise};
 pub use error::TraceError;
 pub use fit::{Explained, Prior};
 pub use frozen::{FrozenFit, fit_table};
-pub use responses::{ResponseCase, ResponseStep, error_of, noise_of, response, trace_responses};
+pub use responses::{
+    ResponseCase, ResponseStep, characterise_response, error_of, noise_of, response, trace_responses,
+};
 pub use screen::{Screen, Trial};
 pub use simulate::Response;
 pub use trace::{Added, Case, Judged, Trace, Tried, Verdict, sensor_noise, trace};

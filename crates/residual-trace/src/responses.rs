@@ -2,8 +2,9 @@
 
 use crate::TraceError;
 use crate::base::{Axis, Base};
-use crate::catalogue::CATALOGUE;
-use crate::effect::{Effect, Family, Path, Scale};
+use crate::catalogue::{CATALOGUE, first_of_equals};
+use crate::character::Character;
+use crate::effect::{Effect, Family, Path};
 use crate::fit::{Explained, Minimum, deviations, minimum};
 use crate::trace::chance;
 use lpv_core::FrfEstimate;
@@ -38,6 +39,13 @@ pub struct ResponseStep {
     pub runner_up: Option<(&'static Effect, f64)>,
     /// Every effect that was tried, and the fall of the squared error on the judged response, in decibels.
     pub tried: Vec<(&'static Effect, f64)>,
+}
+
+impl ResponseStep {
+    /// The effect that the judged response does not tell from the one that was added, and the margin in decibels.
+    pub fn tied(&self) -> Option<(&'static Effect, f64)> {
+        self.runner_up.filter(|(_, margin)| margin.abs() < EQUAL_DB)
+    }
 }
 
 /// Most effects at once.
@@ -129,19 +137,10 @@ pub fn trace_responses(case: &ResponseCase<'_>) -> Result<Vec<ResponseStep>, Tra
         let gain = |model: &Explained| 10.0 * (before / judge(model)).log10();
         if let Some((best, (model, _))) = tried.first() {
             let (most, parameters) = (gain(model), best.parameters.len());
-            let place = |e: &Effect| CATALOGUE.iter().position(|c| c.name == e.name);
-            let equal = |(e, (model, _)): &(&'static Effect, (Explained, Minimum))| {
+            let equals = |(e, (model, _)): &(&'static Effect, (Explained, Minimum))| {
                 e.parameters.len() == parameters && gain(model) > most - EQUAL_DB
             };
-            let first = tried
-                .iter()
-                .filter(|t| equal(t))
-                .map(|t| t.0)
-                .min_by_key(|e| place(e));
-            let at = tried
-                .iter()
-                .position(|(e, _)| first.is_some_and(|f| f.name == e.name));
-            tried[..=at.unwrap_or(0)].rotate_right(1);
+            first_of_equals(&mut tried, |t| t.0, equals);
         }
         let gains: Vec<(&'static Effect, f64)> =
             tried.iter().map(|(e, (model, _))| (*e, gain(model))).collect();
@@ -154,12 +153,7 @@ pub fn trace_responses(case: &ResponseCase<'_>) -> Result<Vec<ResponseStep>, Tra
         if length(&best.1) >= length(&now.1) || judge(&best.0) > (1.0 - SHARE) * before {
             break;
         }
-        if let Some((other, gain)) = gains.get(1)
-            && gains[0].1 - gain < EQUAL_DB
-        {
-            tied.push(other.name);
-        }
-        steps.push(ResponseStep {
+        let added = ResponseStep {
             effect: Some(effect),
             p_value: chance(
                 best.1.rows as f64 * (now.1.cost / best.1.cost).ln(),
@@ -167,7 +161,9 @@ pub fn trace_responses(case: &ResponseCase<'_>) -> Result<Vec<ResponseStep>, Tra
             ),
             runner_up: gains.get(1).map(|(e, gain)| (*e, gains[0].1 - gain)),
             ..step(&best)
-        });
+        };
+        tied.extend(added.tied().map(|(other, _)| other.name));
+        steps.push(added);
         now = best;
     }
     Ok(steps)
@@ -187,6 +183,48 @@ pub fn error_of(model: &Explained, estimate: &FrfEstimate) -> Vec<f64> {
             (error / size).sqrt()
         })
         .collect()
+}
+
+/// What a model leaves of a response: where it sits, and what of it goes with the output itself, its rate and its
+/// acceleration. None where there is nothing.
+pub fn characterise_response(model: &Explained, estimate: &FrfEstimate) -> Option<Character> {
+    let (errors, noise) = (error_of(model, estimate), noise_of(estimate));
+    let over = |i: &usize| errors[*i] / noise[*i].max(f64::MIN_POSITIVE);
+    let output = (0..errors.len()).max_by(|a, b| over(a).total_cmp(&over(b)))?;
+    let frf = estimate.frf();
+    let lines = frf.frequencies_hz();
+    let measured: Vec<C64> = frf.channel(output, 0).collect();
+    let left: Vec<C64> = lines
+        .iter()
+        .zip(&measured)
+        .map(|(f, g)| g - response(model, *f)[output.min(1)])
+        .collect();
+    let energy: f64 = left.iter().map(C64::norm_sqr).sum();
+    if energy <= 0.0 || !energy.is_finite() {
+        return None;
+    }
+    let at = |part: f64| {
+        let mut sum = 0.0;
+        let line = left.iter().position(|e| {
+            sum += e.norm_sqr();
+            sum >= part * energy
+        });
+        lines[line.unwrap_or(lines.len() - 1)]
+    };
+    let with = |order: i32| {
+        let signal = |(f, g): (&f64, &C64)| g * C64::new(0.0, TAU * f).powi(order);
+        let signal: Vec<C64> = lines.iter().zip(&measured).map(signal).collect();
+        let size: f64 = signal.iter().map(C64::norm_sqr).sum();
+        let product: f64 = left.iter().zip(&signal).map(|(e, g)| (e * g.conj()).re).sum();
+        product / (energy * size).sqrt()
+    };
+    let mut correlations = vec![("output", with(0)), ("speed", with(1)), ("acceleration", with(2))];
+    correlations.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+    Some(Character {
+        output,
+        band_hz: [at(0.1), at(0.9)],
+        correlations,
+    })
 }
 
 /// Noise of an estimate by output, counted as [`error_of`] counts errors.
@@ -256,22 +294,10 @@ fn length(found: &Minimum) -> f64 {
 /// Standard deviations, of what a response leaves when the model explains it but for noise that is the same at all lines.
 fn spread(model: &Explained, found: &Minimum) -> Vec<f64> {
     let level = (found.cost / found.rows.saturating_sub(found.at.len()).max(1) as f64).sqrt();
-    let machine = model
-        .base
-        .fitted()
-        .map(|p| if p.positive { p.value } else { 1.0 });
-    let effects = model.effects.iter().flat_map(|(e, values)| {
-        let scale = |(v, p): (&f64, &crate::effect::EffectParameter)| match p.scale {
-            Scale::Logarithmic => v.abs(),
-            _ => 1.0,
-        };
-        values.iter().zip(e.parameters).map(scale).collect::<Vec<_>>()
-    });
-    let scales: Vec<f64> = machine.chain(effects).collect();
     let deviations = deviations(&found.factor);
     deviations
         .iter()
-        .zip(scales)
+        .zip(model.scales())
         .map(|(d, s)| level * d * s)
         .collect()
 }

@@ -73,6 +73,16 @@ pub struct Value {
     pub unit: String,
 }
 
+impl Value {
+    pub(super) fn new(value: f64, std: f64, unit: String) -> Self {
+        Self {
+            value,
+            std: std.is_finite().then_some(std),
+            unit,
+        }
+    }
+}
+
 /// Why an effect was added.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Evidence {
@@ -140,6 +150,16 @@ pub struct Characterisation {
     pub correlations: Vec<(&'static str, f64)>,
 }
 
+impl Characterisation {
+    pub(super) fn new(found: Character, bundle: &Bundle) -> Self {
+        Self {
+            channel: bundle.description().channels.output.columns[found.output].clone(),
+            band_hz: found.band_hz,
+            correlations: found.correlations,
+        }
+    }
+}
+
 impl Diagnosis {
     pub(super) fn new(bundle: &Bundle, found: &Trace, judged: &[Track], reasons: Vec<String>) -> Self {
         let channels = &bundle.description().channels;
@@ -176,11 +196,7 @@ impl Diagnosis {
                 .iter()
                 .zip(&a.values)
                 .map(|(p, (value, std))| {
-                    let value = Value {
-                        value: *value,
-                        std: std.is_finite().then_some(*std),
-                        unit: unit(p.unit),
-                    };
+                    let value = Value::new(*value, *std, unit(p.unit));
                     (p.name, value)
                 })
                 .collect(),
@@ -198,11 +214,6 @@ impl Diagnosis {
                 runner_up: a.runner_up.map(|(e, _)| e.name),
                 runner_up_margin_db: a.runner_up.map(|(_, margin)| margin),
             },
-        };
-        let character = |c: Character| Characterisation {
-            channel: outputs[c.output].clone(),
-            band_hz: c.band_hz,
-            correlations: c.correlations,
         };
         let noise: Vec<(String, f64)> = outputs.iter().cloned().zip(found.noise).collect();
         Self {
@@ -226,7 +237,8 @@ impl Diagnosis {
                 .collect(),
             characterisation: match found.verdict {
                 Verdict::Unexplained | Verdict::PartlyExplained => {
-                    characterise(&found.errors[1], judged, found.noise).map(character)
+                    characterise(&found.errors[1], judged, found.noise)
+                        .map(|c| Characterisation::new(c, bundle))
                 }
                 Verdict::Explained | Verdict::NothingMissing => None,
             },
@@ -237,11 +249,7 @@ impl Diagnosis {
                 .into_iter()
                 .zip(&found.deviations)
                 .map(|(p, std)| {
-                    let value = Value {
-                        value: p.value,
-                        std: std.is_finite().then_some(*std),
-                        unit: p.unit.to_owned(),
-                    };
+                    let value = Value::new(p.value, *std, p.unit.to_owned());
                     (p.name.to_owned(), value)
                 })
                 .collect(),

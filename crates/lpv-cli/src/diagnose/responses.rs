@@ -2,7 +2,8 @@
 
 use super::account::units;
 use super::{
-    Diagnosed, Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors, Tested, Value, page,
+    Characterisation, Diagnosed, Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors,
+    Tested, Value, page,
 };
 use crate::PipelineError;
 use crate::progress::Progress;
@@ -11,14 +12,13 @@ use experiment_data::Bundle;
 use frf_estimation::PeriodicEstimate;
 use lpv_core::{Discrete, FrfEstimate, Purpose, RecordKind};
 use residual_trace::effect::Family;
-use residual_trace::{ResponseCase, ResponseStep, noise_of, response, trace_responses};
+use residual_trace::{
+    ResponseCase, ResponseStep, characterise_response, noise_of, response, trace_responses,
+};
 use std::collections::BTreeMap;
 
 /// Error over the noise up to which nothing is left.
 const NOISE: f64 = 1.1;
-
-/// Difference on the held-out record up to which two effects are called equal.
-const TIE_DB: f64 = 0.5;
 
 /// Noise over the size of a response from which nothing can be judged by it.
 const MOSTLY: f64 = 0.5;
@@ -77,9 +77,7 @@ pub(super) fn diagnose(
     })?;
     progress("competition of effects", 1, 1);
     for step in &steps {
-        if let (Some(effect), Some((other, margin))) = (step.effect, step.runner_up)
-            && margin.abs() < TIE_DB
-        {
+        if let (Some(effect), Some((other, margin))) = (step.effect, step.tied()) {
             reasons.push(format!(
                 "{} and {} are not told apart by these records ({margin:+.2} dB for the first): a multisine with lines up to Nyquist would",
                 effect.name, other.name
@@ -163,11 +161,11 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
                 channel: channel(effect.family),
                 parameters: parameters
                     .map(|(p, (value, std))| {
-                        let value = Value {
-                            value: *value,
-                            std: std.is_finite().then_some(*std),
-                            unit: units(if p.unit == "kg" { "u s^2/y" } else { p.unit }, bundle),
-                        };
+                        let value = Value::new(
+                            *value,
+                            *std,
+                            units(if p.unit == "kg" { "u s^2/y" } else { p.unit }, bundle),
+                        );
                         (p.name, value)
                     })
                     .collect(),
@@ -204,14 +202,19 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
         before: errors(first),
         after: errors(last),
         candidates: tested.collect(),
-        characterisation: None,
+        characterisation: match verdict {
+            "unexplained" | "partly-explained" => {
+                characterise_response(&last.model, judged).map(|c| Characterisation::new(c, bundle))
+            }
+            _ => None,
+        },
         base_parameters: base
             .map(|(p, std)| {
-                let value = Value {
-                    value: p.value,
-                    std: std.is_finite().then_some(*std),
-                    unit: units(if p.name == "mass" { "u s^2/y" } else { "u s/y" }, bundle),
-                };
+                let value = Value::new(
+                    p.value,
+                    *std,
+                    units(if p.name == "mass" { "u s^2/y" } else { "u s/y" }, bundle),
+                );
                 (p.name.to_owned(), value)
             })
             .collect(),

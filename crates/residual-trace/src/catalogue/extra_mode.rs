@@ -19,7 +19,7 @@ pub(super) static EFFECT: Effect = Effect {
         },
         EffectParameter {
             name: "frequency",
-            unit: "1/s",
+            unit: "Hz",
             scale: Scale::Logarithmic,
         },
         EffectParameter {

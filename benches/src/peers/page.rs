@@ -38,7 +38,7 @@ pub(crate) fn page(rows: &[Row], runs: usize, packages: &[&str]) -> String {
         "# Performance\n\nThe hot kernels beside the tools that a user would pick instead, on the same inputs, alternately in one run of \
          `cargo xtask peers --bless`: medians of {runs}. Times are those of the work alone; each side has read its inputs before. Errors \
          are relative to a common truth. Peak memory is that of the process, inputs and interpreter included. Versions: {}. \
-         The scripts are in `benches/peers`.\n\n\
+         The scripts are in `benches/peers`; how near the limits of the machine the kernels are, in [limits.md](limits.md).\n\n\
          | work | peer | threads | ours | theirs | ratio (spread) | bar | error, ours | theirs | MiB, ours | theirs |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n",
         packages.join(", ")
@@ -68,5 +68,6 @@ pub(crate) fn page(rows: &[Row], runs: usize, packages: &[&str]) -> String {
             r.their_mib
         );
     }
+    out += include_str!("../../peers/notes.md");
     out
 }

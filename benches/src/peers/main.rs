@@ -62,6 +62,8 @@ pub(crate) struct Row {
     their_seconds: f64,
     /// Smallest and largest ratio of a run.
     spread: [f64; 2],
+    /// Error that is small enough, whatever theirs is.
+    enough: f64,
 }
 
 impl Row {
@@ -259,5 +261,6 @@ fn measure(
         our_seconds: median(times.iter().map(|t| t.0).collect()),
         their_seconds: median(times.iter().map(|t| t.1).collect()),
         spread,
+        enough: work.enough,
     })
 }

@@ -33,6 +33,10 @@ fn seconds(s: f64) -> String {
     }
 }
 
+fn is_accurate(r: &Row) -> bool {
+    r.our_error <= r.enough.max(MARGIN * r.their_error)
+}
+
 pub(crate) fn page(rows: &[Row], runs: usize, packages: &[&str]) -> String {
     let mut out = format!(
         "# Performance\n\nThe hot kernels beside the tools that a user would pick instead, on the same inputs, alternately in one run of \
@@ -46,7 +50,7 @@ pub(crate) fn page(rows: &[Row], runs: usize, packages: &[&str]) -> String {
     for r in rows {
         // Bars hold on one thread, but that of a row with two on its ratio, and for results that are as accurate.
         let counts = if r.peer == Row::ITSELF { 1 } else { r.threads };
-        let met = match (counts, r.ratio >= r.bar && r.our_error <= MARGIN * r.their_error) {
+        let met = match (counts, r.ratio >= r.bar && is_accurate(r)) {
             (1, true) => format!("{}: met", r.bar),
             (1, false) => format!("{}: MISSED", r.bar),
             _ => "-".to_owned(),

@@ -93,6 +93,7 @@ pub(crate) fn rows(xtask: &Path, python: &Path, folder: &Path, runs: usize) -> R
             our_seconds: of(|p| p.0.seconds),
             their_seconds: of(|p| p.1.seconds),
             spread,
+            enough: 0.0,
         }
     };
     let mut rows: Vec<Row> = (1..)

@@ -8,8 +8,8 @@ use nalgebra::DMatrix;
 /// Columns of one blocked Householder step.
 const PANEL: usize = 16;
 
-/// `R` of the QR factorisation of all blocks so far: orthogonal transformations only, since the weights span decades and
-/// normal equations would square them. Memory is that of one block, and nothing is allocated between blocks.
+/// `R` of the QR factorisation of all blocks so far: orthogonal transformations only, for regressors that are so
+/// nearly dependent that normal equations would lose them. Memory is that of one block, and nothing is allocated between blocks.
 pub(crate) struct Triangle {
     columns: usize,
     /// Rows of the storage: those of `R`, then those of one block.

@@ -131,6 +131,11 @@ fn serve(name: &str, peer: Option<&str>, threads: usize) -> Result<(), Failure> 
 }
 
 fn compare(arguments: &Arguments) -> Result<(), Failure> {
+    let names: Vec<&str> = WORKS.iter().map(|w| w.name).chain([whole::NAME]).collect();
+    if let Some(other) = arguments.only.iter().find(|o| !names.contains(&o.as_str())) {
+        return Err(format!("there is no work `{other}`; --only takes {}", names.join(", ")).into());
+    }
+    let is_wanted = |name: &str| arguments.only.is_empty() || arguments.only.iter().any(|o| o == name);
     let folder = std::path::absolute(&arguments.output)?;
     std::fs::create_dir_all(&folder)?;
     let python = match environment(&folder) {
@@ -145,7 +150,7 @@ fn compare(arguments: &Arguments) -> Result<(), Failure> {
     };
     let mut rows = Vec::new();
     for work in &WORKS {
-        if !(arguments.only.is_empty() || arguments.only.iter().any(|o| o == work.name)) {
+        if !is_wanted(work.name) {
             continue;
         }
         let inputs = folder.join(work.name);
@@ -160,8 +165,7 @@ fn compare(arguments: &Arguments) -> Result<(), Failure> {
         }
         std::fs::remove_dir_all(&inputs)?;
     }
-    let is_wanted = arguments.only.is_empty() || arguments.only.iter().any(|o| o == "reproduction");
-    if let (true, Some(xtask)) = (is_wanted, &arguments.xtask) {
+    if let (true, Some(xtask)) = (is_wanted(whole::NAME), &arguments.xtask) {
         for row in whole::rows(xtask, &python, &folder.join("reproduction"), arguments.runs)? {
             println!("{}", page::line(&row));
             rows.push(row);

@@ -8,6 +8,8 @@ use std::process::{Command, Stdio};
 
 /// Stages that both have.
 const STAGES: [&str; 6] = ["experiments_frf", "poles", "basis", "obf", "lfr", "time"];
+/// Its name for `--only`.
+pub(crate) const NAME: &str = "reproduction";
 const WORK: &str = "whole reproduction, full size, without its report";
 
 /// One run: seconds, peak memory in MiB, median relative error of the frozen responses over the band.

@@ -115,8 +115,9 @@ impl Experiment {
 /// Streaming estimator for the experiments at one scheduling position.
 ///
 /// Experiments may be interleaved in any order; the periods of an experiment come in order. Memory does not grow with
-/// the number of periods: `n_z (n_z + 2) + n_r (n_r + 2)` numbers a line and experiment, `n_z = n_y + n_u`, and `8 n_z` a line for
-/// periods that are taken up together; so it helps to push those of one experiment in a row. The transform of a reference that repeats exactly is computed once an experiment, and skipped periods are not transformed at all.
+/// the number of periods: `n_z (n_z + 2) + n_r (n_r + 2)` numbers a line and experiment, `n_z = n_y + n_u`, and `8 n_z` a
+/// line for periods that are taken up together; so it helps to push those of one experiment in a row. The transform of a
+/// reference that repeats exactly is computed once an experiment, and skipped periods are not transformed at all.
 pub struct PeriodicAccumulator {
     layout: Layout,
     settings: CheckedSettings,

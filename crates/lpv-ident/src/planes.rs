@@ -3,6 +3,9 @@
 use num_complex::Complex;
 use std::ops::Range;
 
+/// Most lanes that a register of doubles has.
+pub(crate) const WIDEST: usize = 8;
+
 /// Real and imaginary parts by line.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Planes {

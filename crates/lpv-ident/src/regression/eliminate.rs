@@ -6,7 +6,7 @@
 //! result is the same up to rounding.
 
 use super::rigid_response;
-use crate::planes::Planes;
+use crate::planes::{Planes, WIDEST};
 use crate::triangle::Triangle;
 use crate::whiten::Whitening;
 use crate::{CheckedRegression, IdentError, RigidTerm, Weighting};
@@ -20,9 +20,6 @@ type C64 = Complex<f64>;
 /// Real rows, over all channels, that are gathered for each factorisation: large enough for blocked Householder steps,
 /// small enough for the cache.
 const BLOCK_ROWS: usize = 2048;
-
-/// Most lanes that a register of doubles has.
-const WIDEST: usize = 8;
 
 /// Lines that one task of the filters' response takes.
 const CHUNK: usize = 1024;

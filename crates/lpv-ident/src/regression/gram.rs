@@ -17,7 +17,7 @@ mod weights;
 
 use super::LocalFit;
 use super::eliminate::{Eliminated, Regressors};
-use crate::planes::Planes;
+use crate::planes::{Planes, WIDEST};
 use crate::whiten::Whitening;
 use crate::{CheckedRegression, IdentError};
 use lpv_core::FrfEstimate;
@@ -30,9 +30,6 @@ use weights::{Weighted, Weights};
 
 /// Lines at once: their planes stay in the fastest cache.
 const BLOCK: usize = 128;
-
-/// Most lanes that a register of doubles has.
-const WIDEST: usize = 8;
 
 /// Condition of the scaled regressors beyond which reflections take over: their triangle keeps five digits then.
 const MOST: f64 = 3e5;
@@ -61,12 +58,13 @@ pub(super) fn eliminate(group: &[Equations<'_>]) -> Result<Option<Vec<Eliminated
     };
     let mut passes: Vec<Pass<'_>> = group.iter().map(Pass::new).collect();
     let mut products: Vec<Products> = group.iter().map(Products::new).collect();
+    let functions = first.all_functions();
     for block in 0..first.blocks() {
         for pass in &mut passes {
             pass.step(block, None)?;
         }
         let weights: Vec<&Weights> = passes.iter().map(|p| &p.weights).collect();
-        products::add(&mut products, &weights, first.regressors, first.range(block));
+        products::add(&mut products, &weights, &functions, first.range(block));
     }
     let factors = passes
         .iter()

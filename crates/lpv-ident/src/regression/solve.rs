@@ -139,7 +139,7 @@ fn most_dependent_column(m: &DMatrix<f64>) -> usize {
 /// Condition after scaling the columns to unit length: the units of the unknowns must not matter. None for a matrix that is
 /// not finite or singular.
 fn condition(r: &DMatrix<f64>) -> Option<f64> {
-    let (largest, smallest) = extreme_singular_values(&scaled(r)).unwrap_or((1.0, 1.0));
+    let (largest, smallest) = extreme_singular_values(&scaled(r))?;
     (smallest > LEAST_RECIPROCAL * largest).then(|| largest / smallest)
 }
 

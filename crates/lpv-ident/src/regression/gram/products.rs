@@ -2,7 +2,7 @@
 
 use super::sums::{ROWS, Sums};
 use super::weights::Weights;
-use super::{BLOCK, Equations, Regressors, pair, pair_off};
+use super::{BLOCK, Equations, pair, pair_off};
 use crate::planes::Planes;
 use nalgebra::DMatrix;
 use pulp::{Simd, WithSimd};
@@ -68,12 +68,11 @@ impl Products {
 }
 
 /// Adds the lines of a block to the sums of all positions of a group.
-pub(super) fn add(all: &mut [Products], weights: &[&Weights], regressors: &Regressors, range: Range<usize>) {
-    let functions: Vec<&Planes> = regressors.functions().iter().chain(regressors.rigid()).collect();
+pub(super) fn add(all: &mut [Products], weights: &[&Weights], functions: &[&Planes], range: Range<usize>) {
     pulp::Arch::new().dispatch(Block {
         all,
         weights,
-        functions: &functions,
+        functions,
         range,
     });
 }
@@ -90,44 +89,38 @@ impl WithSimd for Block<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self {
-            all,
-            weights,
-            functions,
-            range,
-        } = self;
-        let (count, lines) = (functions.len(), range.len());
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        self.pairs::<S, 0>(simd);
+        if self.weights.iter().any(|w| !w.im.is_empty()) {
+            self.pairs::<S, 1>(simd);
+        }
+    }
+}
+
+impl Block<'_> {
+    /// Real parts of all pairs `m >= n` for 0; imaginary parts of those `m > n` for 1. As many at a time as there are rows;
+    /// their order is that of [`pair`] and of [`pair_off`].
+    #[inline(always)]
+    fn pairs<S: Simd, const APART: usize>(&mut self, simd: S) {
+        let (count, lines) = (self.functions.len(), self.range.len());
         let mut planes = [[0.0; BLOCK]; ROWS];
-        // As many pairs at a time as rows; their order is that of `pair`, then that of `pair_off`.
         let (mut at, mut filled) = (0, 0);
         for n in 0..count {
-            for m in n..count {
-                let (x, y) = (functions[n].part(range.clone()), functions[m].part(range.clone()));
-                real::<S>(simd, x, y, &mut planes[filled]);
-                filled += 1;
-                if filled == ROWS || n + 1 == count {
-                    let rows = parts(&planes, lines);
-                    for (sums, weights) in all.iter_mut().zip(weights) {
-                        sums.re.add::<S>(simd, at, rows, &weights.re);
-                    }
-                    (at, filled) = (at + ROWS, 0);
+            for m in n + APART..count {
+                let x = self.functions[n].part(self.range.clone());
+                let y = self.functions[m].part(self.range.clone());
+                match APART {
+                    0 => real::<S>(simd, x, y, &mut planes[filled]),
+                    _ => imaginary::<S>(simd, x, y, &mut planes[filled]),
                 }
-            }
-        }
-        if weights.iter().all(|w| w.im.is_empty()) {
-            return;
-        }
-        (at, filled) = (0, 0);
-        for n in 0..count {
-            for m in n + 1..count {
-                let (x, y) = (functions[n].part(range.clone()), functions[m].part(range.clone()));
-                imaginary::<S>(simd, x, y, &mut planes[filled]);
                 filled += 1;
-                if filled == ROWS || n + 2 == count {
+                if filled == ROWS || n + APART + 1 == count {
                     let rows = parts(&planes, lines);
-                    for (sums, weights) in all.iter_mut().zip(weights) {
-                        sums.im.add::<S>(simd, at, rows, &weights.im);
+                    for (products, weights) in self.all.iter_mut().zip(self.weights) {
+                        match APART {
+                            0 => products.re.add::<S>(simd, at, rows, &weights.re),
+                            _ => products.im.add::<S>(simd, at, rows, &weights.im),
+                        }
                     }
                     (at, filled) = (at + ROWS, 0);
                 }

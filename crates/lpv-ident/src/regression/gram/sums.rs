@@ -1,6 +1,6 @@
 //! Sums of products over lines: the kernel that the others feed.
 
-use super::WIDEST;
+use crate::planes::WIDEST;
 use pulp::Simd;
 
 /// Rows that are summed together.

@@ -281,7 +281,7 @@ fn solve(case: &Case) -> Result<Outcome, TaskError> {
     simulate(&file, &hidden, &out, RecordFormat::Npz, &|_, _| ())?;
     let bundle = Bundle::open(&out)?;
     let start = Instant::now();
-    let found = diagnose(&bundle, &silent);
+    let found = diagnose(&bundle, None, &silent);
     Ok(Outcome {
         seed: case.seed,
         hidden: hidden.iter().map(|h| h.info().name.to_owned()).collect(),

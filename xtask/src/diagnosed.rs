@@ -29,7 +29,7 @@ pub(crate) fn run() -> Result<Vec<Found>, TaskError> {
     for bundle in BUNDLES {
         if let Some(data) = open(bundle)? {
             let start = Instant::now();
-            let diagnosis = diagnose(&data, &silent)?.diagnosis;
+            let diagnosis = diagnose(&data, None, &silent)?.diagnosis;
             all.push(Found {
                 bundle,
                 diagnosis,

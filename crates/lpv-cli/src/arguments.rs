@@ -109,6 +109,9 @@ pub(crate) struct Inspect {
 pub(crate) struct Diagnose {
     /// The bundle: a folder with an experiment.toml, or that file.
     pub(crate) bundle: PathBuf,
+    /// The model that effects are added to, a file of `lpv identify` or `lpv convert`; made from the bundle without.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) model: Option<PathBuf>,
     /// The folder for diagnosis.json and diagnosis.html.
     #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,

@@ -2,6 +2,7 @@
 
 mod account;
 mod axis;
+mod base;
 mod page;
 mod responses;
 
@@ -10,17 +11,15 @@ pub use account::{
 };
 pub use axis::AxisErrors;
 
-use crate::PipelineError;
-use crate::config::IdentifyConfig;
-use crate::poles::fit_poles;
 use crate::progress::Progress;
-use crate::responses::{estimate_bundle, load_records, rests};
+use crate::responses::{load_records, rests};
+use crate::{ModelFile, PipelineError};
+use base::Start;
 use experiment_data::{Bundle, ControllerState};
-use lpv_core::{Discrete, Purpose, Record, RecordKind};
+use lpv_core::{Purpose, Record, RecordKind};
 use lpv_report::Figure;
-use lti_ident::Segment;
-use residual_trace::{Axis, Base, Case, FrozenFit, Track, fit_table, sensor_noise, trace};
-use std::f64::consts::{FRAC_1_SQRT_2, TAU};
+use residual_trace::{Case, Track, sensor_noise, trace};
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// A diagnosis with what its page shows.
 #[derive(Debug, Clone)]
@@ -33,15 +32,20 @@ pub struct Diagnosed {
     errors: Figure,
 }
 
-/// Finds the effects that a first-principles model of the bundle's machine lacks: an xy-table where the bundle has the
-/// `[geometry]` of one, a servo axis without scheduling; of an axis without moves, from its frequency responses.
+/// Finds the effects that a model of the bundle's machine lacks. The model is `model`; without one an xy-table from first
+/// principles where the bundle has the `[geometry]` of one, a small LFR identified from its periodic records where there is a
+/// scheduling, else a servo axis; of an axis without moves, from its frequency responses.
 ///
 /// # Errors
-/// A bundle without moves, controller or a base model; whatever is wrong with its records.
-pub fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagnosed, PipelineError> {
+/// A bundle without moves, controller or a base model; a model that does not fit the bundle; whatever is wrong with its records.
+pub fn diagnose(
+    bundle: &Bundle,
+    model: Option<&ModelFile>,
+    progress: Progress<'_>,
+) -> Result<Diagnosed, PipelineError> {
     let description = bundle.description();
     let clock = bundle.clock()?;
-    if description.controller.is_none() && responses::suits(bundle) {
+    if model.is_none() && description.controller.is_none() && responses::suits(bundle) {
         return responses::diagnose(bundle, clock, progress);
     }
     let Some(controller) = &description.controller else {
@@ -52,17 +56,12 @@ pub fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagnosed, Pi
     let transient = |i: usize| description.records[i].record_kind() == RecordKind::Transient;
     let records = load_records(bundle, transient, progress)?;
     let mut reasons = Vec::new();
-    let (base, prior, free) = match &description.geometry {
-        Some(geometry) => {
-            let fit = table(bundle, geometry, clock, &mut reasons, progress)?;
-            (fit.base, Some(fit.prior), fit.free)
-        }
-        None => (servo_axis(bundle, &records, clock)?, None, None),
-    };
-    let substeps = match &base {
-        Base::XyTable(_) => 6,
-        Base::Axis(_) => 2,
-    };
+    let Start {
+        base,
+        prior,
+        free,
+        substeps,
+    } = base::start(bundle, model, &records, clock, &mut reasons, progress)?;
     let (fit_records, judge_records) = split(records, &mut reasons)?;
     let tracks = |records: &[Record]| -> Result<Vec<Track>, PipelineError> {
         Ok(records
@@ -193,58 +192,6 @@ fn wrong_controller(records: &[Record], controller: &ControllerState) -> Option<
             100.0 * worst
         )
     })
-}
-
-/// The xy-table.
-fn table(
-    bundle: &Bundle,
-    geometry: &experiment_data::Geometry,
-    clock: Discrete,
-    reasons: &mut Vec<String>,
-    progress: Progress<'_>,
-) -> Result<FrozenFit, PipelineError> {
-    /// Poles with more damping belong to no mode.
-    const MOST_DAMPING: f64 = 0.5;
-    let config = IdentifyConfig::default();
-    let responses = estimate_bundle(bundle, config.skip_periods, progress)?;
-    let poles = fit_poles(&responses.estimates, clock, &config)?;
-    let middle = &poles.fits[poles.fits.len() / 2];
-    let modes: Vec<f64> = middle
-        .flexible_poles()
-        .iter()
-        .filter(|z| z.im > 0.0)
-        .map(|z| z.ln())
-        .filter(|s| s.re.abs() <= MOST_DAMPING * s.norm())
-        .map(|s| s.norm() / clock.sample_time() / TAU)
-        .collect();
-    progress("first-principles model", 0, 1);
-    let fit = fit_table(geometry, &responses.estimates, clock, &modes)?;
-    progress("first-principles model", 1, 1);
-    reasons.push(format!(
-        "first-principles model from the responses at {} positions, residual {:.2} times what its weights say; modes of the translation and the rotation near {}",
-        responses.estimates.len(),
-        fit.misfit.sqrt(),
-        modes.iter().map(|f| format!("{f:.4}")).collect::<Vec<_>>().join(", ")
-    ));
-    Ok(fit)
-}
-
-fn servo_axis(bundle: &Bundle, records: &[Record], clock: Discrete) -> Result<Base, PipelineError> {
-    let channels = &bundle.description().channels;
-    if channels.input.len() != 1 || channels.output.len() != 1 || !channels.scheduling.is_empty() {
-        return Err(PipelineError::Structure {
-            problem: "a diagnosis has two base models: the xy-table, which needs [geometry], and one servo axis without scheduling",
-        });
-    }
-    let segments: Vec<Segment<'_>> = records
-        .iter()
-        .filter(|r| r.purpose == Purpose::Estimation)
-        .map(Segment::whole)
-        .collect();
-    let settings = lti_ident::rigid_body::RigidBodySettings::new().check()?;
-    let found = lti_ident::rigid_body::identify(&segments, clock, &settings)?;
-    let axis = found.model.axes()[0];
-    Ok(Base::Axis(Axis::new(axis.inertia, axis.viscous, axis.offset)))
 }
 
 /// Deviation of white noise with these third differences.

@@ -201,7 +201,8 @@ fn run_validate(a: &Validate) -> Result<String, PipelineError> {
 fn run_diagnose(a: &Diagnose) -> Result<String, PipelineError> {
     let bars = Bars::new();
     let bundle = Bundle::open(&a.bundle)?;
-    let found = diagnose::diagnose(&bundle, &|s, d, o| bars.tell(s, d, o))?;
+    let model = a.model.as_deref().map(convert::import).transpose()?;
+    let found = diagnose::diagnose(&bundle, model.as_ref(), &|s, d, o| bars.tell(s, d, o))?;
     drop(bars);
     std::fs::create_dir_all(&a.output).map_err(|source| PipelineError::Write {
         file: a.output.clone(),

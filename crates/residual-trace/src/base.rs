@@ -1,9 +1,11 @@
-//! Machines that effects are added to, from first principles.
+//! Machines that effects are added to: from first principles, and as they were identified.
 
 mod axis;
+mod lpv;
 mod xy_table;
 
 pub use axis::Axis;
+pub use lpv::Lpv;
 pub use xy_table::XyTable;
 
 use crate::TraceError;
@@ -22,6 +24,8 @@ pub enum Base {
     XyTable(XyTable),
     /// One servo axis.
     Axis(Axis),
+    /// An identified model.
+    Lpv(Lpv),
 }
 
 /// One parameter of a base model.
@@ -70,6 +74,7 @@ macro_rules! each {
         match $base {
             Base::XyTable($b) => $what,
             Base::Axis($b) => $what,
+            Base::Lpv($b) => $what,
         }
     };
 }
@@ -80,6 +85,7 @@ impl Base {
         match self {
             Self::XyTable(_) => 8,
             Self::Axis(_) => 2,
+            Self::Lpv(b) => b.states(),
         }
     }
     /// Number of motors, inputs and outputs.
@@ -87,13 +93,15 @@ impl Base {
         match self {
             Self::XyTable(_) => 2,
             Self::Axis(_) => 1,
+            Self::Lpv(b) => b.channels(),
         }
     }
     /// What it is, in words.
-    pub fn name(&self) -> &'static str {
+    pub fn name(&self) -> &str {
         match self {
             Self::XyTable(_) => "xy-table from first principles",
             Self::Axis(_) => "servo axis",
+            Self::Lpv(b) => b.name(),
         }
     }
     /// Its parameters.
@@ -126,6 +134,7 @@ impl Base {
         match &mut other {
             Self::XyTable(b) => b.set(&values),
             Self::Axis(b) => b.set(&values),
+            Self::Lpv(b) => b.set(&values),
         }
         other
     }
@@ -137,19 +146,14 @@ impl Base {
                 b.carriage_inertia += inertia;
             }
             Self::Axis(b) => b.mass += mass,
+            // Its gains are free.
+            Self::Lpv(_) => {}
         }
     }
     pub(crate) fn coupling_stiffness(&self) -> Pair {
         match self {
             Self::XyTable(b) => b.stiffness,
-            Self::Axis(_) => [0.0; 2],
-        }
-    }
-    /// Mass that an input of one unit moves by one unit of acceleration.
-    pub fn moved_mass(&self) -> f64 {
-        match self {
-            Self::XyTable(b) => b.carriage_mass + b.beam_mass,
-            Self::Axis(b) => b.mass,
+            Self::Axis(_) | Self::Lpv(_) => [0.0; 2],
         }
     }
     pub(crate) fn rest(&self, p: f64, outputs: Pair, x: &mut [f64]) {
@@ -166,6 +170,10 @@ impl Base {
     }
     pub(crate) fn outputs(&self, x: &[f64], p: f64) -> Pair {
         each!(self, b => b.outputs(x, p))
+    }
+    /// Whether it is the table with its couplings.
+    pub(crate) fn is_table(&self) -> bool {
+        matches!(self, Self::XyTable(_))
     }
     /// Inputs that do what these motor forces do.
     pub(crate) fn as_input(&self, p: f64, motors: Pair) -> Pair {

@@ -79,10 +79,6 @@ fn motor_forces(machine: &Base, input: f64) -> Pair {
     machine.commanded(0.0, [input, 0.0])
 }
 
-fn is_table(screen: &Screen<'_>) -> bool {
-    matches!(screen.base, Base::XyTable(_))
-}
-
 /// Pitches worth a start, with amplitudes: those that the travel resolves, down to the least.
 fn pitches(
     screen: &Screen<'_>,

@@ -98,7 +98,7 @@ pub fn fit_table(
         // Friction and the like distort most where the machine is slow.
         let lowest = match &base {
             Base::XyTable(table) => table.lowest_mode(),
-            Base::Axis(_) => 0.0,
+            Base::Axis(_) | Base::Lpv(_) => 0.0,
         };
         let upper: Vec<FrfEstimate> = few.iter().map(|e| e.select(|_, f| f > 0.6 * lowest)).collect();
         if let Some((base, cost, _, rows)) = best(&starts, &upper, &told) {
@@ -109,7 +109,7 @@ pub fn fit_table(
                     free: Some((base.clone(), free.prior)),
                     ..FrozenFit::distorted(Base::XyTable(table.holding(&geometrical)), misfit)
                 },
-                Base::Axis(_) => free,
+                Base::Axis(_) | Base::Lpv(_) => free,
             });
         }
     }

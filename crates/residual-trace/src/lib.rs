@@ -124,7 +124,7 @@ mod trace;
 mod track;
 mod whiten;
 
-pub use base::{Axis, Base, BaseParameter, Forces, Motion, Pair, XyTable, table_from_geometry};
+pub use base::{Axis, Base, BaseParameter, Forces, Lpv, Motion, Pair, XyTable, table_from_geometry};
 pub use character::{Character, characterise};
 pub use error::TraceError;
 pub use fit::{Explained, Prior};

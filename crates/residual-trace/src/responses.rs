@@ -247,7 +247,7 @@ pub fn response(model: &Explained, frequency_hz: f64) -> [C64; 2] {
         command: one,
         dynamic: match &model.base {
             Base::Axis(axis) => axis.dynamic(s),
-            Base::XyTable(_) => C64::new(f64::NAN, 0.0),
+            Base::XyTable(_) | Base::Lpv(_) => C64::new(f64::NAN, 0.0),
         },
         follow: one,
         sensor: one,
@@ -318,14 +318,16 @@ fn is_known(effect: &Effect, model: &Explained, found: &Minimum, highest_hz: f64
 fn starts(effect: &Effect, model: &Explained, estimate: &FrfEstimate) -> Vec<Vec<f64>> {
     let lines = estimate.frf().frequencies_hz();
     let (low, high) = (lines[0], lines[lines.len() - 1]);
-    let mass = model.base.moved_mass();
+    let Base::Axis(axis) = &model.base else {
+        return Vec::new();
+    };
     match effect.name {
         "delay" | "actuator-lag" => vec![vec![0.01 / high], vec![0.1 / high]],
         "sensor-gain" if estimate.frf().outputs() > 1 => vec![vec![0.0]],
         // Half of the mass swings.
         "extra-mode" => (0..12)
             .map(|i| low * (high / low).powf((f64::from(i) + 0.5) / 12.0))
-            .map(|f| vec![0.5 * mass, f, 0.02])
+            .map(|f| vec![0.5 * axis.mass(), f, 0.02])
             .collect(),
         _ => Vec::new(),
     }

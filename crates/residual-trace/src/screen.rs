@@ -4,6 +4,7 @@ use crate::base::{Base, Motion, Pair};
 use crate::track::Track;
 use crate::whiten::Whitening;
 use experiment_data::ControllerState;
+use lpv_core::{Discrete, StateSpace};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -19,6 +20,8 @@ pub struct Screen<'a> {
     pub(crate) controller: &'a ControllerState,
     pub(crate) whitening: &'a Whitening,
     pub(crate) known: Option<Known>,
+    /// The machine at rest, for a quick look.
+    pub(crate) quick: Quick,
 }
 
 /// Residual and columns of the machine's parameters.
@@ -123,8 +126,8 @@ impl Screen<'_> {
 
     /// Amplitudes of some signals that explain the most of the residual, and the part of its squares that they explain.
     ///
-    /// A quick look: the machine counts as rigid, and its decoupling as perfect, so that each channel is a double integrator in
-    /// its loop.
+    /// A quick look: a machine from first principles counts as rigid, and its decoupling as perfect, so that each channel is a
+    /// double integrator in its loop; an identified model counts as it is in the middle of its range.
     pub fn explain(&self, trials: &[Trial]) -> Option<(f64, Vec<f64>)> {
         let known = self.known.as_ref()?;
         let rows = known.left.len();
@@ -208,14 +211,13 @@ impl Screen<'_> {
         chosen.into_iter().map(|line| width * (line + 1) as f64).collect()
     }
 
+    /// Errors that motor forces or a sensor leave in the loop, from rest without references.
     fn rigid(&self, track: &Track, motors: &[Pair], sensor: Option<&[Pair]>) -> Vec<Pair> {
         let mut controller = self.controller.clone();
-        let (mut position, mut speed) = ([0.0; 2], [0.0; 2]);
-        let t = track.step;
+        let mut plant = self.quick.clone();
         let mut errors = Vec::with_capacity(track.samples);
-        let unit = 1.0 / self.input_unit();
         for k in 0..track.samples {
-            let mut y = position;
+            let mut y = plant.outputs();
             if let Some(sensor) = sensor {
                 (0..2).for_each(|i| y[i] += sensor[k][i]);
             }
@@ -226,20 +228,89 @@ impl Screen<'_> {
                 (0..2).for_each(|i| u[i] += d[i]);
             }
             errors.push(y);
-            for i in 0..2 {
-                let a = u[i] * unit;
-                position[i] += t * speed[i] + 0.5 * t * t * a;
-                speed[i] += t * a;
-            }
+            plant.advance(u);
         }
         errors
     }
+}
 
-    /// Mass behind an input: one where the decoupling makes it one.
-    fn input_unit(&self) -> f64 {
-        match self.base {
-            Base::XyTable(_) => 1.0,
-            Base::Axis(_) => self.base.moved_mass(),
+/// A machine as a quick look sees it.
+#[derive(Debug, Clone)]
+pub(crate) enum Quick {
+    /// Double integrators.
+    Rigid {
+        /// Inverse of the mass behind an input: one where the decoupling makes it one.
+        mobility: f64,
+        step: f64,
+        position: Pair,
+        speed: Pair,
+    },
+    /// A model in the middle of the range, sampled.
+    Sampled {
+        model: StateSpace<Discrete>,
+        state: DVector<f64>,
+    },
+}
+
+impl Quick {
+    pub(crate) fn new(base: &Base, step: f64) -> Self {
+        let rigid = |mobility| Self::Rigid {
+            mobility,
+            step,
+            position: [0.0; 2],
+            speed: [0.0; 2],
+        };
+        match base {
+            Base::XyTable(_) => rigid(1.0),
+            Base::Axis(axis) => rigid(1.0 / axis.mass()),
+            Base::Lpv(lpv) => match Discrete::new(step).and_then(|clock| lpv.sampled(clock)) {
+                Ok(model) => Self::Sampled {
+                    state: DVector::zeros(model.states()),
+                    model,
+                },
+                // Numbers of a base are finite.
+                Err(_) => rigid(1.0),
+            },
+        }
+    }
+
+    fn outputs(&self) -> Pair {
+        match self {
+            Self::Rigid { position, .. } => *position,
+            Self::Sampled { model, state } => std::array::from_fn(|i| match i < model.outputs() {
+                true => model
+                    .c()
+                    .row(i)
+                    .iter()
+                    .zip(state.iter())
+                    .map(|(c, x)| c * x)
+                    .sum(),
+                false => 0.0,
+            }),
+        }
+    }
+
+    fn advance(&mut self, u: Pair) {
+        match self {
+            Self::Rigid {
+                mobility,
+                step: t,
+                position,
+                speed,
+            } => {
+                for i in 0..2 {
+                    let a = u[i] * *mobility;
+                    position[i] += *t * speed[i] + 0.5 * *t * *t * a;
+                    speed[i] += *t * a;
+                }
+            }
+            Self::Sampled { model, state } => {
+                let mut next = model.a() * &*state;
+                for (u, column) in u.iter().zip(model.b().column_iter()) {
+                    next.axpy(*u, &column, 1.0);
+                }
+                *state = next;
+            }
         }
     }
 }

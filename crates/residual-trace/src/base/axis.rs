@@ -34,6 +34,10 @@ impl Axis {
         }
     }
 
+    pub(crate) fn mass(&self) -> f64 {
+        self.mass
+    }
+
     /// Force over motion at the complex frequency s.
     pub(crate) fn dynamic(&self, s: C64) -> C64 {
         s * (s * self.mass + self.viscous)

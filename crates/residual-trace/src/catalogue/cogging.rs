@@ -55,7 +55,7 @@ pub(super) static EFFECT: Effect = Effect {
                 }))
             };
             let mut all = vec![one(0, 0.0), one(0, 0.25 * TAU)];
-            if super::is_table(screen) {
+            if screen.base.channels() > 1 {
                 all.extend([one(1, 0.0), one(1, 0.25 * TAU)]);
             }
             all

@@ -22,7 +22,7 @@ pub(super) static EFFECT: Effect = Effect {
     ],
     extends: None,
     starts: |screen| {
-        if super::is_table(screen) && screen.auxiliaries() > 0 {
+        if screen.base.is_table() && screen.auxiliaries() > 0 {
             vec![vec![0.0; 2]]
         } else {
             vec![]

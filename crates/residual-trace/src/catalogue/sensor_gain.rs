@@ -17,7 +17,7 @@ pub(super) static EFFECT: Effect = Effect {
     extends: None,
     // A scale of the only sensor is one of mass and friction.
     starts: |screen| {
-        if super::is_table(screen) {
+        if screen.base.is_table() {
             vec![vec![0.0]]
         } else {
             vec![]

@@ -1,6 +1,6 @@
 //! Force proportional to speed.
 
-use crate::base::{Forces, Pair};
+use crate::base::{Base, Forces, Pair};
 use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
@@ -16,7 +16,7 @@ pub(super) static EFFECT: Effect = Effect {
     extends: None,
     // An axis has viscous friction of its own.
     starts: |screen| {
-        if super::is_table(screen) {
+        if !matches!(screen.base, Base::Axis(_)) {
             vec![vec![0.0]]
         } else {
             vec![]

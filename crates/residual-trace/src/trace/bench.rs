@@ -4,7 +4,7 @@ use super::{Case, ITERATIONS, Judged};
 use crate::base::Base;
 use crate::effect::{Effect, Scale};
 use crate::fit::{Explained, Fitted, Grain, Problem, squares};
-use crate::screen::{Known, Screen};
+use crate::screen::{Known, Quick, Screen};
 use crate::track::Track;
 use crate::whiten::Whitening;
 use nalgebra::DVector;
@@ -53,6 +53,7 @@ impl<'a> Bench<'a> {
             controller: self.case.controller,
             whitening: &self.whitening,
             known: None,
+            quick: Quick::new(base, tracks.first().map_or(1.0, |t| t.step)),
         }
     }
 

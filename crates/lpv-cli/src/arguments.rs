@@ -112,7 +112,7 @@ pub(crate) struct Diagnose {
     /// The model that effects are added to, a file of `lpv identify` or `lpv convert`; made from the bundle without.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) model: Option<PathBuf>,
-    /// The folder for diagnosis.json and diagnosis.html.
+    /// The folder for diagnosis.json, diagnosis.html, and model.json, the model with the effects.
     #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,
     /// Print the diagnosis as JSON.
@@ -193,6 +193,7 @@ pub(crate) enum StructureName {
     Lpv,
     Lti,
     RigidBody,
+    XyTable,
 }
 
 #[derive(Args)]

@@ -70,6 +70,8 @@ pub enum Structure {
     Lti,
     /// Servo axes: mass or inertia, viscous friction and offset of each.
     RigidBody,
+    /// Carriage and beam from first principles: masses, lever arm, stiffnesses and dampings, with the bundle's `[geometry]`.
+    XyTable,
 }
 
 /// What a fit in the time domain minimises.

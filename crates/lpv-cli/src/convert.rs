@@ -66,6 +66,7 @@ pub fn import(file: &Path) -> Result<ModelFile, PipelineError> {
         _ => return ModelFile::read(file),
     };
     Ok(ModelFile {
+        explanation: None,
         model: exchange.model().map_err(refuse)?,
         identification: None,
     })

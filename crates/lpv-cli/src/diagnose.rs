@@ -3,33 +3,46 @@
 mod account;
 mod axis;
 mod base;
+mod explanation;
+mod figures;
+mod left;
 mod page;
 mod responses;
 
-pub use account::{
-    Characterisation, Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors, Tested, Value,
-};
+pub use account::{Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors, Tested, Value};
 pub use axis::AxisErrors;
+pub(crate) use base::table;
+pub use explanation::{BaseKind, Explanation};
+pub use left::{Characterisation, LeftTest, LeftTests};
 
 use crate::progress::Progress;
 use crate::responses::{load_records, rests};
-use crate::{ModelFile, PipelineError};
+use crate::summary::Summary;
+use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
 use base::Start;
 use experiment_data::{Bundle, ControllerState};
-use lpv_core::{Purpose, Record, RecordKind};
+use figures::Along;
+use lpv_core::{Model, Purpose, Record, RecordKind, RigidBody, RigidBodyAxis, SchedulingRange};
 use lpv_report::Figure;
-use residual_trace::{Case, Track, sensor_noise, trace};
+use residual_trace::{Base, Case, Explained, Trace, Track, equivalent_force, sensor_noise, trace};
 use std::f64::consts::FRAC_1_SQRT_2;
+use std::path::Path;
 
 /// A diagnosis with what its page shows.
 #[derive(Debug, Clone)]
 pub struct Diagnosed {
     /// The diagnosis.
     pub diagnosis: Diagnosis,
-    /// The effects in their own coordinates.
-    missing: Option<Figure>,
-    /// Errors before and after.
+    /// Linear part of the model with the effects.
+    pub model: Model,
+    /// The machine with them.
+    pub explanation: Explanation,
+    /// The force that would explain the error: in the effects' own coordinates, and over time.
+    force: Vec<Figure>,
+    /// Errors before and after, over time, or over frequency for responses.
     errors: Figure,
+    /// Their spectrum.
+    spectrum: Option<Figure>,
 }
 
 /// Finds the effects that a model of the bundle's machine lacks. The model is `model`; without one an xy-table from first
@@ -60,9 +73,10 @@ pub fn diagnose(
         base,
         prior,
         free,
-        substeps,
+        model,
     } = base::start(bundle, model, &records, clock, &mut reasons, progress)?;
     let (fit_records, judge_records) = split(records, &mut reasons)?;
+    let substeps = base.parts(clock.sample_time());
     let tracks = |records: &[Record]| -> Result<Vec<Track>, PipelineError> {
         Ok(records
             .iter()
@@ -100,29 +114,110 @@ pub fn diagnose(
         axis,
         ..Diagnosis::new(bundle, &found, &judged, reasons)
     };
-    let force: Vec<[f64; 3]> = match found.model.motions(&start, &judged[0]) {
-        Some(motions) => found
-            .model
-            .forces_along(&judged[0], &motions)
-            .iter()
-            .zip(&motions)
-            .map(|(f, m)| [m.motor_position[0], m.motor_speed[0], f[0]])
-            .collect(),
-        None => Vec::new(),
-    };
+    let model = saved(
+        &found.model.base,
+        model,
+        &found.deviations,
+        [&fit_records, &judge_records],
+    )?;
+    let mut explanation = Explanation::of_base(&found.model.base, &found.deviations);
+    explanation.effects.clone_from(&diagnosis.effects);
     let first = |i: usize| found.errors[i].first().map_or(&[][..], Vec::as_slice);
+    let (step, channels) = (clock.sample_time(), &description.channels);
+    let outputs = &channels.output.columns;
     Ok(Diagnosed {
         diagnosis,
-        missing: force
-            .iter()
-            .any(|[.., f]| *f != 0.0)
-            .then(|| page::over_motion(&force)),
-        errors: page::in_time(
-            &description.channels.output.columns,
-            clock.sample_time(),
-            [first(0), first(1)],
-        ),
+        model,
+        explanation,
+        force: force_figures(&found, &start, &judged[0], noise, &channels.input.columns)?,
+        errors: figures::in_time(outputs, step, [first(0), first(1)]),
+        spectrum: Some(figures::in_spectrum(outputs, step, &found.errors)),
     })
+}
+
+impl Diagnosed {
+    /// The model with its effects for the file `output`.
+    ///
+    /// # Errors
+    /// None for a bundle that could be diagnosed.
+    pub fn model_file(&self, bundle: &Bundle, output: &Path) -> Result<ModelFile, PipelineError> {
+        let outcome = Outcome {
+            summary: Summary::of_axes(&self.model, Vec::new(), self.explanation.lines()),
+            model: self.model.clone(),
+            deviation: None,
+            explanation: Some(self.explanation.clone()),
+            stages: Stages::Diagnosis,
+        };
+        ModelFile::of(outcome, bundle, IdentifyConfig::default(), output)
+    }
+}
+
+/// The equivalent force along a record, before and after.
+fn force_figures(
+    found: &Trace,
+    controller: &ControllerState,
+    track: &Track,
+    noise: [f64; 2],
+    inputs: &[String],
+) -> Result<Vec<Figure>, PipelineError> {
+    let force = |model: &Explained| equivalent_force(model, controller, track, noise);
+    // A base that was fitted without the effects is bent by them; that of the model shows them as they are.
+    let plain = Explained {
+        base: found.model.base.clone(),
+        effects: Vec::new(),
+    };
+    let (before, after) = (force(&plain)?, force(&found.model)?);
+    let Some(motions) = found.model.motions(controller, track) else {
+        return Ok(Vec::new());
+    };
+    let effects = found.model.forces_along(track, &motions);
+    let along = Along {
+        position: motions.iter().map(|m| m.motor_position[0]).collect(),
+        speed: motions.iter().map(|m| m.motor_speed[0]).collect(),
+        effects: effects.iter().map(|f| f[0]).collect(),
+    };
+    Ok(vec![
+        figures::over_motion(&along, &before),
+        figures::force_in_time(inputs, track.step, [&before, &after]),
+    ])
+}
+
+/// The linear part of a machine, as a model file keeps it.
+fn saved(
+    base: &Base,
+    identified: Option<Model>,
+    deviations: &[f64],
+    records: [&[Record]; 2],
+) -> Result<Model, PipelineError> {
+    let parameters = base.parameters();
+    match base {
+        Base::XyTable(table) => {
+            let scheduling = records
+                .into_iter()
+                .flatten()
+                .filter_map(|r| r.scheduling.columns.first());
+            let (low, high) = crate::signal::range(&scheduling.flatten().copied().collect::<Vec<_>>());
+            Ok(Model::ContinuousLpv(
+                table.to_lpv(SchedulingRange::interval(low, high)?)?,
+            ))
+        }
+        Base::Axis(_) => {
+            let value = |i: usize| (parameters[i].value, deviations.get(i).copied());
+            let known = |d: Option<f64>| d.filter(|d| d.is_finite()).unwrap_or(0.0);
+            let [inertia, viscous, offset] = [0, 1, 2].map(value);
+            Ok(Model::RigidBody(RigidBody::new(vec![RigidBodyAxis {
+                inertia: inertia.0,
+                viscous: viscous.0,
+                offset: offset.0,
+                inertia_deviation: known(inertia.1),
+                viscous_deviation: known(viscous.1),
+                offset_deviation: known(offset.1),
+            }])?))
+        }
+        Base::Lpv(_) => identified.ok_or(PipelineError::Structure {
+            problem: "the model behind the base is gone",
+        }),
+    }
 }
 
 /// Pairs of channels, by record and sample.

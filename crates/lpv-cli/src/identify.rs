@@ -1,6 +1,7 @@
 //! Bundle in, model out: which chain serves, and its account.
 
 use crate::deviation::FrozenDeviation;
+use crate::diagnose::{self, Explanation};
 use crate::moves::Moves;
 use crate::pipeline::{Identified, identify};
 use crate::progress::Progress;
@@ -10,10 +11,11 @@ use crate::summary::{AxisSummary, HeldOut, OrderRow, Summary, TimeSummary};
 use crate::{Direct, FitFocus, IdentifyConfig, LfrKind, PipelineError, Structure};
 use experiment_data::Bundle;
 use lpv_core::nalgebra::DMatrix;
-use lpv_core::{Discrete, FrfEstimate, Model, Purpose, Record, RecordKind, StateSpace};
+use lpv_core::{Discrete, FrfEstimate, Model, Purpose, Record, RecordKind, SchedulingRange, StateSpace};
 use lti_ident::{DirectTerm, Focus, InnovationFit, InnovationSettings, OrderEntry, Segment};
 use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, fit};
 use rayon::prelude::*;
+use residual_trace::Base;
 
 /// A model with its account.
 #[derive(Debug, Clone)]
@@ -24,6 +26,8 @@ pub struct Outcome {
     pub summary: Summary,
     /// How well the frozen response is known; only of a small LFR from responses of known noise.
     pub deviation: Option<FrozenDeviation>,
+    /// The machine behind it; only from first principles.
+    pub explanation: Option<Explanation>,
     /// The stages behind it.
     pub stages: Stages,
 }
@@ -35,6 +39,10 @@ pub enum Stages {
     Frequency(Box<Identified>),
     /// From records without periods: prediction error.
     Time(Box<InnovationFit>),
+    /// The xy-table from first principles.
+    Table(Box<residual_trace::FrozenFit>),
+    /// A diagnosis.
+    Diagnosis,
     /// Servo axes.
     Axes(Box<lti_ident::rigid_body::RigidBodyFit>),
 }
@@ -60,6 +68,7 @@ pub fn identify_bundle(
     let scheduled = !bundle.description().channels.scheduling.is_empty();
     match config.structure {
         Some(Structure::RigidBody) => axes(bundle, config, progress),
+        Some(Structure::XyTable) => table(bundle, progress),
         Some(Structure::Lti) if !periodic => in_time(bundle, config, progress),
         None if !periodic && !scheduled => in_time(bundle, config, progress),
         structure => in_frequency(bundle, structure, config, progress),
@@ -100,6 +109,7 @@ fn in_frequency(
     let mut summary = Summary::of_responses(&identified, &responses.estimates, responses.clock)?;
     summary.reasons.splice(0..0, responses.reasons);
     Ok(Outcome {
+        explanation: None,
         deviation: FrozenDeviation::of(&identified, &responses.estimates, responses.clock)?,
         model: identified.model()?,
         summary,
@@ -215,6 +225,7 @@ fn in_time(
         model,
         summary,
         deviation: None,
+        explanation: None,
         stages: Stages::Time(Box::new(found)),
     })
 }
@@ -349,6 +360,39 @@ fn axes(bundle: &Bundle, config: &IdentifyConfig, progress: Progress<'_>) -> Res
         summary: Summary::of_axes(&model, axes, reasons),
         model,
         deviation: None,
+        explanation: None,
         stages: Stages::Axes(Box::new(found)),
+    })
+}
+
+/// The table from first principles, its masses estimated, from the responses.
+fn table(bundle: &Bundle, progress: Progress<'_>) -> Result<Outcome, PipelineError> {
+    let geometry = bundle.description().geometry.as_ref();
+    let geometry = geometry.ok_or(PipelineError::Structure {
+        problem: "structure = \"xy-table\" needs [geometry]: motor_from_output, and force_from_input to the second power of p",
+    })?;
+    let clock = bundle.clock()?;
+    let mut reasons = Vec::new();
+    let (mut fit, [low, high]) = diagnose::table(bundle, geometry, clock, &mut reasons, progress)?;
+    // The geometry's own masses serve a diagnosis, where moves decide between the two.
+    if let Some(free) = fit.free.take() {
+        fit = *free;
+    }
+    let explanation = Explanation::of_base(&fit.base, &fit.parameter_deviations());
+    reasons.extend(explanation.lines());
+    let model = match &fit.base {
+        Base::XyTable(table) => Model::ContinuousLpv(table.to_lpv(SchedulingRange::interval(low, high)?)?),
+        _ => {
+            return Err(PipelineError::Structure {
+                problem: "the fit is no xy-table",
+            });
+        }
+    };
+    Ok(Outcome {
+        summary: Summary::of_axes(&model, Vec::new(), reasons),
+        model,
+        deviation: None,
+        explanation: Some(explanation),
+        stages: Stages::Table(Box::new(fit)),
     })
 }

@@ -1,8 +1,10 @@
 //! The file that `identify` writes: the model, and where it comes from.
 
+use crate::diagnose::Explanation;
 use crate::{FrozenDeviation, IdentifyConfig, Outcome, PipelineError, Summary};
 use experiment_data::Bundle;
 use lpv_core::Model;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -13,6 +15,8 @@ pub struct ModelFile {
     pub model: Model,
     /// How it was made; none for a model from elsewhere.
     pub identification: Option<Identification>,
+    /// The machine behind it, from first principles or with effects; none of a plain model.
+    pub explanation: Option<Explanation>,
 }
 
 /// How a model was made.
@@ -40,6 +44,8 @@ pub struct Identification {
 
 const KEY: &str = "identification";
 
+const EXPLANATION: &str = "explanation";
+
 impl ModelFile {
     /// What [`crate::identify_bundle`] made of a bundle, for the file `output`.
     ///
@@ -53,6 +59,7 @@ impl ModelFile {
     ) -> Result<Self, PipelineError> {
         let description = bundle.description();
         Ok(Self {
+            explanation: outcome.explanation,
             model: outcome.model,
             identification: Some(Identification {
                 bundle: description.name.clone(),
@@ -79,16 +86,10 @@ impl ModelFile {
         let text = std::fs::read_to_string(file).map_err(|e| refuse(e.to_string()))?;
         let model = Model::from_json(&text).map_err(|e| refuse(e.to_string()))?;
         let whole: serde_json::Value = serde_json::from_str(&text).map_err(|e| refuse(e.to_string()))?;
-        let identification = match whole.get(KEY) {
-            Some(account) => Some(
-                serde_json::from_value(account.clone())
-                    .map_err(|e| refuse(format!("`{KEY}`: {e}; delete that part to use the model alone")))?,
-            ),
-            None => None,
-        };
         Ok(Self {
             model,
-            identification,
+            identification: part(&whole, KEY).map_err(refuse)?,
+            explanation: part(&whole, EXPLANATION).map_err(refuse)?,
         })
     }
 
@@ -98,13 +99,27 @@ impl ModelFile {
     /// [`PipelineError::Core`] if the serialiser fails, which finite numbers do not make it do.
     pub fn to_json(&self) -> Result<String, PipelineError> {
         let text = self.model.to_json()?;
-        let Some(identification) = &self.identification else {
+        if self.identification.is_none() && self.explanation.is_none() {
             return Ok(text + "\n");
-        };
+        }
         let mut whole: serde_json::Value = serde_json::from_str(&text)?;
-        whole[KEY] = serde_json::to_value(identification)?;
+        if let Some(identification) = &self.identification {
+            whole[KEY] = serde_json::to_value(identification)?;
+        }
+        if let Some(explanation) = &self.explanation {
+            whole[EXPLANATION] = serde_json::to_value(explanation)?;
+        }
         Ok(serde_json::to_string_pretty(&whole)? + "\n")
     }
+}
+
+/// An optional part of a file.
+fn part<T: DeserializeOwned>(whole: &serde_json::Value, key: &str) -> Result<Option<T>, String> {
+    let read = |part: &serde_json::Value| {
+        serde_json::from_value(part.clone())
+            .map_err(|e| format!("`{key}`: {e}; delete that part to use the model alone"))
+    };
+    whole.get(key).map(read).transpose()
 }
 
 /// `folder` as seen from the folder of `file`, so that both can be moved together; absolute where they share nothing.

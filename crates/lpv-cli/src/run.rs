@@ -172,6 +172,7 @@ fn run_identify(a: &Identify) -> Result<String, PipelineError> {
         StructureName::Lpv => Structure::Lpv,
         StructureName::Lti => Structure::Lti,
         StructureName::RigidBody => Structure::RigidBody,
+        StructureName::XyTable => Structure::XyTable,
     });
     config.structure = structure.or(config.structure);
     config.functions = a.functions.or(config.functions);
@@ -214,6 +215,8 @@ fn run_diagnose(a: &Diagnose) -> Result<String, PipelineError> {
         &a.output.join("diagnosis.html"),
         found.page().to_html()?.as_bytes(),
     )?;
+    let file = a.output.join("model.json");
+    write_whole(&file, found.model_file(&bundle, &file)?.to_json()?.as_bytes())?;
     told(a.json, &found.diagnosis, || {
         format!("{}\nwritten to {}", found.diagnosis.text(), a.output.display())
     })

@@ -96,6 +96,14 @@ impl Base {
             Self::Lpv(b) => b.channels(),
         }
     }
+    /// Parts of a sample in which a simulation follows it.
+    pub fn parts(&self, step: f64) -> usize {
+        match self {
+            Self::XyTable(_) => 6,
+            Self::Axis(_) => 2,
+            Self::Lpv(b) => b.parts(step),
+        }
+    }
     /// What it is, in words.
     pub fn name(&self) -> &str {
         match self {
@@ -130,13 +138,7 @@ impl Base {
             },
         };
         let values: Vec<f64> = self.parameters().into_iter().map(&mut value).collect();
-        let mut other = self.clone();
-        match &mut other {
-            Self::XyTable(b) => b.set(&values),
-            Self::Axis(b) => b.set(&values),
-            Self::Lpv(b) => b.set(&values),
-        }
-        other
+        self.with_all(&values)
     }
     /// Adds mass and inertia to the load.
     pub(crate) fn load_more(&mut self, mass: f64, inertia: f64) {
@@ -155,6 +157,35 @@ impl Base {
             Self::XyTable(b) => b.stiffness,
             Self::Axis(_) | Self::Lpv(_) => [0.0; 2],
         }
+    }
+    /// A, B and C of `x' = A x + B u`, `y = C x` at a constant p.
+    ///
+    /// # Errors
+    /// None for a base that exists.
+    pub fn frozen(&self, p: f64) -> Result<[DMatrix<f64>; 3], TraceError> {
+        Ok(match self {
+            Self::XyTable(b) => b.frozen(p),
+            Self::Axis(b) => b.frozen(),
+            Self::Lpv(b) => {
+                let s = b.frozen(p)?;
+                [s.a().clone(), s.b().clone(), s.c().clone()]
+            }
+        })
+    }
+    /// The same base with other values; parameters that `value` does not know stay.
+    #[must_use]
+    pub fn with_values(&self, value: impl Fn(&str) -> Option<f64>) -> Self {
+        let values: Vec<f64> = self
+            .parameters()
+            .iter()
+            .map(|p| value(p.name).unwrap_or(p.value))
+            .collect();
+        self.with_all(&values)
+    }
+    fn with_all(&self, values: &[f64]) -> Self {
+        let mut other = self.clone();
+        each!(&mut other, b => b.set(values));
+        other
     }
     pub(crate) fn rest(&self, p: f64, outputs: Pair, x: &mut [f64]) {
         each!(self, b => b.rest(p, outputs, x));

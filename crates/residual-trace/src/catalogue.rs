@@ -58,6 +58,11 @@ pub static CATALOGUE: [&Effect; 23] = [
     &quantization::EFFECT,
 ];
 
+/// The effect of this name.
+pub fn named(name: &str) -> Option<&'static Effect> {
+    CATALOGUE.iter().find(|e| e.name == name).copied()
+}
+
 /// Of those in a list, the best first, that are equal to the best: the one that comes first in the catalogue leads.
 pub(crate) fn first_of_equals<T>(
     list: &mut [T],

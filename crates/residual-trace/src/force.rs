@@ -90,7 +90,10 @@ fn systems(model: &Explained, track: &Track) -> Result<Vec<StateSpace<Discrete>>
     if constant {
         return Ok(vec![at(halfway(0))?; track.samples]);
     }
-    (0..track.samples).into_par_iter().map(|k| at(halfway(k))).collect()
+    (0..track.samples)
+        .into_par_iter()
+        .map(|k| at(halfway(k)))
+        .collect()
 }
 
 struct Smoother {
@@ -160,7 +163,13 @@ impl Smoother {
             let error = &self.outputs[k] - &c * &x;
             let cp = &c * &p;
             let spread = &cp * c.transpose() + &noise;
-            let of = |i: usize| if i < m { error[i] / spread[(i, i)].sqrt() } else { 0.0 };
+            let of = |i: usize| {
+                if i < m {
+                    error[i] / spread[(i, i)].sqrt()
+                } else {
+                    0.0
+                }
+            };
             found.innovations.push(std::array::from_fn(of));
             let Some(root) = spread.cholesky() else {
                 found.likelihood = f64::NEG_INFINITY;

@@ -20,10 +20,10 @@ pub struct FrozenFit {
     pub prior: Prior,
     /// Sum of squares of the residual in units of the noise, over its expectation: 1 where nothing but noise is left.
     pub misfit: f64,
-    /// Standard deviations of the coordinates.
+    /// Standard deviations of the coordinates, as the responses tell them.
     pub deviations: Vec<f64>,
     /// Where `base` holds the masses of the geometry, the fit that does not.
-    pub free: Option<(Base, Prior)>,
+    pub free: Option<Box<Self>>,
 }
 
 /// Shares of the inertia that the carriage may have at the start.
@@ -106,7 +106,7 @@ pub fn fit_table(
             let free = FrozenFit::distorted(base.clone(), misfit);
             return Ok(match &base {
                 Base::XyTable(table) => FrozenFit {
-                    free: Some((base.clone(), free.prior)),
+                    free: Some(Box::new(free)),
                     ..FrozenFit::distorted(Base::XyTable(table.holding(&geometrical)), misfit)
                 },
                 Base::Axis(_) | Base::Lpv(_) => free,
@@ -127,7 +127,7 @@ pub fn fit_table(
     Ok(match strict {
         None => free,
         Some(strict) => FrozenFit {
-            free: Some((free.base, free.prior)),
+            free: Some(Box::new(free)),
             ..FrozenFit::new(strict, 1e4)
         },
     })
@@ -196,13 +196,28 @@ impl Told {
 }
 
 impl FrozenFit {
+    /// Standard deviations of the parameters of the base; infinite where they are held.
+    pub fn parameter_deviations(&self) -> Vec<f64> {
+        let mut deviations = self.deviations.iter();
+        let parameters = self.base.parameters().into_iter();
+        parameters
+            .map(|p| match (p.held, p.positive) {
+                (true, _) => f64::INFINITY,
+                (false, positive) => {
+                    let scale = if positive { p.value } else { 1.0 };
+                    deviations.next().map_or(f64::INFINITY, |d| d * scale)
+                }
+            })
+            .collect()
+    }
+
     /// `doubt` divides the information of the responses: an effect that was there when they were measured has bent them.
     fn new((base, cost, factor, rows): Found, doubt: f64) -> Self {
         let misfit = cost / (rows as f64 - factor.ncols() as f64);
         // Where more than noise is left, what is left is no noise.
-        let doubt = doubt * misfit.max(1.0);
-        let weight = &factor / doubt.sqrt();
-        let deviations = crate::fit::deviations(&weight);
+        let told = &factor / misfit.max(1.0).sqrt();
+        let deviations = crate::fit::deviations(&told);
+        let weight = told / doubt.sqrt();
         let prior = Prior {
             mean: DVector::from_vec(base.coordinates()),
             weight,

@@ -55,7 +55,12 @@ fn sign(speed: f64, t: &Track, r: &Response, i: usize) -> f64 {
 
 /// Tests of white errors, by record and output after output, against their own past and against every signal of the
 /// simulations that they come from; in units of the noise.
-pub(crate) fn left(white: &[Vec<f64>], tracks: &[Track], runs: &[Response], channels: usize) -> Vec<Left> {
+pub(crate) fn what_is_left(
+    white: &[Vec<f64>],
+    tracks: &[Track],
+    runs: &[Response],
+    channels: usize,
+) -> Vec<Left> {
     let mut all = Vec::new();
     let auxiliaries = tracks.iter().map(|t| t.auxiliary.len()).min().unwrap_or(0);
     for output in 0..channels {

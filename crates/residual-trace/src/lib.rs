@@ -26,16 +26,18 @@
 //!
 //! # Words
 //!
-//! - *Base*: the machine without effects, an [`XyTable`] or an [`Axis`].
+//! - *Base*: the machine without effects, an [`XyTable`] or an [`Axis`] from first principles, or an identified model ([`Lpv`]).
 //! - *Effect*: an entry of the [`catalogue`], one file with its parameters, its starts and its [`effect::Block`].
 //! - *Judged records*: held out, never fitted.
 //! - *Noise*: as it leaves the loop; the controller feeds back what the sensors add.
+//! - *Left*: what tests find in the white error, with bounds that hold for all of them together.
+//! - *Equivalent force*: what has to be added to the inputs for the outputs to be those of the record ([`equivalent_force`]).
 //! - *Unexplained*: effects that take less than 85 percent of the excess over the noise are not named.
 //!
 //! # What it does not do
 //!
-//! It estimates no frequency response and reads no file. It has no base model but two; effects of the couplings and of the load
-//! need the xy-table. Its integration has a fixed step: an effect that is fast within a part of a sample is smoothed.
+//! It estimates no frequency response and reads no file. Effects of the couplings and of the masses need the xy-table; with an
+//! identified model a payload is a gain of its inputs. Its integration has a fixed step: an effect that is fast within a part of a sample is smoothed.
 //! It finds no cause outside the catalogue, and says so by not naming one.
 //!
 //! # A run
@@ -116,7 +118,9 @@ mod character;
 pub mod effect;
 mod error;
 mod fit;
+mod force;
 mod frozen;
+mod left;
 mod responses;
 mod screen;
 mod simulate;
@@ -128,7 +132,9 @@ pub use base::{Axis, Base, BaseParameter, Forces, Lpv, Motion, Pair, XyTable, ta
 pub use character::{Character, characterise};
 pub use error::TraceError;
 pub use fit::{Explained, Prior};
+pub use force::{EquivalentForce, equivalent_force};
 pub use frozen::{FrozenFit, fit_table};
+pub use left::Left;
 pub use responses::{
     ResponseCase, ResponseStep, characterise_response, error_of, noise_of, response, trace_responses,
 };

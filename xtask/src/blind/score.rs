@@ -63,7 +63,7 @@ fn reached(o: &Outcome) -> bool {
 
 pub(crate) fn names(o: &Outcome) -> Vec<&str> {
     match &o.diagnosis {
-        Ok(d) => d.effects.iter().map(|e| e.effect).collect(),
+        Ok(d) => d.effects.iter().map(|e| e.effect.as_str()).collect(),
         Err(_) => Vec::new(),
     }
 }
@@ -78,7 +78,10 @@ pub(crate) fn is_named(o: &Outcome) -> bool {
 
 fn is_family(o: &Outcome) -> bool {
     let Ok(d) = &o.diagnosis else { return false };
-    !d.effects.is_empty() && d.effects.iter().all(|e| o.families.iter().any(|f| f == e.family))
+    !d.effects.is_empty()
+        && d.effects
+            .iter()
+            .all(|e| o.families.iter().any(|f| *f == e.family))
 }
 
 fn part(all: &[Outcome], of: impl Fn(&Outcome) -> bool, is: impl Fn(&Outcome) -> bool) -> Option<f64> {

@@ -1,5 +1,6 @@
 //! A model taken apart into named matrices: what all foreign formats hold.
 
+use crate::diagnose::Explanation;
 use crate::{ModelFile, PipelineError};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{
@@ -146,7 +147,34 @@ impl Exchange {
                 });
             }
         }
+        if let Some(explanation) = &file.explanation {
+            exchange.explanation(explanation);
+        }
         Ok(exchange)
+    }
+
+    /// Parameters of base and effects, each a matrix of one entry, with words on what they are.
+    fn explanation(&mut self, explanation: &Explanation) {
+        let word = |text: &str| text.replace(|c: char| !c.is_ascii_alphanumeric(), "_");
+        for (name, value) in &explanation.base_parameters {
+            self.push(
+                &format!("base_{}", word(name)),
+                DMatrix::from_element(1, 1, value.value),
+            );
+        }
+        for (i, effect) in explanation.effects.iter().enumerate() {
+            for (name, value) in &effect.parameters {
+                let name = format!("effect{}_{}_{}", i + 1, word(&effect.effect), word(name));
+                self.push(&name, DMatrix::from_element(1, 1, value.value));
+            }
+        }
+        if !self.note.is_empty() {
+            self.note += "  ";
+        }
+        self.note += &format!(
+            "The matrices are the linear part; parameters of its machine, and effects beside it, with standard deviations: {}.",
+            explanation.lines().join("; ")
+        );
     }
 
     /// Sample time of the records behind a continuous model, where it is known.

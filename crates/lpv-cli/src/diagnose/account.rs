@@ -1,11 +1,11 @@
 //! `diagnosis.json` and its words.
 
-use super::AxisErrors;
+use super::{AxisErrors, Characterisation, LeftTest, LeftTests};
 use crate::validation::{AxisCheck, ClosedLoopAxis};
 use experiment_data::Bundle;
 use residual_trace::effect::Family;
-use residual_trace::{Added, Character, Judged, Trace, Track, Verdict, characterise};
-use serde::Serialize;
+use residual_trace::{Added, Judged, Trace, Track, Verdict, characterise};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// `diagnosis.json`, format 1.
@@ -29,6 +29,9 @@ pub struct Diagnosis {
     pub after: Errors,
     /// Every effect that was tried.
     pub candidates: Vec<Tested>,
+    /// What tests find in the white error of the judged records.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left: Option<LeftTests>,
     /// What the error looks like where it is not explained.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub characterisation: Option<Characterisation>,
@@ -45,16 +48,16 @@ pub struct Diagnosis {
 }
 
 /// An effect that was added.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FoundEffect {
     /// Name in the catalogue.
-    pub effect: &'static str,
+    pub effect: String,
     /// Its family.
-    pub family: &'static str,
+    pub family: String,
     /// Channel at which it acts.
     pub channel: String,
     /// Its parameters.
-    pub parameters: BTreeMap<&'static str, Value>,
+    pub parameters: BTreeMap<String, Value>,
     /// Parameters of the base model when it was added, before further effects.
     pub base_parameters_then: BTreeMap<String, f64>,
     /// Why it was added.
@@ -62,19 +65,19 @@ pub struct FoundEffect {
 }
 
 /// A parameter.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Value {
     /// Value.
     pub value: f64,
     /// Standard deviation; none where it was not estimated.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub std: Option<f64>,
     /// Unit.
     pub unit: String,
 }
 
 impl Value {
-    pub(super) fn new(value: f64, std: f64, unit: String) -> Self {
+    pub(crate) fn new(value: f64, std: f64, unit: String) -> Self {
         Self {
             value,
             std: std.is_finite().then_some(std),
@@ -84,14 +87,14 @@ impl Value {
 }
 
 /// Why an effect was added.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     /// Fall of the squared error on the judged records when it was added.
     pub held_out_gain_db: f64,
     /// Probability of such a fall on the fitted records by chance.
     pub p_value: f64,
     /// The next best effect.
-    pub runner_up: Option<&'static str>,
+    pub runner_up: Option<String>,
     /// By how much that one is worse on the judged records.
     pub runner_up_margin_db: Option<f64>,
 }
@@ -139,27 +142,6 @@ pub struct Tested {
     pub accepted: bool,
 }
 
-/// What an error looks like.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Characterisation {
-    /// Output with the largest error over its noise.
-    pub channel: String,
-    /// Band with the middle eighty percent of its energy, cycles per unit of time.
-    pub band_hz: [f64; 2],
-    /// Correlation of the error with signals, the largest first.
-    pub correlations: Vec<(&'static str, f64)>,
-}
-
-impl Characterisation {
-    pub(super) fn new(found: Character, bundle: &Bundle) -> Self {
-        Self {
-            channel: bundle.description().channels.output.columns[found.output].clone(),
-            band_hz: found.band_hz,
-            correlations: found.correlations,
-        }
-    }
-}
-
 impl Diagnosis {
     pub(super) fn new(bundle: &Bundle, found: &Trace, judged: &[Track], reasons: Vec<String>) -> Self {
         let channels = &bundle.description().channels;
@@ -187,8 +169,8 @@ impl Diagnosis {
         };
         let unit = |template: &str| units(template, bundle);
         let effect = |a: &Added| FoundEffect {
-            effect: a.effect.name,
-            family: a.effect.family.name(),
+            effect: a.effect.name.to_owned(),
+            family: a.effect.family.name().to_owned(),
             channel: channel(a.effect.family, a.effect.channel),
             parameters: a
                 .effect
@@ -197,7 +179,7 @@ impl Diagnosis {
                 .zip(&a.values)
                 .map(|(p, (value, std))| {
                     let value = Value::new(*value, *std, unit(p.unit));
-                    (p.name, value)
+                    (p.name.to_owned(), value)
                 })
                 .collect(),
             base_parameters_then: found
@@ -211,9 +193,13 @@ impl Diagnosis {
             evidence: Evidence {
                 held_out_gain_db: a.gain_db,
                 p_value: a.p_value,
-                runner_up: a.runner_up.map(|(e, _)| e.name),
+                runner_up: a.runner_up.map(|(e, _)| e.name.to_owned()),
                 runner_up_margin_db: a.runner_up.map(|(_, margin)| margin),
             },
+        };
+        let tests = |i: usize| -> Vec<LeftTest> {
+            let found = found.left[i].iter();
+            found.map(|l| LeftTest::new(l, outputs)).collect()
         };
         let noise: Vec<(String, f64)> = outputs.iter().cloned().zip(found.noise).collect();
         Self {
@@ -235,6 +221,10 @@ impl Diagnosis {
                     accepted: t.accepted,
                 })
                 .collect(),
+            left: Some(LeftTests {
+                before: tests(0),
+                after: tests(1),
+            }),
             characterisation: match found.verdict {
                 Verdict::Unexplained | Verdict::PartlyExplained => {
                     characterise(&found.errors[1], judged, found.noise)
@@ -271,7 +261,7 @@ impl Diagnosis {
                     format!("{name} {:.5e}{std} {}", v.value, v.unit)
                 })
                 .collect();
-            let rival = match (e.evidence.runner_up, e.evidence.runner_up_margin_db) {
+            let rival = match (&e.evidence.runner_up, e.evidence.runner_up_margin_db) {
                 (Some(name), Some(margin)) => format!(", {margin:.1} dB before {name}"),
                 _ => String::new(),
             };

@@ -1,5 +1,6 @@
 //! The model that effects are added to.
 
+use super::BaseKind;
 use crate::config::IdentifyConfig;
 use crate::poles::fit_poles;
 use crate::progress::Progress;
@@ -8,9 +9,9 @@ use crate::signal::range;
 use crate::{ModelFile, PipelineError, Structure, identify_bundle};
 use experiment_data::Bundle;
 use lpv_core::nalgebra::{DMatrix, DVector};
-use lpv_core::{CoreError, Discrete, Model, Purpose, Record, SchedulingRange, StateSpace};
+use lpv_core::{CoreError, Discrete, FrfEstimate, Model, Purpose, Record, SchedulingRange, StateSpace};
 use lti_ident::Segment;
-use residual_trace::{Axis, Base, FrozenFit, Lpv, Prior, fit_table};
+use residual_trace::{Axis, Base, BaseParameter, FrozenFit, Lpv, Prior, fit_table};
 use std::f64::consts::TAU;
 
 /// A base model, and what is known of it.
@@ -19,15 +20,15 @@ pub(super) struct Start {
     pub(super) prior: Option<Prior>,
     /// The same with parameters free that `base` holds.
     pub(super) free: Option<(Base, Prior)>,
-    /// Parts of a sample.
-    pub(super) substeps: usize,
+    /// The identified model behind the base; none from first principles.
+    pub(super) model: Option<Model>,
 }
-
-/// Parts of a sample for an xy-table, and for an axis.
-const PARTS: [usize; 2] = [6, 2];
 
 /// How well gains and modes of an identified model are thought to be known, relative: effects were there when it was made.
 const KNOWN: f64 = 0.01;
+
+/// Factor of the stated deviations of a first-principles model: effects were there when it was made.
+const DOUBT: f64 = 3.0;
 
 /// The base model of a bundle: `model`, or what the bundle allows.
 pub(super) fn start(
@@ -39,27 +40,27 @@ pub(super) fn start(
     progress: Progress<'_>,
 ) -> Result<Start, PipelineError> {
     let description = bundle.description();
-    let plain = |base, substeps| Start {
+    let plain = |base| Start {
         base,
         prior: None,
         free: None,
-        substeps,
+        model: None,
     };
     if let Some(file) = model {
-        return given(&file.model, bundle, records, clock);
+        return told(file, bundle, records, reasons);
     }
     if let Some(geometry) = &description.geometry {
-        let fit = table(bundle, geometry, clock, reasons, progress)?;
+        let (fit, _) = table(bundle, geometry, clock, reasons, progress)?;
         return Ok(Start {
             base: fit.base,
             prior: Some(fit.prior),
-            free: fit.free,
-            substeps: PARTS[0],
+            free: fit.free.map(|free| (free.base, free.prior)),
+            model: None,
         });
     }
     let channels = &description.channels;
     if channels.scheduling.is_empty() && channels.input.len() == 1 && channels.output.len() == 1 {
-        return Ok(plain(servo_axis(records, clock)?, PARTS[1]));
+        return Ok(plain(servo_axis(records, clock)?));
     }
     let config = IdentifyConfig {
         structure: (!channels.scheduling.is_empty()).then_some(Structure::Lpv),
@@ -67,27 +68,70 @@ pub(super) fn start(
     };
     let found = identify_bundle(bundle, &config, progress)?;
     reasons.extend(found.summary.reasons);
-    given(&found.model, bundle, records, clock)
+    given(&found.model, bundle, records)
+}
+
+/// What a file holds: of a model with effects the base alone.
+fn told(
+    file: &ModelFile,
+    bundle: &Bundle,
+    records: &[Record],
+    reasons: &mut Vec<String>,
+) -> Result<Start, PipelineError> {
+    let Some(explanation) = &file.explanation else {
+        return given(&file.model, bundle, records);
+    };
+    if !explanation.effects.is_empty() {
+        let names: Vec<&str> = explanation.effects.iter().map(|e| e.effect.as_str()).collect();
+        reasons.push(format!(
+            "the effects of the given model ({}) are looked for anew",
+            names.join(", ")
+        ));
+    }
+    let base = explanation.machine(&file.model, bundle)?.base;
+    if explanation.base != BaseKind::XyTable {
+        let start = given(&file.model, bundle, records)?;
+        return Ok(Start { base, ..start });
+    }
+    // Deviations are told of the parameters that were fitted; of the others nothing better is known.
+    let deviation = |p: BaseParameter| {
+        let told = explanation.base_parameters.get(p.name).and_then(|v| v.std);
+        told.map_or(KNOWN, |std| std / p.value.abs()).max(1e-6)
+    };
+    let weights: Vec<f64> = base.fitted().map(|p| 1.0 / (DOUBT * deviation(p))).collect();
+    Ok(Start {
+        prior: Some(Prior {
+            mean: DVector::from_vec(base.coordinates()),
+            weight: DMatrix::from_diagonal(&DVector::from_vec(weights)),
+            firm: false,
+        }),
+        free: None,
+        base,
+        model: None,
+    })
+}
+
+/// One servo axis.
+pub(super) fn axis_of(model: &Model) -> Result<Base, PipelineError> {
+    match model {
+        Model::RigidBody(body) if body.axes().len() == 1 => {
+            let axis = body.axes()[0];
+            Ok(Base::Axis(Axis::new(axis.inertia, axis.viscous, axis.offset)))
+        }
+        _ => Err(PipelineError::Structure {
+            problem: "effects are added to one servo axis, and the model is another or has several; make a bundle of one of them",
+        }),
+    }
 }
 
 /// A model of a file.
-fn given(
-    model: &Model,
-    bundle: &Bundle,
-    records: &[Record],
-    clock: Discrete,
-) -> Result<Start, PipelineError> {
-    if let Model::RigidBody(body) = model {
-        let [axis] = body.axes() else {
-            return Err(PipelineError::Structure {
-                problem: "effects are added to one servo axis, and the model has several; make a bundle of one of them",
-            });
-        };
+fn given(model: &Model, bundle: &Bundle, records: &[Record]) -> Result<Start, PipelineError> {
+    if let Model::RigidBody(_) = model {
         return Ok(Start {
-            base: Base::Axis(Axis::new(axis.inertia, axis.viscous, axis.offset)),
+            base: axis_of(model)?,
             prior: None,
             free: None,
-            substeps: PARTS[1],
+            model: None,
         });
     }
     let lpv = lpv(model, bundle)?;
@@ -108,7 +152,6 @@ fn given(
             .into());
         }
     }
-    let substeps = lpv.parts(clock.sample_time());
     let base = Base::Lpv(lpv);
     let mean = DVector::from_vec(base.coordinates());
     let weight = DMatrix::identity(mean.len(), mean.len()) / KNOWN;
@@ -120,12 +163,12 @@ fn given(
         }),
         free: None,
         base,
-        substeps,
+        model: Some(model.clone()),
     })
 }
 
 /// A dynamic model as a base.
-fn lpv(model: &Model, bundle: &Bundle) -> Result<Lpv, PipelineError> {
+pub(super) fn lpv(model: &Model, bundle: &Bundle) -> Result<Lpv, PipelineError> {
     let description = bundle.description();
     let channels = &description.channels;
     let sampled = |s: StateSpace<Discrete>| s.undo_zero_order_hold();
@@ -174,14 +217,14 @@ fn lpv(model: &Model, bundle: &Bundle) -> Result<Lpv, PipelineError> {
     Ok(found)
 }
 
-/// The xy-table.
-fn table(
+/// The xy-table, and the range of the positions of its responses.
+pub(crate) fn table(
     bundle: &Bundle,
     geometry: &experiment_data::Geometry,
     clock: Discrete,
     reasons: &mut Vec<String>,
     progress: Progress<'_>,
-) -> Result<FrozenFit, PipelineError> {
+) -> Result<(FrozenFit, [f64; 2]), PipelineError> {
     /// Poles with more damping belong to no mode.
     const MOST_DAMPING: f64 = 0.5;
     let config = IdentifyConfig::default();
@@ -196,6 +239,12 @@ fn table(
         .filter(|s| s.re.abs() <= MOST_DAMPING * s.norm())
         .map(|s| s.norm() / clock.sample_time() / TAU)
         .collect();
+    let positions: Vec<f64> = responses
+        .estimates
+        .iter()
+        .filter_map(FrfEstimate::position)
+        .collect();
+    let (low, high) = range(&positions);
     progress("first-principles model", 0, 1);
     let fit = fit_table(geometry, &responses.estimates, clock, &modes)?;
     progress("first-principles model", 1, 1);
@@ -205,7 +254,7 @@ fn table(
         fit.misfit.sqrt(),
         modes.iter().map(|f| format!("{f:.4}")).collect::<Vec<_>>().join(", ")
     ));
-    Ok(fit)
+    Ok((fit, [low, high]))
 }
 
 fn servo_axis(records: &[Record], clock: Discrete) -> Result<Base, PipelineError> {

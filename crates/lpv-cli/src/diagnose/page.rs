@@ -1,7 +1,7 @@
 //! The page of a diagnosis.
 
-use super::{Diagnosed, OutputError};
-use lpv_report::{Axis, Cell, Colour, Figure, Format, Page, Panel, Section, Series, Style, Table};
+use super::{Diagnosed, LeftTests, OutputError};
+use lpv_report::{Cell, Format, Page, Section, Table};
 
 impl Diagnosed {
     /// What was found, the errors before and after, and every effect that was tried.
@@ -28,24 +28,21 @@ impl Diagnosed {
             for e in &d.effects {
                 for (name, v) in &e.parameters {
                     table = table.row([
-                        Cell::text(e.effect),
+                        Cell::text(e.effect.clone()),
                         Cell::text(e.channel.clone()),
-                        Cell::text(*name),
+                        Cell::text(name.clone()),
                         Cell::text(format!("{:.5e}", v.value)),
                         Cell::text(v.std.map_or("-".to_owned(), |s| format!("{s:.1e}"))),
                         Cell::text(v.unit.clone()),
                         Cell::number(e.evidence.held_out_gain_db, Format::Fixed(1)),
-                        Cell::text(match (e.evidence.runner_up, e.evidence.runner_up_margin_db) {
+                        Cell::text(match (&e.evidence.runner_up, e.evidence.runner_up_margin_db) {
                             (Some(name), Some(margin)) => format!("{name}, {margin:.1} dB worse"),
                             _ => "-".to_owned(),
                         }),
                     ]);
                 }
             }
-            let mut section = Section::new("What was missing").table(table);
-            if let Some(figure) = &self.missing {
-                section = section.figure(figure.clone());
-            }
+            let section = Section::new("What was missing").table(table);
             page = page.section(section);
         }
         let what = match d.responses.is_empty() {
@@ -67,6 +64,19 @@ impl Diagnosed {
                 .table(table)
                 .figure(self.errors.clone()),
         );
+        if let Some(spectrum) = &self.spectrum {
+            page = page.section(Section::new("In spectrum").figure(spectrum.clone()));
+        }
+        if !self.force.is_empty() {
+            let mut section = Section::new("The force that would explain the error");
+            for figure in &self.force {
+                section = section.figure(figure.clone());
+            }
+            page = page.section(section);
+        }
+        if let Some(left) = &d.left {
+            page = page.section(self::left(left));
+        }
         let mut table = Table::new(
             "Every effect of the catalogue that these data could show, as it did alone on held-out records.",
             ["effect", "channel", "gain, dB", "added"],
@@ -86,7 +96,7 @@ impl Diagnosed {
     /// Effects, and the error of the worst output.
     fn summary(&self) -> String {
         let d = &self.diagnosis;
-        let names: Vec<&str> = d.effects.iter().map(|e| e.effect).collect();
+        let names: Vec<&str> = d.effects.iter().map(|e| e.effect.as_str()).collect();
         let what = match names.as_slice() {
             [] => "no effect added".to_owned(),
             some => some.join(", "),
@@ -104,57 +114,34 @@ impl Diagnosed {
     }
 }
 
-/// What effects add to the force of a motor, over its speed and over its position: by sample position, speed and force.
-pub(super) fn over_motion(force: &[[f64; 3]]) -> Figure {
-    let panel = |axis: &str, at: usize| {
-        let points = force.iter().map(|v| (v[at], v[2])).collect();
-        Panel::new(
-            Axis::linear(axis),
-            Axis::linear("Force of the effects, first motor"),
-        )
-        .series(Series::new(points, Style::Dots).width(1.6).colour(Colour::Model))
-    };
-    Figure::new("")
-        .columns(2)
-        .panel(panel("Speed", 1))
-        .panel(panel("Position", 0))
-        .caption(
-            "What the fitted effects add to the force of the first motor along the first held-out record.",
-        )
-}
-
-/// Errors by output before and after, over time.
-pub(super) fn in_time(outputs: &[String], step: f64, errors: [&[[f64; 2]]; 2]) -> Figure {
-    let mut figure = Figure::new("")
-        .columns(1)
-        .caption("Error in closed loop along the first held-out record.");
-    for (i, name) in outputs.iter().enumerate() {
-        let mut panel = Panel::new(Axis::linear("Time"), Axis::linear("Error")).title(name.clone());
-        for (record, (label, colour)) in errors.iter().zip(BEFORE_AFTER) {
-            let points = record.iter().enumerate().map(|(k, e)| (k as f64 * step, e[i]));
-            panel = panel.series(Series::line(points.collect()).label(label).colour(colour));
-        }
-        figure = figure.panel(panel);
-    }
-    figure
-}
-
-/// Magnitudes by output over frequency: what was measured, and the errors of a model before and after.
-pub(super) fn over_frequency(outputs: &[String], lines: &[f64], curves: &[[Vec<f64>; 3]]) -> Figure {
-    let mut figure = Figure::new("").columns(curves.len().min(2)).caption(
-        "Held-out response and what the model leaves of it, before and after; cycles per unit of time.",
+/// What tests find before and after.
+fn left(tests: &LeftTests) -> Section {
+    /// Rows of a table.
+    const ROWS: usize = 6;
+    let mut section = Section::new("Whether anything is left").paragraph(
+        "The error one step ahead, in units of the noise, against its own past and against the past of every signal. \
+         The probability of a share as large by chance holds for all tests of a list together (Holm). A model that is good to a \
+         hundredth of the noise still shows in long records: the share says how much there is.",
     );
-    for (name, [measured, before, after]) in outputs.iter().zip(curves) {
-        let line = |v: &[f64]| Series::line(lines.iter().copied().zip(v.iter().copied()).collect());
-        figure = figure.panel(
-            Panel::new(Axis::log("Frequency"), Axis::log("Magnitude"))
-                .title(name.clone())
-                .series(line(measured).label("measured").colour(Colour::Reference))
-                .series(line(before).label("error before").colour(Colour::Bound))
-                .series(line(after).label("error after").colour(Colour::Error)),
+    for (when, list) in [("Before", &tests.before), ("After", &tests.after)] {
+        let mut table = Table::new(
+            format!("{when}: the surest of {} tests.", list.len()),
+            [
+                "output",
+                "signal",
+                "share of the error, %",
+                "probability by chance",
+            ],
         );
+        for test in list.iter().take(ROWS) {
+            table = table.row([
+                Cell::text(test.output.clone()),
+                Cell::text(test.signal.clone()),
+                Cell::number(100.0 * test.share, Format::Fixed(2)),
+                Cell::text(format!("{:.1e}", test.adjusted)),
+            ]);
+        }
+        section = section.table(table);
     }
-    figure
+    section
 }
-
-const BEFORE_AFTER: [(&str, Colour); 2] = [("before", Colour::Reference), ("after", Colour::Model)];

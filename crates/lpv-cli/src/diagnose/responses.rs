@@ -2,8 +2,8 @@
 
 use super::account::units;
 use super::{
-    Characterisation, Diagnosed, Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors,
-    Tested, Value, page,
+    Characterisation, Diagnosed, Diagnosis, Errors, Evidence, Explanation, FoundEffect, OutputError,
+    ResponseErrors, Tested, Value, figures, saved,
 };
 use crate::PipelineError;
 use crate::progress::Progress;
@@ -84,10 +84,24 @@ pub(super) fn diagnose(
             ));
         }
     }
+    let last = &steps[steps.len() - 1];
+    let diagnosis = told(bundle, &steps, &judged, reasons);
+    // A response does not know the offset.
+    let mut deviations = vec![f64::INFINITY; last.model.base.parameters().len()];
+    let fitted = last.model.base.parameters().into_iter().map(|p| !p.held);
+    let places = fitted.enumerate().filter(|(_, fitted)| *fitted).map(|(i, _)| i);
+    for (i, deviation) in places.zip(&last.deviations) {
+        deviations[i] = *deviation;
+    }
+    let mut explanation = Explanation::of_base(&last.model.base, &deviations);
+    explanation.effects.clone_from(&diagnosis.effects);
     Ok(Diagnosed {
-        missing: None,
+        model: saved(&last.model.base, None, &deviations, [&[], &[]])?,
+        explanation,
+        force: Vec::new(),
+        spectrum: None,
         errors: figure(bundle, &steps, &judged),
-        diagnosis: told(bundle, &steps, &judged, reasons),
+        diagnosis,
     })
 }
 
@@ -156,8 +170,8 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
             from += at.1.len();
             let parameters = effect.parameters.iter().zip(at.1.iter().zip(stds));
             Some(FoundEffect {
-                effect: effect.name,
-                family: effect.family.name(),
+                effect: effect.name.to_owned(),
+                family: effect.family.name().to_owned(),
                 channel: channel(effect.family),
                 parameters: parameters
                     .map(|(p, (value, std))| {
@@ -166,7 +180,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
                             *std,
                             units(if p.unit == "kg" { "u s^2/y" } else { p.unit }, bundle),
                         );
-                        (p.name, value)
+                        (p.name.to_owned(), value)
                     })
                     .collect(),
                 base_parameters_then: pair[1]
@@ -178,7 +192,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
                 evidence: Evidence {
                     held_out_gain_db: 10.0 * (squares(&pair[0]) / squares(&pair[1])).log10(),
                     p_value: pair[1].p_value,
-                    runner_up: pair[1].runner_up.map(|(e, _)| e.name),
+                    runner_up: pair[1].runner_up.map(|(e, _)| e.name.to_owned()),
                     runner_up_margin_db: pair[1].runner_up.map(|(_, margin)| margin),
                 },
             })
@@ -202,6 +216,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
         before: errors(first),
         after: errors(last),
         candidates: tested.collect(),
+        left: None,
         characterisation: match verdict {
             "unexplained" | "partly-explained" => {
                 characterise_response(&last.model, judged).map(|c| Characterisation::new(c, bundle))
@@ -248,5 +263,5 @@ fn figure(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate) -> lpv_
             [measured, left(&steps[0]), left(&steps[steps.len() - 1])]
         })
         .collect();
-    page::over_frequency(&bundle.description().channels.output.columns, lines, &curves)
+    figures::over_frequency(&bundle.description().channels.output.columns, lines, &curves)
 }

@@ -188,8 +188,20 @@ pub fn validate(
     {
         notes.push("one step: the level of the disturbance behind the gain was chosen on the first judged record, as no other moves".to_owned());
     }
+    let explained = match &file.explanation {
+        Some(explanation) => Some(explanation.machine(&file.model, bundle)?),
+        None => None,
+    };
+    if let Some(explained) = explained.as_ref().filter(|e| !e.effects.is_empty()) {
+        let names: Vec<&str> = explained.effects.iter().map(|(e, _)| e.name).collect();
+        notes.push(format!(
+            "along records the model is simulated with its effects ({}); the frozen response is that of its linear part, and nothing is predicted one step ahead",
+            names.join(", ")
+        ));
+    }
     let context = Context {
         machine: &machine,
+        explained: explained.as_ref(),
         body: match &file.model {
             Model::RigidBody(body) => Some(body),
             _ => None,

@@ -9,8 +9,9 @@ use super::{residual, rigid};
 use crate::PipelineError;
 use crate::signal::{deviation, mean};
 use experiment_data::Controller;
-use lpv_core::nalgebra::DMatrix;
+use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{Purpose, Record};
+use residual_trace::{Explained, Response, Track};
 
 /// A mean this many times the deviation is what the error consists of.
 const CONSTANT: f64 = 5.0;
@@ -29,6 +30,8 @@ pub(super) struct Along {
 /// What all records share.
 pub(super) struct Context<'a> {
     pub(super) machine: &'a Machine,
+    /// From first principles, or with effects.
+    pub(super) explained: Option<&'a Explained>,
     pub(super) body: Option<&'a lpv_core::RigidBody>,
     pub(super) clock: lpv_core::Discrete,
     pub(super) controller: Option<&'a Controller>,
@@ -47,20 +50,25 @@ impl Context<'_> {
             Some(first_state(self.machine, record)?)
         };
         let x0 = x0.as_ref();
-        let open = open_loop(self.machine, record, x0)?;
-        let closed = match self.controller {
-            Some(controller) => match closed_loop(self.machine, controller, record, x0) {
-                Ok(run) => Some(run),
-                Err(PipelineError::Structure { problem }) => {
-                    notes.push(problem.to_owned());
-                    None
+        let (open, closed) = match self.explained {
+            Some(explained) if at_rest => self.explained(explained, record)?,
+            explained => {
+                if explained.is_some() {
+                    notes.push(format!(
+                        "record {} does not start at rest: simulated with the linear part alone",
+                        record.name
+                    ));
                 }
-                Err(other) => return Err(other),
-            },
-            None => None,
+                self.linear(record, x0, &mut notes)?
+            }
         };
-        let errors = predictor(self.machine, record, self.disturbance, self.noise)
-            .and_then(|p| p.errors(record, x0, record.len()));
+        let has_effects = self.explained.is_some_and(|e| !e.effects.is_empty());
+        let errors = match has_effects {
+            // The predictor knows nothing of the effects.
+            true => Ok(DMatrix::zeros(0, record.len())),
+            false => predictor(self.machine, record, self.disturbance, self.noise)
+                .and_then(|p| p.errors(record, x0, record.len())),
+        };
         let residuals: Vec<Vec<f64>> = match errors {
             Ok(errors) if errors.iter().all(|e| e.is_finite()) => residual::rows(&errors)
                 .into_iter()
@@ -100,7 +108,7 @@ impl Context<'_> {
             (Some(one), Some(closed)) => one.rms > LOST * closed.rms,
             _ => false,
         });
-        if lost {
+        if lost && self.explained.is_none() {
             notes.push(format!(
                 "record {}: its one-step and open-loop errors are larger than the closed-loop one, since errors grow along it where no controller holds the machine; the closed loop is the one to judge by",
                 record.name
@@ -154,5 +162,49 @@ impl Context<'_> {
             closed,
             notes,
         })
+    }
+
+    /// Open and closed loop of the linear model.
+    fn linear(
+        &self,
+        record: &Record,
+        x0: Option<&DVector<f64>>,
+        notes: &mut Vec<String>,
+    ) -> Result<(Run, Option<Run>), PipelineError> {
+        let open = open_loop(self.machine, record, x0)?;
+        let Some(controller) = self.controller else {
+            return Ok((open, None));
+        };
+        match closed_loop(self.machine, controller, record, x0) {
+            Ok(run) => Ok((open, Some(run))),
+            Err(PipelineError::Structure { problem }) => {
+                notes.push(problem.to_owned());
+                Ok((open, None))
+            }
+            Err(other) => Err(other),
+        }
+    }
+
+    /// The same with effects.
+    fn explained(&self, explained: &Explained, record: &Record) -> Result<(Run, Option<Run>), PipelineError> {
+        /// Parts of a sample over those of a fit: some effects are fast.
+        const FINER: usize = 4;
+        let step = self.clock.sample_time();
+        let track = Track::new(record, step, FINER * explained.base.parts(step))?;
+        let run = |found: Option<Response>| {
+            let found = found.ok_or_else(|| residual_trace::TraceError::Diverges {
+                record: record.name.clone(),
+            })?;
+            let rows = |n: usize, of: &[[f64; 2]]| DMatrix::from_fn(n, of.len(), |i, k| of[k][i]);
+            Ok::<_, PipelineError>(Run {
+                outputs: rows(record.outputs.channels(), &found.outputs),
+                inputs: rows(record.inputs.channels(), &found.inputs),
+            })
+        };
+        let closed = match self.controller {
+            Some(controller) => Some(run(explained.closed_loop(&controller.start()?, &track))?),
+            None => None,
+        };
+        Ok((run(explained.open_loop(&track))?, closed))
     }
 }

@@ -1,6 +1,7 @@
 //! A mass on a guide with one motor.
 
 use super::{BaseParameter, Forces, Motion, Pair};
+use nalgebra::{DMatrix, dmatrix};
 use num_complex::Complex64 as C64;
 
 /// `M q'' + F_v q' + offset = force`, the input the force of the motor, the output its position.
@@ -41,6 +42,14 @@ impl Axis {
     /// Force over motion at the complex frequency s.
     pub(crate) fn dynamic(&self, s: C64) -> C64 {
         s * (s * self.mass + self.viscous)
+    }
+
+    pub(super) fn frozen(&self) -> [DMatrix<f64>; 3] {
+        [
+            dmatrix![0.0, 1.0; 0.0, -self.viscous / self.mass],
+            dmatrix![0.0; 1.0 / self.mass],
+            dmatrix![1.0, 0.0],
+        ]
     }
 
     pub(super) fn parameters(&self) -> Vec<BaseParameter> {

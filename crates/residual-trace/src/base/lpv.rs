@@ -52,7 +52,7 @@ impl Lpv {
     }
 
     /// Parts of a sample in which the fourth-order rule follows its fastest mode.
-    pub fn parts(&self, step: f64) -> usize {
+    pub(super) fn parts(&self, step: f64) -> usize {
         /// Largest product of a rate and a part.
         const PART: f64 = 0.12;
         let n = self.grid.states;

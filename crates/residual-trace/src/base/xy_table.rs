@@ -2,6 +2,7 @@
 
 use super::{BaseParameter, Forces, Motion, Pair};
 use crate::TraceError;
+use lpv_core::{Continuous, CoreError, LpvStateSpace, MatrixFunction, SchedulingRange};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
 
@@ -180,6 +181,20 @@ impl XyTable {
 
     pub(super) fn outputs(&self, x: &[f64], p: f64) -> Pair {
         [x[0] - p * x[1], x[1]]
+    }
+
+    /// The table as an LPV state space with coefficients of second degree in p, which it is.
+    ///
+    /// # Errors
+    /// None for finite parameters.
+    pub fn to_lpv(&self, range: SchedulingRange) -> Result<LpvStateSpace<Continuous>, CoreError> {
+        let [before, at, after] = [-1.0, 0.0, 1.0].map(|p| self.frozen(p));
+        let through = |i: usize| {
+            let (a, b, c) = (&before[i], &at[i], &after[i]);
+            MatrixFunction::polynomial(vec![b.clone(), 0.5 * (c - a), 0.5 * (c + a) - b])
+        };
+        let direct = MatrixFunction::constant(DMatrix::zeros(2, 2))?;
+        LpvStateSpace::new(through(0)?, through(1)?, through(2)?, direct, range, Continuous)
     }
 
     /// A, B and C of `x' = A x + B u`, `y = C x` at a constant p.

@@ -3,6 +3,7 @@
 use crate::base::Pair;
 use crate::effect::Effect;
 use crate::fit::Explained;
+use crate::left::Left;
 
 /// What came out.
 #[derive(Debug, Clone)]
@@ -27,6 +28,8 @@ pub struct Trace {
     pub noise: Pair,
     /// Errors in closed loop on the judged records, by record and sample: without effects, and with those that were added.
     pub errors: [Vec<Vec<Pair>>; 2],
+    /// What the white errors on the judged records still show: without effects, and with those that were added; the surest first.
+    pub left: [Vec<Left>; 2],
 }
 
 /// Verdicts of `diagnosis.json`.

@@ -4,8 +4,11 @@ use super::bench::Bench;
 use super::noise::loop_noise;
 use super::{Case, Contest, ITERATIONS, LEFT, NOISE, Trace, Verdict};
 use crate::TraceError;
+use crate::base::Pair;
 use crate::fit::{Explained, Fitted, deviations};
+use crate::left::{Left, differences, what_is_left};
 use crate::track::Track;
+use rayon::prelude::*;
 
 /// Change of the errors by a finer integration, over the noise, that does not matter.
 const STILL: f64 = 0.1;
@@ -41,7 +44,7 @@ impl Contest {
         if finer.is_some() {
             self.now = bench.problem().fit(&self.now.model, ITERATIONS, None)?;
         }
-        let errors = |model: &Explained| bench.judging().errors(model).unwrap_or_default();
+        let [before, after] = [&self.bare.model, &self.now.model].map(|m| bench.told(m));
         let model = self.now.model.clone();
         let machine = self.now.give_deviations(&mut self.added);
         for tried in &mut self.candidates {
@@ -53,7 +56,8 @@ impl Contest {
             after: bench.judge(&model),
             deviations: machine,
             noise: loop_noise(case, &model)?.deviation,
-            errors: [errors(&self.bare.model), errors(&model)],
+            errors: [before.0, after.0],
+            left: [before.1, after.1],
             bare: self.bare.model,
             model,
             added: self.added,
@@ -94,6 +98,34 @@ impl Contest {
             coarse = fine;
         }
         found
+    }
+}
+
+impl Bench<'_> {
+    /// Errors on the judged records, and what tests find in them; nothing where the model diverges.
+    fn told(&self, model: &Explained) -> (Vec<Vec<Pair>>, Vec<Left>) {
+        let tracks = self.case.judged;
+        let runs = tracks
+            .par_iter()
+            .map(|t| model.closed_loop(self.case.controller, t));
+        let Some(runs) = runs.collect::<Option<Vec<_>>>() else {
+            return (Vec::new(), Vec::new());
+        };
+        let errors: Vec<Vec<Pair>> = tracks
+            .iter()
+            .zip(&runs)
+            .map(|(t, run)| differences(t, run))
+            .collect();
+        let white: Vec<Vec<f64>> = errors
+            .iter()
+            .map(|e| {
+                let mut out = Vec::new();
+                self.whitening.apply(e, &mut out);
+                out
+            })
+            .collect();
+        let left = what_is_left(&white, tracks, &runs, self.case.base.channels());
+        (errors, left)
     }
 }
 

@@ -1,0 +1,125 @@
+//! A model with the effects that were added to it, as a model file keeps it.
+
+use super::base::{axis_of, lpv};
+use super::{FoundEffect, Value};
+use crate::PipelineError;
+use experiment_data::Bundle;
+use lpv_core::Model;
+use residual_trace::catalogue::named;
+use residual_trace::{Base, Explained, table_from_geometry};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// What a file says of the machine behind its model: which base it is, with which parameters, and the effects.
+///
+/// A simulation takes the machine from here. The model of the file is its linear part: of an identified base as it was given, and
+/// of others with these parameters.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Explanation {
+    /// Kind of the base.
+    pub base: BaseKind,
+    /// Parameters of the base model, fitted together with the effects.
+    pub base_parameters: BTreeMap<String, Value>,
+    /// The effects, in the order in which they were added.
+    pub effects: Vec<FoundEffect>,
+}
+
+/// Kinds of base models.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BaseKind {
+    /// Carriage and beam from first principles.
+    XyTable,
+    /// One servo axis.
+    ServoAxis,
+    /// The model of the file.
+    Identified,
+}
+
+impl BaseKind {
+    pub(super) fn of(base: &Base) -> Self {
+        match base {
+            Base::XyTable(_) => Self::XyTable,
+            Base::Axis(_) => Self::ServoAxis,
+            Base::Lpv(_) => Self::Identified,
+        }
+    }
+}
+
+impl Explanation {
+    /// A base without effects, with standard deviations of its parameters.
+    pub(crate) fn of_base(base: &Base, deviations: &[f64]) -> Self {
+        let parameters = base.parameters().into_iter().zip(deviations);
+        Self {
+            base: BaseKind::of(base),
+            base_parameters: parameters
+                .map(|(p, std)| (p.name.to_owned(), Value::new(p.value, *std, p.unit.to_owned())))
+                .collect(),
+            effects: Vec::new(),
+        }
+    }
+
+    /// The machine on a bundle, whose geometry says where its motors are.
+    ///
+    /// # Errors
+    /// [`PipelineError::Structure`] for a bundle without the geometry of the base, or an effect that the catalogue does not know;
+    /// [`PipelineError::Channels`].
+    pub fn machine(&self, model: &Model, bundle: &Bundle) -> Result<Explained, PipelineError> {
+        let base = match self.base {
+            BaseKind::XyTable => {
+                let geometry = bundle
+                    .description()
+                    .geometry
+                    .as_ref()
+                    .ok_or(PipelineError::Structure {
+                        problem: "the model is an xy-table from first principles: give the bundle its [geometry]",
+                    })?;
+                // Modes and damping are among the parameters.
+                Base::XyTable(table_from_geometry(geometry, [1.0, 1.0], 0.02)?)
+            }
+            BaseKind::ServoAxis => axis_of(model)?,
+            BaseKind::Identified => Base::Lpv(lpv(model, bundle)?),
+        };
+        let base = base.with_values(|name| self.base_parameters.get(name).map(|v| v.value));
+        let effects = self
+            .effects
+            .iter()
+            .map(|found| {
+                let effect = named(&found.effect).ok_or(PipelineError::Structure {
+                    problem: "the model has an effect that the catalogue of this version does not know; diagnose the bundle again",
+                })?;
+                let value = |name: &str| {
+                    found
+                        .parameters
+                        .get(name)
+                        .map(|v| v.value)
+                        .ok_or(PipelineError::Structure {
+                            problem: "an effect of the model lacks a parameter; diagnose the bundle again",
+                        })
+                };
+                let values = effect.parameters.iter().map(|p| value(p.name));
+                Ok((effect, values.collect::<Result<Vec<f64>, _>>()?))
+            })
+            .collect::<Result<Vec<_>, PipelineError>>()?;
+        Ok(Explained { base, effects })
+    }
+
+    /// In words, one line an entry.
+    pub fn lines(&self) -> Vec<String> {
+        let value = |(name, v): (&String, &Value)| {
+            let std = v.std.map_or(String::new(), |s| format!(" ({s:.1e})"));
+            format!("{name} {:.5e}{std} {}", v.value, v.unit)
+                .trim_end()
+                .to_owned()
+        };
+        let effect = |e: &FoundEffect| {
+            let values: Vec<String> = e.parameters.iter().map(value).collect();
+            format!("{} at {}: {}", e.effect, e.channel, values.join(", "))
+        };
+        self.base_parameters
+            .iter()
+            .map(value)
+            .chain(self.effects.iter().map(effect))
+            .collect()
+    }
+}

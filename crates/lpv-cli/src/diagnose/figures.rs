@@ -1,0 +1,181 @@
+//! Pictures of a diagnosis.
+
+use lpv_report::{Axis, Colour, Figure, Panel, Series, Style};
+use realfft::RealFftPlanner;
+use residual_trace::EquivalentForce;
+use std::f64::consts::TAU;
+
+/// The force of the first motor along a record, by sample: where the motor is, what it does there.
+pub(super) struct Along {
+    pub(super) position: Vec<f64>,
+    pub(super) speed: Vec<f64>,
+    /// What the effects add.
+    pub(super) effects: Vec<f64>,
+}
+
+/// The force that the model lacks over speed and over position, with what the effects add.
+pub(super) fn over_motion(along: &Along, before: &EquivalentForce) -> Figure {
+    let panel = |axis: &str, at: &[f64]| {
+        let dots = |force: &[f64]| at.iter().copied().zip(force.iter().copied()).collect();
+        let measured: Vec<f64> = before.motors.iter().map(|f| f[0]).collect();
+        let mut panel = Panel::new(Axis::linear(axis), Axis::linear("Force, first motor")).series(
+            Series::new(dots(&measured), Style::Dots)
+                .width(1.4)
+                .label("from the records")
+                .colour(Colour::Bound),
+        );
+        if along.effects.iter().any(|f| *f != 0.0) {
+            panel = panel.series(
+                Series::new(dots(&along.effects), Style::Dots)
+                    .width(1.8)
+                    .label("fitted effects")
+                    .colour(Colour::Model),
+            );
+        }
+        panel
+    };
+    Figure::new("")
+        .columns(2)
+        .panel(panel("Speed", &along.speed))
+        .panel(panel("Position", &along.position))
+        .caption(
+            "Force that the first motor would need beside the base model, with the parameters that it has with the effects, along the first held-out record: what the Kalman smoother \
+             finds in the record, and what the fitted effects add as forces. Effects of sensors and of timing are no such forces.",
+        )
+}
+
+/// The equivalent force at each input over time, before and after, with two standard deviations.
+pub(super) fn force_in_time(inputs: &[String], step: f64, forces: [&EquivalentForce; 2]) -> Figure {
+    let mut figure = Figure::new("").columns(1).caption(
+        "Disturbance at the inputs that would explain the first held-out record, smoothed; bands of two standard deviations.",
+    );
+    for (i, name) in inputs.iter().enumerate() {
+        let mut panel = Panel::new(Axis::linear("Time"), Axis::linear("Force")).title(name.clone());
+        for (force, (label, colour)) in forces.iter().zip(BEFORE_AFTER) {
+            let time = |k: usize| k as f64 * step;
+            let known = force.value.iter().zip(&force.deviation).enumerate();
+            let band: Vec<(f64, f64, f64)> = known
+                .map(|(k, (v, d))| (time(k), v[i] - 2.0 * d[i], v[i] + 2.0 * d[i]))
+                .collect();
+            let line = force.value.iter().enumerate().map(|(k, v)| (time(k), v[i]));
+            panel = panel
+                .series(Series::band(&band).colour(colour))
+                .series(Series::line(line.collect()).label(label).colour(colour));
+        }
+        figure = figure.panel(panel);
+    }
+    figure
+}
+
+/// Errors by output before and after, over frequency: mean power of windowed pieces of all records.
+pub(super) fn in_spectrum(outputs: &[String], step: f64, errors: &[Vec<Vec<[f64; 2]>>; 2]) -> Figure {
+    let mut figure = Figure::new("")
+        .columns(outputs.len().min(2))
+        .caption("Spectrum of the error in closed loop along all held-out records; cycles per unit of time.");
+    for (i, name) in outputs.iter().enumerate() {
+        let mut panel = Panel::new(Axis::log("Frequency"), Axis::log("Power density")).title(name.clone());
+        for (records, (label, colour)) in errors.iter().zip(BEFORE_AFTER) {
+            let points = density(records, i, step);
+            panel = panel.series(Series::line(points).label(label).colour(colour));
+        }
+        figure = figure.panel(panel);
+    }
+    figure
+}
+
+/// Welch's power density: Hann windows that overlap by half.
+fn density(records: &[Vec<[f64; 2]>], output: usize, step: f64) -> Vec<(f64, f64)> {
+    /// Samples of a piece at most.
+    const PIECE: usize = 1024;
+    let shortest = records.iter().map(Vec::len).min().unwrap_or(0);
+    let n = shortest.min(PIECE);
+    if n < 16 {
+        return Vec::new();
+    }
+    let window: Vec<f64> = (0..n)
+        .map(|k| 0.5 - 0.5 * (TAU * k as f64 / n as f64).cos())
+        .collect();
+    let size: f64 = window.iter().map(|w| w * w).sum();
+    let plan = RealFftPlanner::<f64>::new().plan_fft_forward(n);
+    let mut spectrum = plan.make_output_vec();
+    let mut sum = vec![0.0; spectrum.len()];
+    let mut pieces = 0_usize;
+    for record in records {
+        for from in (0..=record.len() - n).step_by(n / 2) {
+            let piece = record[from..from + n].iter().zip(&window);
+            let mut piece: Vec<f64> = piece.map(|(e, w)| e[output] * w).collect();
+            // Lengths are those of the plan.
+            if plan.process(&mut piece, &mut spectrum).is_ok() {
+                sum.iter_mut()
+                    .zip(&spectrum)
+                    .for_each(|(s, x)| *s += x.norm_sqr());
+                pieces += 1;
+            }
+        }
+    }
+    let scale = 2.0 * step / (size * pieces.max(1) as f64);
+    let line = |(k, s): (usize, &f64)| (k as f64 / (n as f64 * step), s * scale);
+    sum.iter()
+        .enumerate()
+        .skip(1)
+        .map(line)
+        .filter(|(_, s)| *s > 0.0)
+        .collect()
+}
+
+/// Errors by output before and after, over time.
+pub(super) fn in_time(outputs: &[String], step: f64, errors: [&[[f64; 2]]; 2]) -> Figure {
+    let mut figure = Figure::new("")
+        .columns(1)
+        .caption("Error in closed loop along the first held-out record.");
+    for (i, name) in outputs.iter().enumerate() {
+        let mut panel = Panel::new(Axis::linear("Time"), Axis::linear("Error")).title(name.clone());
+        for (record, (label, colour)) in errors.iter().zip(BEFORE_AFTER) {
+            let points = record.iter().enumerate().map(|(k, e)| (k as f64 * step, e[i]));
+            panel = panel.series(Series::line(points.collect()).label(label).colour(colour));
+        }
+        figure = figure.panel(panel);
+    }
+    figure
+}
+
+/// Magnitudes by output over frequency: what was measured, and the errors of a model before and after.
+pub(super) fn over_frequency(outputs: &[String], lines: &[f64], curves: &[[Vec<f64>; 3]]) -> Figure {
+    let mut figure = Figure::new("").columns(curves.len().min(2)).caption(
+        "Held-out response and what the model leaves of it, before and after; cycles per unit of time.",
+    );
+    for (name, [measured, before, after]) in outputs.iter().zip(curves) {
+        let line = |v: &[f64]| Series::line(lines.iter().copied().zip(v.iter().copied()).collect());
+        figure = figure.panel(
+            Panel::new(Axis::log("Frequency"), Axis::log("Magnitude"))
+                .title(name.clone())
+                .series(line(measured).label("measured").colour(Colour::Reference))
+                .series(line(before).label("error before").colour(Colour::Bound))
+                .series(line(after).label("error after").colour(Colour::Error)),
+        );
+    }
+    figure
+}
+
+const BEFORE_AFTER: [(&str, Colour); 2] = [("before", Colour::Reference), ("after", Colour::Model)];
+
+#[cfg(test)]
+mod tests {
+    use super::density;
+
+    /// The density of white noise of variance v is `2 v T`, and its integral over frequency v.
+    #[test]
+    fn the_area_under_the_density_is_the_variance() {
+        let mut seed = 1_u64;
+        let mut uniform = || {
+            seed = seed
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        let record: Vec<[f64; 2]> = (0..40_000).map(|_| [0.0, uniform()]).collect();
+        let found = density(&[record], 1, 0.1);
+        let area: f64 = found.iter().map(|(_, s)| s).sum::<f64>() * found[0].0;
+        assert!((area - 1.0 / 12.0).abs() < 0.005, "{area}");
+    }
+}

@@ -1,0 +1,62 @@
+//! What is left of an error, in `diagnosis.json`.
+
+use experiment_data::Bundle;
+use residual_trace::{Character, Left};
+use serde::Serialize;
+
+/// Tests of what is left, the surest first.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LeftTests {
+    /// Without effects.
+    pub before: Vec<LeftTest>,
+    /// With those that were added.
+    pub after: Vec<LeftTest>,
+}
+
+/// What the white error of an output owes to a signal and its past.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LeftTest {
+    /// The output.
+    pub output: String,
+    /// The signal.
+    pub signal: String,
+    /// Part of the square of the error that it explains.
+    pub share: f64,
+    /// Probability of as much by chance.
+    pub p_value: f64,
+    /// The same for all tests of the list together (Holm).
+    pub adjusted: f64,
+}
+
+/// What an error looks like.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Characterisation {
+    /// Output with the largest error over its noise.
+    pub channel: String,
+    /// Band with the middle eighty percent of its energy, cycles per unit of time.
+    pub band_hz: [f64; 2],
+    /// Correlation of the error with signals, the largest first.
+    pub correlations: Vec<(&'static str, f64)>,
+}
+
+impl LeftTest {
+    pub(super) fn new(found: &Left, outputs: &[String]) -> Self {
+        Self {
+            output: outputs[found.output].clone(),
+            signal: found.signal.clone(),
+            share: found.share,
+            p_value: found.p_value,
+            adjusted: found.adjusted,
+        }
+    }
+}
+
+impl Characterisation {
+    pub(super) fn new(found: Character, bundle: &Bundle) -> Self {
+        Self {
+            channel: bundle.description().channels.output.columns[found.output].clone(),
+            band_hz: found.band_hz,
+            correlations: found.correlations,
+        }
+    }
+}

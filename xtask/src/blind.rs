@@ -7,8 +7,8 @@ mod score;
 use crate::TaskError;
 use experiment_data::{Bundle, RecordFormat};
 use lpv_cli::diagnose::{Diagnosis, diagnose};
-use lpv_cli::silent;
 use lpv_cli::simulate::{MachineFile, MultisineFile, PositionsFile, deviation, simulate};
+use lpv_cli::{IdentifyConfig, ModelFile, PipelineError, identify_bundle, silent};
 use lpv_core::Discrete;
 pub(crate) use page::page;
 use rand::{RngExt, SeedableRng};
@@ -76,6 +76,9 @@ pub(crate) struct Outcome {
     pub(crate) diagnosis: Result<Diagnosis, String>,
     /// Wall clock of the diagnosis.
     pub(crate) seconds: f64,
+    /// The same with the small LFR of the machine as it was before something was hidden in it as the base; where asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) identified: Option<Result<Diagnosis, String>>,
 }
 
 /// How much of the bench is run.
@@ -90,6 +93,8 @@ pub(crate) struct Extent {
     pub(crate) only: Vec<String>,
     /// These deviations only; empty for all.
     pub(crate) severities: Vec<f64>,
+    /// Also with an identified model as the base.
+    pub(crate) identified: bool,
 }
 
 impl Extent {
@@ -104,6 +109,7 @@ impl Extent {
                 .map(String::from)
                 .to_vec(),
             severities: vec![100.0],
+            identified: false,
         }
     }
 }
@@ -119,7 +125,7 @@ pub(crate) fn run(extent: &Extent, seed: u64, log: &Path) -> Result<(Vec<Outcome
     let mut file = std::fs::File::create(log)?;
     // Alone, for the clock.
     let seconds = match cases.iter().find(|c| c.effects.is_empty()) {
-        Some(case) => Some(solve(case)?.seconds),
+        Some(case) => Some(solve(case, false)?.seconds),
         None => None,
     };
     for batch in cases.chunks(2) {
@@ -127,7 +133,8 @@ pub(crate) fn run(extent: &Extent, seed: u64, log: &Path) -> Result<(Vec<Outcome
             println!("time is up after {} of {} machines", outcomes.len(), cases.len());
             break;
         }
-        let found: Vec<Result<Outcome, TaskError>> = batch.par_iter().map(solve).collect();
+        let found: Vec<Result<Outcome, TaskError>> =
+            batch.par_iter().map(|c| solve(c, extent.identified)).collect();
         for outcome in found {
             let outcome = match outcome {
                 Ok(outcome) => outcome,
@@ -262,7 +269,7 @@ fn scaled(file: &MachineFile, effect: HiddenEffect, wanted: f64) -> Result<(Hidd
     Ok(known.1)
 }
 
-fn solve(case: &Case) -> Result<Outcome, TaskError> {
+fn solve(case: &Case, identified: bool) -> Result<Outcome, TaskError> {
     let file = machine(case.seed)?;
     let mut hidden = Vec::new();
     let mut reached = 0.0;
@@ -282,7 +289,17 @@ fn solve(case: &Case) -> Result<Outcome, TaskError> {
     let bundle = Bundle::open(&out)?;
     let start = Instant::now();
     let found = diagnose(&bundle, None, &silent);
+    let seconds = start.elapsed().as_secs_f64();
+    let identified = match identified {
+        true => {
+            let clean = folder.path().join("clean");
+            simulate(&file, &[], &clean, RecordFormat::Npz, &|_, _| ())?;
+            Some(with_identified(&Bundle::open(&clean)?, &bundle).map_err(|e| e.to_string()))
+        }
+        false => None,
+    };
     Ok(Outcome {
+        identified,
         seed: case.seed,
         hidden: hidden.iter().map(|h| h.info().name.to_owned()).collect(),
         families: hidden.iter().map(|h| h.info().family.to_owned()).collect(),
@@ -294,6 +311,14 @@ fn solve(case: &Case) -> Result<Outcome, TaskError> {
             .map(|(name, value)| (name.to_owned(), value))
             .collect(),
         diagnosis: found.map(|d| d.diagnosis).map_err(|e| e.to_string()),
-        seconds: start.elapsed().as_secs_f64(),
+        seconds,
     })
+}
+
+/// The diagnosis of a bundle with the model of another as the base.
+fn with_identified(clean: &Bundle, bundle: &Bundle) -> Result<Diagnosis, PipelineError> {
+    let config = IdentifyConfig::default();
+    let outcome = identify_bundle(clean, &config, &silent)?;
+    let file = ModelFile::of(outcome, clean, config, clean.folder())?;
+    Ok(diagnose(bundle, Some(&file), &silent)?.diagnosis)
 }

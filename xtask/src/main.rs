@@ -79,6 +79,9 @@ pub(crate) struct Blind {
     /// These deviations over the noise only.
     #[arg(long, value_delimiter = ',')]
     severities: Vec<f64>,
+    /// Also with a small LFR as the base, identified from the machine before something was hidden in it.
+    #[arg(long)]
+    lfr: bool,
     /// Seed of every random number.
     #[arg(long, default_value_t = 2011)]
     seed: u64,
@@ -240,6 +243,7 @@ fn run_blind(options: &Blind) -> Result<bool, TaskError> {
             minutes: options.minutes,
             only: options.only.clone(),
             severities: options.severities.clone(),
+            identified: options.lfr,
         }
     };
     std::fs::create_dir_all(&options.output)?;
@@ -247,8 +251,11 @@ fn run_blind(options: &Blind) -> Result<bool, TaskError> {
     let metrics = blind::score(&all, seconds);
     let figures = serde_json::to_value(&metrics)?;
     let command = format!(
-        "cargo xtask blind --seeds {} --minutes {} --seed {}",
-        options.seeds, options.minutes, options.seed
+        "cargo xtask blind --seeds {} --minutes {} --seed {}{}",
+        options.seeds,
+        options.minutes,
+        options.seed,
+        if options.lfr { " --lfr" } else { "" }
     );
     let page = blind::page(&metrics, &all, &command);
     reproduce::write_json(&options.output.join("metrics.json"), &figures)?;

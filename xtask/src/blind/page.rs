@@ -1,7 +1,8 @@
 //! docs/blind.md: the figures beside their bars, and who was taken for whom.
 
-use super::score::{Kind, Metrics, is_named, kind, names};
+use super::score::{Kind, Metrics, is_named, kind, names, worst};
 use super::{CATALOGUE, Outcome, SEVERITIES};
+use lpv_cli::diagnose::Diagnosis;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -90,6 +91,7 @@ pub(crate) fn page(metrics: &Metrics, all: &[Outcome], command: &str) -> String 
         }
         let _ = writeln!(text, " {} |", others(&own));
     }
+    text += &identified(all);
     let rest: Vec<&Outcome> = all
         .iter()
         .filter(|o| matches!(kind(o), Kind::Clean | Kind::Pair) && !is_named(o))
@@ -104,6 +106,50 @@ pub(crate) fn page(metrics: &Metrics, all: &[Outcome], command: &str) -> String 
             };
             let _ = writeln!(text, "| {hidden} | {} |", said(o));
         }
+    }
+    text
+}
+
+/// What the small LFR as the base found, one row a hidden effect.
+fn identified(all: &[Outcome]) -> String {
+    let mut text = String::new();
+    let with: Vec<(&Outcome, &Result<Diagnosis, String>)> = all
+        .iter()
+        .filter_map(|o| Some((o, o.identified.as_ref()?)))
+        .collect();
+    if with.is_empty() {
+        return text;
+    }
+    text.push_str(
+        "\n## With an identified model as the base\n\n\
+         The small LFR of the same machine, identified from an experiment before something was hidden in it, given with `--model`: it \
+         knows no masses and no couplings, and effects act on its motors through the geometry. Errors are those of the worst \
+         output, in units of the noise, on held-out moves.\n\n\
+         | hidden | deviation | said | error before | after |\n|---|---|---|---|---|\n",
+    );
+    for (o, found) in with {
+        let hidden = if o.hidden.is_empty() {
+            "nothing".to_owned()
+        } else {
+            o.hidden.join(" + ")
+        };
+        let _ = match found {
+            Err(why) => writeln!(text, "| {hidden} | {:.0} | no diagnosis: {why} | | |", o.wanted),
+            Ok(d) => {
+                let names: Vec<&str> = d.effects.iter().map(|e| e.effect.as_str()).collect();
+                let said = if names.is_empty() {
+                    d.verdict.to_owned()
+                } else {
+                    names.join(" + ")
+                };
+                let (before, after) = (worst(&d.before), worst(&d.after));
+                writeln!(
+                    text,
+                    "| {hidden} | {:.0} | {said} | {before:.1} | {after:.2} |",
+                    o.wanted
+                )
+            }
+        };
     }
     text
 }

@@ -90,7 +90,7 @@ fn part(all: &[Outcome], of: impl Fn(&Outcome) -> bool, is: impl Fn(&Outcome) ->
     (!chosen.is_empty()).then(|| hits as f64 / chosen.len() as f64)
 }
 
-fn worst(errors: &Errors) -> f64 {
+pub(crate) fn worst(errors: &Errors) -> f64 {
     errors
         .validation
         .values()

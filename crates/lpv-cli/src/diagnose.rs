@@ -43,6 +43,8 @@ pub struct Diagnosed {
     errors: Figure,
     /// Their spectrum.
     spectrum: Option<Figure>,
+    /// Errors of the frozen base against the responses.
+    frozen: Option<Figure>,
 }
 
 /// Finds the effects that a model of the bundle's machine lacks. The model is `model`; without one an xy-table from first
@@ -73,6 +75,7 @@ pub fn diagnose(
         base,
         prior,
         free,
+        responses,
         model,
     } = base::start(bundle, model, &records, clock, &mut reasons, progress)?;
     let (fit_records, judge_records) = split(records, &mut reasons)?;
@@ -132,6 +135,7 @@ pub fn diagnose(
         force: force_figures(&found, &start, &judged[0], noise, &channels.input.columns)?,
         errors: figures::in_time(outputs, step, [first(0), first(1)]),
         spectrum: Some(figures::in_spectrum(outputs, step, &found.errors)),
+        frozen: figures::frozen(&found.model.base, &responses, clock)?,
     })
 }
 

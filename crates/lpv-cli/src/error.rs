@@ -86,6 +86,12 @@ pub enum PipelineError {
         /// Inputs and outputs of the bundle.
         bundle: (usize, usize),
     },
+    /// Several files go to a folder.
+    #[error("{place} is a file; give --output a folder, which is made if it is missing")]
+    NoFolder {
+        /// What was given.
+        place: PathBuf,
+    },
     /// A model file that cannot be read.
     #[error("{file}: {problem}")]
     Model {

@@ -373,11 +373,13 @@ fn table(bundle: &Bundle, progress: Progress<'_>) -> Result<Outcome, PipelineErr
     })?;
     let clock = bundle.clock()?;
     let mut reasons = Vec::new();
-    let (mut fit, [low, high]) = diagnose::table(bundle, geometry, clock, &mut reasons, progress)?;
+    let (mut fit, estimates) = diagnose::table(bundle, geometry, clock, &mut reasons, progress)?;
     // The geometry's own masses serve a diagnosis, where moves decide between the two.
     if let Some(free) = fit.free.take() {
         fit = *free;
     }
+    let positions: Vec<f64> = estimates.iter().filter_map(FrfEstimate::position).collect();
+    let (low, high) = crate::signal::range(&positions);
     let explanation = Explanation::of_base(&fit.base, &fit.parameter_deviations());
     reasons.extend(explanation.lines());
     let model = match &fit.base {

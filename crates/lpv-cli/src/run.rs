@@ -200,6 +200,11 @@ fn run_validate(a: &Validate) -> Result<String, PipelineError> {
 }
 
 fn run_diagnose(a: &Diagnose) -> Result<String, PipelineError> {
+    if a.output.exists() && !a.output.is_dir() {
+        return Err(PipelineError::NoFolder {
+            place: a.output.clone(),
+        });
+    }
     let bars = Bars::new();
     let bundle = Bundle::open(&a.bundle)?;
     let model = a.model.as_deref().map(convert::import).transpose()?;

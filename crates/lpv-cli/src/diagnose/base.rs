@@ -20,6 +20,8 @@ pub(super) struct Start {
     pub(super) prior: Option<Prior>,
     /// The same with parameters free that `base` holds.
     pub(super) free: Option<(Base, Prior)>,
+    /// Responses that tell the base, where it is from first principles.
+    pub(super) responses: Vec<FrfEstimate>,
     /// The identified model behind the base; none from first principles.
     pub(super) model: Option<Model>,
 }
@@ -45,17 +47,19 @@ pub(super) fn start(
         prior: None,
         free: None,
         model: None,
+        responses: Vec::new(),
     };
     if let Some(file) = model {
         return told(file, bundle, records, reasons);
     }
     if let Some(geometry) = &description.geometry {
-        let (fit, _) = table(bundle, geometry, clock, reasons, progress)?;
+        let (fit, estimates) = table(bundle, geometry, clock, reasons, progress)?;
         return Ok(Start {
             base: fit.base,
             prior: Some(fit.prior),
             free: fit.free.map(|free| (free.base, free.prior)),
             model: None,
+            responses: estimates,
         });
     }
     let channels = &description.channels;
@@ -108,6 +112,7 @@ fn told(
         free: None,
         base,
         model: None,
+        responses: Vec::new(),
     })
 }
 
@@ -132,6 +137,7 @@ fn given(model: &Model, bundle: &Bundle, records: &[Record]) -> Result<Start, Pi
             prior: None,
             free: None,
             model: None,
+            responses: Vec::new(),
         });
     }
     let lpv = lpv(model, bundle)?;
@@ -164,6 +170,7 @@ fn given(model: &Model, bundle: &Bundle, records: &[Record]) -> Result<Start, Pi
         free: None,
         base,
         model: Some(model.clone()),
+        responses: Vec::new(),
     })
 }
 
@@ -217,14 +224,14 @@ pub(super) fn lpv(model: &Model, bundle: &Bundle) -> Result<Lpv, PipelineError> 
     Ok(found)
 }
 
-/// The xy-table, and the range of the positions of its responses.
+/// The xy-table, and its responses.
 pub(crate) fn table(
     bundle: &Bundle,
     geometry: &experiment_data::Geometry,
     clock: Discrete,
     reasons: &mut Vec<String>,
     progress: Progress<'_>,
-) -> Result<(FrozenFit, [f64; 2]), PipelineError> {
+) -> Result<(FrozenFit, Vec<FrfEstimate>), PipelineError> {
     /// Poles with more damping belong to no mode.
     const MOST_DAMPING: f64 = 0.5;
     let config = IdentifyConfig::default();
@@ -239,12 +246,6 @@ pub(crate) fn table(
         .filter(|s| s.re.abs() <= MOST_DAMPING * s.norm())
         .map(|s| s.norm() / clock.sample_time() / TAU)
         .collect();
-    let positions: Vec<f64> = responses
-        .estimates
-        .iter()
-        .filter_map(FrfEstimate::position)
-        .collect();
-    let (low, high) = range(&positions);
     progress("first-principles model", 0, 1);
     let fit = fit_table(geometry, &responses.estimates, clock, &modes)?;
     progress("first-principles model", 1, 1);
@@ -254,7 +255,7 @@ pub(crate) fn table(
         fit.misfit.sqrt(),
         modes.iter().map(|f| format!("{f:.4}")).collect::<Vec<_>>().join(", ")
     ));
-    Ok((fit, [low, high]))
+    Ok((fit, responses.estimates))
 }
 
 fn servo_axis(records: &[Record], clock: Discrete) -> Result<Base, PipelineError> {

@@ -1,8 +1,12 @@
 //! Pictures of a diagnosis.
 
-use lpv_report::{Axis, Colour, Figure, Panel, Series, Style};
+use crate::PipelineError;
+use lpv_core::nalgebra::DMatrix;
+use lpv_core::{Continuous, Discrete, FrfEstimate, StateSpace};
+use lpv_report::{Axis, Colour, Figure, Marker, Panel, Series, Style};
 use realfft::RealFftPlanner;
-use residual_trace::EquivalentForce;
+use residual_trace::{Base, EquivalentForce};
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use std::f64::consts::TAU;
 
 /// The force of the first motor along a record, by sample: where the motor is, what it does there.
@@ -81,6 +85,73 @@ pub(super) fn in_spectrum(outputs: &[String], step: f64, errors: &[Vec<Vec<[f64;
         figure = figure.panel(panel);
     }
     figure
+}
+
+/// The frozen base against responses by position and line, in units of what their noise allows; none without responses.
+pub(super) fn frozen(
+    base: &Base,
+    estimates: &[FrfEstimate],
+    clock: Discrete,
+) -> Result<Option<Figure>, PipelineError> {
+    /// Positions that are drawn.
+    const POSITIONS: usize = 5;
+    /// Probability with which noise stays below the bound, line by line.
+    const SURE: f64 = 0.99;
+    let Some(first) = estimates.first() else {
+        return Ok(None);
+    };
+    let parts = 2.0 * (first.frf().outputs() * first.frf().inputs()) as f64;
+    // A covariance from few degrees of freedom is itself not known.
+    let bound = FisherSnedecor::new(parts, first.degrees_of_freedom().max(1.0))
+        .map_or(f64::NAN, |f| f.inverse_cdf(SURE).sqrt());
+    let mut panel = Panel::new(Axis::log("Frequency"), Axis::log("Error over its deviation"));
+    let mut outside = 0;
+    let mut lines = 0;
+    let every = (estimates.len() - 1).max(1) as f64 / (POSITIONS - 1) as f64;
+    let drawn: Vec<usize> = (0..POSITIONS)
+        .map(|i| (i as f64 * every).round() as usize)
+        .collect();
+    for (index, estimate) in estimates.iter().enumerate() {
+        let p = estimate.position().unwrap_or(0.0);
+        let [a, b, c] = base.frozen(p)?;
+        let direct = DMatrix::zeros(c.nrows(), b.ncols());
+        let frf = estimate.frf();
+        let model = StateSpace::new(a, b, c, direct, Continuous)?
+            .zero_order_hold(clock)?
+            .frequency_response(frf.frequencies_hz())?;
+        let error = |k: usize| {
+            let sum: f64 = (0..frf.outputs())
+                .flat_map(|i| (0..frf.inputs()).map(move |j| (i, j)))
+                .map(|(i, j)| {
+                    (frf.line(k)[(i, j)] - model.line(k)[(i, j)]).norm_sqr()
+                        / (0.5 * estimate.variance(k, i, j))
+                })
+                .sum();
+            (sum / parts).sqrt()
+        };
+        let errors: Vec<f64> = (0..frf.len()).map(error).collect();
+        lines += errors.len();
+        outside += errors.iter().filter(|e| **e > bound).count();
+        if drawn.contains(&index) {
+            let points = frf.frequencies_hz().iter().copied().zip(errors).collect();
+            let series = Series::new(points, Style::Dots)
+                .width(1.6)
+                .label(format!("p = {p:.3}"));
+            panel = panel.series(series.colour(Colour::Index(index * 6 / estimates.len())));
+        }
+    }
+    let caption = format!(
+        "Base with the parameters of the model, frozen, against the responses of the periodic records, all channels of a line together; \
+         noise stays below the line with a probability of {:.0} %, and {:.1} % of all lines and positions lie above it. Effects that \
+         were there when the responses were measured bend them.",
+        100.0 * SURE,
+        100.0 * outside as f64 / lines.max(1) as f64
+    );
+    Ok(Some(
+        Figure::new("")
+            .panel(panel.marker(Marker::horizontal(bound)))
+            .caption(caption),
+    ))
 }
 
 /// Welch's power density: Hann windows that overlap by half.

@@ -67,6 +67,10 @@ impl Diagnosed {
         if let Some(spectrum) = &self.spectrum {
             page = page.section(Section::new("In spectrum").figure(spectrum.clone()));
         }
+        if let Some(frozen) = &self.frozen {
+            page =
+                page.section(Section::new("At rest: the base against the responses").figure(frozen.clone()));
+        }
         if !self.force.is_empty() {
             let mut section = Section::new("The force that would explain the error");
             for figure in &self.force {

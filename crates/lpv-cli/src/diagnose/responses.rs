@@ -100,6 +100,7 @@ pub(super) fn diagnose(
         explanation,
         force: Vec::new(),
         spectrum: None,
+        frozen: None,
         errors: figure(bundle, &steps, &judged),
         diagnosis,
     })

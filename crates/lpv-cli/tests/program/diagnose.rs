@@ -109,3 +109,98 @@ fn a_motor_with_a_load_on_a_shaft() {
         "{reasons}"
     );
 }
+
+/// The model of a machine as it was, given to the diagnosis of the machine as it became: the effect is found without any
+/// first principles, kept in the model file, and simulated and exported from there.
+#[test]
+fn a_model_of_a_file_is_the_base() {
+    let desk = Desk::new();
+    desk.done("simulate -o before");
+    desk.done("simulate --hide abbe-offset -o after");
+    desk.done("identify before -o machine.json");
+    let said = desk.done("diagnose after --model machine.json -o found");
+    assert!(said.contains("abbe-offset at y1"), "{said}");
+    let found: serde_json::Value = serde_json::from_str(&desk.text("found/diagnosis.json")).unwrap();
+    assert!(
+        found["base_model"]
+            .as_str()
+            .unwrap()
+            .contains("LFR with 8 states")
+    );
+    let offset = number(&found, "/effects/0/parameters/offset/value");
+    let std = number(&found, "/effects/0/parameters/offset/std");
+    assert!((offset - 1e-3).abs() < 3.0 * std && std < 1e-5, "{offset} {std}");
+    // Before: the sensor of y1 sees the rotation. The linear part alone is as bad as the model that was given.
+    let closed = |line: &str| {
+        let checked = desk.json(line);
+        let record = &checked["records"][0]["outputs"][0];
+        record["closed_loop"]["over_noise"].as_f64().unwrap()
+    };
+    let given = closed("validate machine.json after --json");
+    let explained = closed("validate found/model.json after --json");
+    assert!(given > 20.0 && explained < 1.5, "{given} {explained}");
+    desk.done("convert found/model.json --to python -o found/model.py");
+    let python = desk.text("found/model.py");
+    assert!(python.contains("effect1_abbe_offset_offset = np.array([[0.00"));
+    assert!(python.contains("base_gain_of_the_first_input"));
+    // What is looked for anew is found again.
+    let again = desk.done("diagnose after --model found/model.json -o again");
+    assert!(
+        again.contains("abbe-offset at y1") && again.contains("looked for anew"),
+        "{again}"
+    );
+}
+
+/// Masses, couplings and lever arm of the table, against those of the machine file.
+#[test]
+fn first_principles_from_responses() {
+    let desk = Desk::new();
+    desk.done("simulate -o bundle");
+    desk.done("identify bundle --structure xy-table -o table.json");
+    let file: serde_json::Value = serde_json::from_str(&desk.text("table.json")).unwrap();
+    let parameters = &file["explanation"]["base_parameters"];
+    for (name, truth) in [
+        ("carriage mass", 12.0),
+        ("beam mass", 20.0),
+        ("inertia of carriage and beam", 1.45),
+        ("inertia of the carriage over that of the beam", 0.25 / 1.2),
+        ("stiffness, translation", 622.525),
+        ("stiffness, rotation", 32.6718),
+        ("damping, translation", 2.04989),
+    ] {
+        let value = parameters[name]["value"].as_f64().unwrap();
+        let std = parameters[name]["std"].as_f64().unwrap();
+        assert!((value / truth - 1.0).abs() < 1e-3, "{name} {value}");
+        assert!(std > 0.0 && std < 1e-2 * truth, "{name} {std}");
+    }
+    let checked = desk.json("validate table.json bundle --json");
+    for output in checked["records"][0]["outputs"].as_array().unwrap() {
+        let over = output["closed_loop"]["over_noise"].as_f64().unwrap();
+        assert!(over < 1.5, "{over}");
+    }
+    let said = desk.done("diagnose bundle --model table.json -o found");
+    assert!(said.contains("nothing-missing"), "{said}");
+}
+
+#[test]
+fn a_table_without_geometry_and_a_file_for_a_folder_are_refused() {
+    let desk = Desk::new();
+    desk.done("simulate -o bundle");
+    let text = desk.text("bundle/experiment.toml");
+    let (before, rest) = text.split_once("[geometry]").unwrap();
+    let (_, after) = rest.split_once("\n[").unwrap();
+    desk.write("bundle/experiment.toml", format!("{before}[{after}"));
+    let out = desk.lpv("identify bundle --structure xy-table -o table.json");
+    assert_eq!(out.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&out.stderr).contains("[geometry]"));
+    desk.write("taken", "a file");
+    let out = desk.lpv("diagnose bundle -o taken");
+    assert_eq!(out.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&out.stderr).contains("folder"));
+    assert_eq!(desk.text("taken"), "a file");
+    // Without a geometry the small LFR of the bundle is the base.
+    let said = desk.done("diagnose bundle -o found");
+    assert!(said.contains("nothing-missing"), "{said}");
+    let found: serde_json::Value = serde_json::from_str(&desk.text("found/diagnosis.json")).unwrap();
+    assert!(found["base_model"].as_str().unwrap().contains("LFR"));
+}

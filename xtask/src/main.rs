@@ -3,6 +3,7 @@
 mod blind;
 mod check;
 mod diagnosed;
+mod effects;
 mod experiment;
 mod figures;
 mod identification;
@@ -41,6 +42,9 @@ enum Task {
     /// Hide effects in random machines, diagnose their bundles, and write docs/blind.md.
     #[command(after_help = "Example:\n  cargo xtask blind --quick")]
     Blind(Blind),
+    /// Hide every effect of the catalogue in the default machine, and write docs/effects.md with a picture of each.
+    #[command(after_help = "Example:\n  cargo xtask effects")]
+    Effects(Effects),
     /// Compare the hot kernels with scipy, numpy, python-control and scikit-rf, and write docs/performance.md.
     #[command(after_help = "Example:\n  cargo xtask peers --only frf,response")]
     Peers(Passed),
@@ -73,7 +77,7 @@ pub(crate) struct Blind {
     /// Start no new machine after so many minutes.
     #[arg(long, default_value_t = 1e6)]
     minutes: f64,
-    /// These effects only.
+    /// These effects only; also `clean`, `pairs`.
     #[arg(long, value_delimiter = ',')]
     only: Vec<String>,
     /// These deviations over the noise only.
@@ -87,6 +91,17 @@ pub(crate) struct Blind {
     seed: u64,
     /// Where the results go.
     #[arg(long, value_name = "FOLDER", default_value = "target/blind")]
+    output: PathBuf,
+}
+
+/// Options of the page of effects.
+#[derive(clap::Args)]
+pub(crate) struct Effects {
+    /// Write the page to docs/ instead of the output folder.
+    #[arg(long)]
+    bless: bool,
+    /// Where the results go.
+    #[arg(long, value_name = "FOLDER", default_value = "target/effects")]
     output: PathBuf,
 }
 
@@ -147,6 +162,14 @@ fn main() -> ExitCode {
         Task::Measured(options) => run_measured(&options).map(|()| true),
         Task::Small(options) => run_small(&options).map(|()| true),
         Task::Blind(options) => run_blind(&options),
+        Task::Effects(options) => {
+            let folder = if options.bless {
+                root().join("docs")
+            } else {
+                options.output
+            };
+            effects::write(&folder).map(|()| true)
+        }
         Task::Peers(passed) => run_peers(&passed.options),
         Task::Limits(passed) => run_bench("limits", &passed.options),
     };
@@ -235,11 +258,11 @@ fn run_blind(options: &Blind) -> Result<bool, TaskError> {
     let extent = if options.quick {
         blind::Extent::quick()
     } else {
-        let alone = !options.only.is_empty();
+        let asked = |kind: &str| options.only.is_empty() || options.only.iter().any(|o| o == kind);
         blind::Extent {
             seeds: options.seeds,
-            clean: if alone { 0 } else { 20 * options.seeds },
-            pairs: if alone { 0 } else { 10 * options.seeds },
+            clean: if asked("clean") { 20 * options.seeds } else { 0 },
+            pairs: if asked("pairs") { 10 * options.seeds } else { 0 },
             minutes: options.minutes,
             only: options.only.clone(),
             severities: options.severities.clone(),

@@ -140,6 +140,21 @@ pub fn diagnose(
 }
 
 impl Diagnosed {
+    /// The force that the base lacks over speed and position of the first motor; none of responses.
+    pub fn over_motion(&self) -> Option<&Figure> {
+        self.force.first()
+    }
+
+    /// Errors before and after over time, or over frequency for responses.
+    pub fn in_time(&self) -> &Figure {
+        &self.errors
+    }
+
+    /// Their spectrum; none of responses.
+    pub fn in_spectrum(&self) -> Option<&Figure> {
+        self.spectrum.as_ref()
+    }
+
     /// The model with its effects for the file `output`.
     ///
     /// # Errors

@@ -1,0 +1,108 @@
+//! The catalogue of `lpv diagnose` as a page with a picture of each effect.
+
+use crate::TaskError;
+use experiment_data::{Bundle, RecordFormat};
+use lpv_cli::diagnose::{Diagnosed, diagnose};
+use lpv_cli::silent;
+use lpv_cli::simulate::{MachineFile, simulate};
+use lpv_report::Figure;
+use residual_trace::catalogue::CATALOGUE;
+use residual_trace::effect::{Effect, Family};
+use std::fmt::Write as _;
+use std::path::Path;
+use xytable_plant::HiddenEffect;
+
+/// Pixels of a picture.
+const WIDTH: u32 = 900;
+
+/// Writes `effects.md` and the folder `effects` with the pictures.
+///
+/// # Errors
+/// Of the file system; of a machine that cannot be simulated or diagnosed.
+pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
+    let pictures = folder.join("effects");
+    std::fs::create_dir_all(&pictures)?;
+    let mut page = String::from(
+        "# The effects that `lpv diagnose` knows\n\n\
+         Made by `cargo xtask effects --bless`. One file of `crates/residual-trace/src/catalogue` an effect: its parameters, from where it \
+         is tried, and its block in the simulation. The pictures come from the default machine of `lpv simulate` with the effect \
+         hidden in it (`--hide NAME`), as `lpv diagnose` found it. `u`, `y` and `s` stand for the units of the first input, of the \
+         first output and of time. What acts on motors acts where the `[geometry]` of the bundle says, without one on the channels.\n",
+    );
+    for effect in CATALOGUE {
+        println!("{}", effect.name);
+        let _ = write!(
+            page,
+            "\n## {}\n\n{}. Family `{}`.\n\n| parameter | unit |\n|---|---|\n",
+            effect.name,
+            capital(effect.meaning),
+            effect.family.name()
+        );
+        for p in effect.parameters {
+            let _ = writeln!(
+                page,
+                "| `{}` | {} |",
+                p.name,
+                if p.unit.is_empty() { "1" } else { p.unit }
+            );
+        }
+        if let Some(simpler) = &effect.extends {
+            let _ = writeln!(page, "\nTried as a refinement of `{}`.", simpler.name);
+        }
+        let Ok(hidden) = effect.name.parse::<HiddenEffect>() else {
+            let _ = writeln!(
+                page,
+                "\nThe simulated machine cannot hide it; see [measured data](measured-data.md)."
+            );
+            continue;
+        };
+        let found = found(hidden)?;
+        let d = &found.diagnosis;
+        let names: Vec<&str> = d.effects.iter().map(|e| e.effect.as_str()).collect();
+        let said = if names.is_empty() {
+            "no effect".to_owned()
+        } else {
+            names.join(", ")
+        };
+        if let Some(figure) = picture(effect, &found) {
+            std::fs::write(
+                pictures.join(format!("{}.png", effect.name)),
+                figure.to_png(WIDTH)?,
+            )?;
+            let _ = writeln!(
+                page,
+                "\n![{}](effects/{}.png)\n\nHidden in the default machine: {said} ({}).",
+                effect.name, effect.name, d.verdict
+            );
+        }
+    }
+    std::fs::write(folder.join("effects.md"), page)?;
+    Ok(())
+}
+
+fn found(hidden: HiddenEffect) -> Result<Diagnosed, TaskError> {
+    let folder = tempfile::tempdir()?;
+    let out = folder.path().join("bundle");
+    let file = MachineFile {
+        second_signal: true,
+        ..MachineFile::default()
+    };
+    simulate(&file, &[hidden], &out, RecordFormat::Npz, &|_, _| ())?;
+    Ok(diagnose(&Bundle::open(&out)?, None, &silent)?)
+}
+
+/// The view in which an effect is seen best.
+fn picture<'a>(effect: &Effect, found: &'a Diagnosed) -> Option<&'a Figure> {
+    match effect.family {
+        Family::Friction | Family::PositionForce => found.over_motion(),
+        Family::Structure | Family::Timing | Family::Actuator => found.in_spectrum(),
+        Family::Scheduling | Family::Disturbance | Family::Sensor => Some(found.in_time()),
+    }
+}
+
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| {
+        first.to_uppercase().chain(letters).collect()
+    })
+}

@@ -1,5 +1,6 @@
 //! `cargo xtask`: the reproduction of the paper, and the measured bundles.
 
+mod bench;
 mod blind;
 mod check;
 mod diagnosed;
@@ -45,6 +46,9 @@ enum Task {
     /// Hide every effect of the catalogue in the default machine, and write docs/effects.md with a picture of each.
     #[command(after_help = "Example:\n  cargo xtask effects")]
     Effects(Effects),
+    /// Count the instructions of the hot kernels under valgrind.
+    #[command(after_help = "Example:\n  cargo xtask bench --check")]
+    Bench(Bench),
     /// Compare the hot kernels with scipy, numpy, python-control and scikit-rf, and write docs/performance.md.
     #[command(after_help = "Example:\n  cargo xtask peers --only frf,response")]
     Peers(Passed),
@@ -92,6 +96,20 @@ pub(crate) struct Blind {
     /// Where the results go.
     #[arg(long, value_name = "FOLDER", default_value = "target/blind")]
     output: PathBuf,
+}
+
+/// Options of the instruction counts.
+#[derive(clap::Args)]
+pub(crate) struct Bench {
+    /// Fail where a count differs from the kept one by more than 10 %, or grows faster than the work.
+    #[arg(long)]
+    check: bool,
+    /// Fail where a count grows faster than the work; in the profile of the tests.
+    #[arg(long, conflicts_with_all = ["check", "bless"])]
+    growth: bool,
+    /// Keep the counts in docs/.
+    #[arg(long, conflicts_with = "check")]
+    bless: bool,
 }
 
 /// Options of the page of effects.
@@ -162,6 +180,7 @@ fn main() -> ExitCode {
         Task::Measured(options) => run_measured(&options).map(|()| true),
         Task::Small(options) => run_small(&options).map(|()| true),
         Task::Blind(options) => run_blind(&options),
+        Task::Bench(options) => run_instructions(&options),
         Task::Effects(options) => {
             let folder = if options.bless {
                 root().join("docs")
@@ -252,6 +271,29 @@ fn run_small(options: &Small) -> Result<(), TaskError> {
     std::fs::write(&page, small_page::page(&metrics))?;
     println!("page: {}", page.display());
     Ok(())
+}
+
+fn run_instructions(options: &Bench) -> Result<bool, TaskError> {
+    let profile = if options.growth { "test" } else { "bench" };
+    let Some(counts) = bench::count(profile)? else {
+        return Ok(true);
+    };
+    let docs = root().join("docs");
+    let kept = docs.join("metrics/instructions.json");
+    let mut wrong = Vec::new();
+    if options.bless {
+        reproduce::write_json(&kept, &serde_json::to_value(&counts)?)?;
+        std::fs::write(docs.join("instructions.md"), bench::page(&counts))?;
+    } else if options.check {
+        wrong = bench::changed(&counts, &kept)?;
+    } else {
+        counts
+            .iter()
+            .for_each(|(name, count)| println!("{name}: {count}"));
+    }
+    wrong.extend(bench::growth(&counts));
+    wrong.iter().for_each(|w| println!("{w}"));
+    Ok(wrong.is_empty() || !(options.check || options.growth))
 }
 
 fn run_blind(options: &Blind) -> Result<bool, TaskError> {

@@ -272,3 +272,58 @@ impl<K: Clock> StateSpace<K> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Points, ResponseKernel};
+    use crate::{Continuous, StateSpace};
+    use nalgebra::{DMatrix, dmatrix};
+    use num_complex::Complex;
+    use pulp::Simd;
+
+    /// Every kind of register gives the response that the plain inverse gives.
+    #[test]
+    fn all_registers_agree() {
+        let n = 9;
+        let a = DMatrix::from_fn(n, n, |i, j| {
+            ((3 * i + 5 * j) as f64).sin() - if i == j { 2.0 } else { 0.0 }
+        });
+        let b = DMatrix::from_fn(n, 2, |i, j| ((i + 7 * j) as f64).cos());
+        let c = DMatrix::from_fn(2, n, |i, j| ((2 * i + j) as f64).sin());
+        let d = dmatrix![0.1, 0.0; -0.2, 0.3];
+        let system = StateSpace::new(a.clone(), b.clone(), c.clone(), d.clone(), Continuous).unwrap();
+        let points: Vec<Complex<f64>> = (0..21).map(|k| Complex::new(0.0, 0.3 * f64::from(k))).collect();
+        let complex = |m: &DMatrix<f64>| m.map(|v| Complex::new(v, 0.0));
+        let exact: Vec<Complex<f64>> = points
+            .iter()
+            .flat_map(|z| {
+                let gap = DMatrix::identity(n, n) * *z - complex(&a);
+                let x = gap.lu().solve(&complex(&b)).unwrap();
+                (complex(&c) * x + complex(&d)).as_slice().to_vec()
+            })
+            .collect();
+        let check = |name: &str, run: &dyn Fn(Points<'_>) -> Result<(), usize>| {
+            let mut kernel = ResponseKernel::new(&system);
+            let mut out = vec![Complex::new(0.0, 0.0); exact.len()];
+            run(Points {
+                kernel: &mut kernel,
+                points: &points,
+                out: &mut out,
+            })
+            .unwrap();
+            for (o, e) in out.iter().zip(&exact) {
+                assert!((o - e).norm() < 1e-11 * e.norm().max(1.0), "{name}: {o} {e}");
+            }
+        };
+        check("scalar", &|p| Simd::vectorize(pulp::Scalar::new(), p));
+        #[cfg(target_arch = "x86_64")]
+        {
+            if let Some(simd) = pulp::x86::V3::try_new() {
+                check("AVX2", &|p| Simd::vectorize(simd, p));
+            }
+            if let Some(simd) = pulp::x86::V4::try_new() {
+                check("AVX-512", &|p| Simd::vectorize(simd, p));
+            }
+        }
+    }
+}

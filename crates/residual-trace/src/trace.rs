@@ -39,6 +39,9 @@ pub struct Case<'a> {
     pub judged: &'a [Track],
 }
 
+/// An effect with its values.
+type Choice = (&'static Effect, Vec<f64>);
+
 /// Lengths of description, in units of the likelihood's logarithm, within which two effects are equals.
 const EQUAL: f64 = 6.0;
 
@@ -162,7 +165,8 @@ fn compete(case: &Case<'_>, (whitening, bare): (Whitening, Fitted)) -> Contest {
     let bench = Bench { whitening, case };
     let before = bench.judge(&bare.model);
     let (mut now, mut judged) = (bare.clone(), before.clone());
-    let (mut all_added, mut candidates) = (Vec::new(), Vec::new());
+    let (mut all_added, mut candidates) = (Vec::<Added>::new(), Vec::new());
+    let mut rivals: Vec<Vec<Choice>> = Vec::new();
     for _ in 0..MOST_EFFECTS {
         let Some(screen) = bench.look(&bare.model.base, &now) else {
             break;
@@ -253,10 +257,21 @@ fn compete(case: &Case<'_>, (whitening, bare): (Whitening, Fitted)) -> Contest {
                 .map(|(e, _, j)| (*e, decibel(j.cost / after.cost))),
         };
         all_added.push(added);
+        rivals.push(refine::rivals(&finals));
         (now, judged) = (fit, after);
         if judged.cost <= NOISE {
             break;
         }
+    }
+    // Which of two like effects it was may show only when the others are there too.
+    while let Some((i, fit)) = refine::exchanged(&bench, &now, &mut rivals) {
+        if let (Some(added), Some((effect, _))) = (all_added.get_mut(i), fit.model.effects.get(i)) {
+            let margin = decibel(judged.cost / bench.judge(&fit.model).cost);
+            added.runner_up = Some((added.effect, margin));
+            added.effect = effect;
+        }
+        judged = bench.judge(&fit.model);
+        now = fit;
     }
     Contest {
         whitening: bench.whitening,

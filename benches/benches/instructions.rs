@@ -1,0 +1,121 @@
+//! Instruction counts of the hot kernels under valgrind, for `cargo xtask bench`: they do not depend on what else runs.
+#![allow(missing_docs)] // The entry points that the harness generates have no documentation.
+#![allow(clippy::unwrap_used)] // An input that cannot be made ends the bench.
+
+use frf_estimation::{Layout, PeriodicAccumulator, PeriodicSettings, SkipRule};
+use gungraun::{Callgrind, LibraryBenchmarkConfig, library_benchmark, library_benchmark_group, main};
+use lpv_benches::Bench;
+use lpv_core::nalgebra::{DMatrix, DVector};
+use lpv_core::{Discrete, FrfEstimate, PeriodBlock, StateSpace};
+use lpv_ident::{RegressionSettings, regress};
+use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, Weighting, fit};
+use std::hint::black_box;
+
+const PERIOD: usize = 1 << 12;
+
+fn estimates(lines: usize) -> (Vec<FrfEstimate>, StateSpace<Discrete>) {
+    let bench = Bench::new().unwrap();
+    (bench.estimates(4, lines).unwrap(), bench.basis(16).unwrap())
+}
+
+// Four positions, sixteen functions; twice the lines are to cost twice as much.
+#[library_benchmark]
+#[bench::lines_1023(args = (1023), setup = estimates)]
+#[bench::lines_2047(args = (2047), setup = estimates)]
+fn regression((estimates, basis): (Vec<FrfEstimate>, StateSpace<Discrete>)) {
+    let settings = RegressionSettings::new().diagonal_rigid_body(2).check().unwrap();
+    black_box(regress(black_box(&estimates), &basis, &settings).unwrap());
+}
+
+fn signals(period: usize) -> (PeriodicAccumulator, Vec<Vec<f64>>) {
+    let layout = Layout {
+        period,
+        outputs: 2,
+        inputs: 2,
+        references: 2,
+        experiments: 2,
+        sample_rate_hz: 20.0,
+    };
+    let settings = PeriodicSettings::default()
+        .skip(SkipRule::Fixed(0))
+        .check()
+        .unwrap();
+    let wave = |i: usize| (0..period).map(|k| ((i + 1) as f64 * k as f64).sin()).collect();
+    let accumulator = PeriodicAccumulator::new(layout, &settings, Some(0.2)).unwrap();
+    (accumulator, (0..6).map(wave).collect())
+}
+
+// One period of two outputs, inputs and references.
+#[library_benchmark]
+#[bench::period_4096(args = (PERIOD), setup = signals)]
+#[bench::period_8192(args = (2 * PERIOD), setup = signals)]
+fn frf_push((mut accumulator, signals): (PeriodicAccumulator, Vec<Vec<f64>>)) {
+    let block = PeriodBlock {
+        experiment: 0,
+        period: 0,
+        outputs: &signals[..2],
+        inputs: &signals[2..4],
+        references: &signals[4..],
+    };
+    accumulator.push(black_box(&block)).unwrap();
+}
+
+fn model(lines: usize) -> (StateSpace<Discrete>, Vec<f64>) {
+    let bench = Bench::new().unwrap();
+    (bench.large_model(24).unwrap(), bench.lines_hz(lines))
+}
+
+// Twenty-four states.
+#[library_benchmark]
+#[bench::lines_500(args = (500), setup = model)]
+#[bench::lines_1000(args = (1000), setup = model)]
+fn frequency_response((model, lines): (StateSpace<Discrete>, Vec<f64>)) {
+    black_box(model.frequency_response(black_box(&lines)).unwrap());
+}
+
+// Twenty-four states, two inputs.
+#[library_benchmark]
+#[bench::samples_2000(args = (2000), setup = model)]
+#[bench::samples_4000(args = (4000), setup = model)]
+fn simulation((model, lines): (StateSpace<Discrete>, Vec<f64>)) {
+    let inputs = DMatrix::from_fn(model.inputs(), lines.len(), |i, k| lines[k] * (i as f64 - 0.5));
+    let start = DVector::zeros(model.states());
+    black_box(model.simulate(&start, black_box(&inputs)).unwrap());
+}
+
+fn response(lines: usize) -> (FrfEstimate, Discrete) {
+    let bench = Bench::new().unwrap();
+    let frf = bench
+        .large_model(14)
+        .unwrap()
+        .frequency_response(&bench.lines_hz(lines))
+        .unwrap();
+    (FrfEstimate::with_unit_covariance(frf, None).unwrap(), bench.clock)
+}
+
+// Order twelve, two inputs and outputs.
+#[library_benchmark]
+#[bench::lines_401(args = (401), setup = response)]
+fn poles((estimate, clock): (FrfEstimate, Discrete)) {
+    let settings = PoleFitSettings::new(12)
+        .integrators(Integrators::Fixed(2))
+        .numerator(NumeratorDegree::StrictlyProper)
+        .weighting(Weighting::Relative)
+        .check()
+        .unwrap();
+    black_box(fit(black_box(&estimate), clock, &settings).unwrap());
+}
+
+library_benchmark_group!(
+    name = kernels,
+    benchmarks = [regression, frf_push, frequency_response, simulation, poles]
+);
+
+// Threads would make the counts depend on who takes which work. Valgrind 3.19 computes some vector code wrongly when it optimises
+// (a response comes out otherwise than natively, in memcheck, or without optimisation); the counts are those of the program.
+main!(
+    config = LibraryBenchmarkConfig::default()
+        .env("RAYON_NUM_THREADS", "1")
+        .tool(Callgrind::with_args(["--cache-sim=no", "--vex-iropt-level=0"])),
+    library_benchmark_groups = kernels
+);

@@ -13,7 +13,7 @@ use std::path::Path;
 use xytable_plant::HiddenEffect;
 
 /// Pixels of a picture.
-const WIDTH: u32 = 900;
+const WIDTH: u32 = 800;
 
 /// Writes `effects.md` and the folder `effects` with the pictures.
 ///

@@ -3,6 +3,7 @@
 mod account;
 mod axis;
 mod base;
+mod doubt;
 mod explanation;
 mod figures;
 mod left;
@@ -110,6 +111,7 @@ pub fn diagnose(
         judged: &judged,
     })?;
     progress("competition of effects", 1, 1);
+    reasons.extend(doubt::doubts(&found));
     let models = [&found.bare, &found.model];
     let mut axis = axis::errors(models, &start, clock, &fit_records, &fitted)?;
     axis.extend(axis::errors(models, &start, clock, &judge_records, &judged)?);

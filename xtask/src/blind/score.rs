@@ -78,10 +78,7 @@ pub(crate) fn is_named(o: &Outcome) -> bool {
 
 fn is_family(o: &Outcome) -> bool {
     let Ok(d) = &o.diagnosis else { return false };
-    !d.effects.is_empty()
-        && d.effects
-            .iter()
-            .all(|e| o.families.iter().any(|f| *f == e.family))
+    !d.effects.is_empty() && d.effects.iter().all(|e| o.families.contains(&e.family))
 }
 
 fn part(all: &[Outcome], of: impl Fn(&Outcome) -> bool, is: impl Fn(&Outcome) -> bool) -> Option<f64> {

@@ -37,6 +37,16 @@ fn friction_is_named_and_explains_the_moves() {
     assert_eq!(found["verdict"], "explained");
     assert_eq!(found["effects"][0]["effect"], "coulomb-friction");
     assert_eq!(found["effects"].as_array().unwrap().len(), 1);
+    // A friction that is larger near rest is no better, and the program says what would show it.
+    let reasons = found["reasons"].to_string();
+    assert!(
+        reasons.contains("stribeck-friction refines coulomb-friction") && reasons.contains("slow moves"),
+        "{reasons}"
+    );
+    let left = &found["left"];
+    assert!(left["before"][0]["share"].as_f64().unwrap() > 0.99, "{left}");
+    let surest = left["after"][0]["share"].as_f64().unwrap();
+    assert!(surest < 0.05, "{surest}");
     assert!(number(&found, "/before/validation/y1/over_noise") > 1e3);
     assert!(number(&found, "/after/validation/y1/over_noise") < 1.1);
     assert!(number(&found, "/after/validation/y2/over_noise") < 1.1);

@@ -1,0 +1,58 @@
+//! What a diagnosis cannot tell, and which experiment would.
+
+use residual_trace::effect::{Effect, Family};
+use residual_trace::{Base, Trace, Verdict};
+
+/// Margin on the judged records, dB, below which two effects do as well as each other.
+const EQUAL_DB: f64 = 0.02;
+
+/// Look-alikes that the records do not tell apart, refinements that they do not ask for, and a base that may be the limit.
+pub(super) fn doubts(found: &Trace) -> Vec<String> {
+    let mut words: Vec<String> = found
+        .added
+        .iter()
+        .filter_map(|a| Some((a.effect, a.runner_up?)))
+        .filter(|(_, (_, margin))| *margin < EQUAL_DB)
+        .map(|(effect, (other, margin))| {
+            if other.extends.is_some_and(|e| e.name == effect.name) {
+                format!(
+                    "{} refines {} and explains no more of these records; {} would show whether it is there",
+                    other.name,
+                    effect.name,
+                    experiment(effect)
+                )
+            } else {
+                format!(
+                    "{} and {} are not told apart by the held-out records ({margin:+.3} dB for the first); {} would",
+                    effect.name,
+                    other.name,
+                    experiment(effect)
+                )
+            }
+        })
+        .collect();
+    let more = matches!(found.verdict, Verdict::Unexplained | Verdict::PartlyExplained);
+    if more && matches!(found.model.base, Base::Lpv(_)) {
+        words.push(
+            "what is left may be the limit of the base, an identified model: a machine that moves in other coordinates than its states, \
+             or a response that an effect had bent when it was measured; `lpv validate` tells its error along moves on which nothing was \
+             wrong, and a [geometry] allows a base from first principles"
+                .to_owned(),
+        );
+    }
+    words
+}
+
+/// An experiment in which an effect differs from its look-alikes.
+fn experiment(effect: &Effect) -> &'static str {
+    match effect.family {
+        Family::Friction => "slow moves that turn often, at several accelerations,",
+        Family::PositionForce => "moves over the same stretch at several speeds",
+        Family::Actuator => "moves of the same shape at several amplitudes, all over the stroke,",
+        Family::Timing => "moves with a multisine on top, its lines up to Nyquist,",
+        Family::Structure => "moves with a multisine on top, its lines beyond the modes,",
+        Family::Scheduling => "the same move at several rates of the scheduling",
+        Family::Disturbance => "a record at rest of more than ten of its periods",
+        Family::Sensor => "the same stretch at several speeds, or a second sensor,",
+    }
+}

@@ -23,7 +23,7 @@ use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
 use base::Start;
 use experiment_data::{Bundle, ControllerState};
 use figures::Along;
-use lpv_core::{Model, Purpose, Record, RecordKind, RigidBody, RigidBodyAxis, SchedulingRange};
+use lpv_core::{FrfEstimate, Model, Purpose, Record, RecordKind, RigidBody, RigidBodyAxis, SchedulingRange};
 use lpv_report::Figure;
 use residual_trace::{Base, Case, Explained, Trace, Track, equivalent_force, sensor_noise, trace};
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -119,12 +119,14 @@ pub fn diagnose(
         axis,
         ..Diagnosis::new(bundle, &found, &judged, reasons)
     };
-    let model = saved(
-        &found.model.base,
-        model,
-        &found.deviations,
-        [&fit_records, &judge_records],
-    )?;
+    let moved = [&fit_records, &judge_records].into_iter().flatten();
+    let mut positions: Vec<f64> = moved
+        .filter_map(|r| r.scheduling.columns.first())
+        .flatten()
+        .copied()
+        .collect();
+    positions.extend(responses.iter().filter_map(FrfEstimate::position));
+    let model = saved(&found.model.base, model, &found.deviations, &positions)?;
     let mut explanation = Explanation::of_base(&found.model.base, &found.deviations);
     explanation.effects.clone_from(&diagnosis.effects);
     let first = |i: usize| found.errors[i].first().map_or(&[][..], Vec::as_slice);
@@ -134,10 +136,10 @@ pub fn diagnose(
         diagnosis,
         model,
         explanation,
-        force: force_figures(&found, &start, &judged[0], noise, &channels.input.columns)?,
+        force: force_figures(&found, &start, &judged[0], noise, &channels.input.columns),
         errors: figures::in_time(outputs, step, [first(0), first(1)]),
         spectrum: Some(figures::in_spectrum(outputs, step, &found.errors)),
-        frozen: figures::frozen(&found.model.base, &responses, clock)?,
+        frozen: figures::frozen(&found.model.base, &responses, clock).unwrap_or_default(),
     })
 }
 
@@ -180,16 +182,17 @@ fn force_figures(
     track: &Track,
     noise: [f64; 2],
     inputs: &[String],
-) -> Result<Vec<Figure>, PipelineError> {
-    let force = |model: &Explained| equivalent_force(model, controller, track, noise);
+) -> Vec<Figure> {
+    let force = |model: &Explained| equivalent_force(model, controller, track, noise).ok();
     // A base that was fitted without the effects is bent by them; that of the model shows them as they are.
     let plain = Explained {
         base: found.model.base.clone(),
         effects: Vec::new(),
     };
-    let (before, after) = (force(&plain)?, force(&found.model)?);
-    let Some(motions) = found.model.motions(controller, track) else {
-        return Ok(Vec::new());
+    // A machine without what holds it may diverge: then there is no picture.
+    let motions = found.model.motions(controller, track);
+    let (Some(before), Some(after), Some(motions)) = (force(&plain), force(&found.model), motions) else {
+        return Vec::new();
     };
     let effects = found.model.forces_along(track, &motions);
     let along = Along {
@@ -197,10 +200,18 @@ fn force_figures(
         speed: motions.iter().map(|m| m.motor_speed[0]).collect(),
         effects: effects.iter().map(|f| f[0]).collect(),
     };
-    Ok(vec![
+    vec![
         figures::over_motion(&along, &before),
         figures::force_in_time(inputs, track.step, [&before, &after]),
-    ])
+    ]
+}
+
+/// The range of some positions; about a single one a little of it, since a range is wide.
+pub(crate) fn range_of(positions: &[f64]) -> Result<SchedulingRange, PipelineError> {
+    let (low, high) = crate::signal::range(positions);
+    let least = 1e-6 * low.abs().max(high.abs()).max(1e-3);
+    let more = (0.5 * (least - (high - low))).max(0.0);
+    Ok(SchedulingRange::interval(low - more, high + more)?)
 }
 
 /// The linear part of a machine, as a model file keeps it.
@@ -208,20 +219,11 @@ fn saved(
     base: &Base,
     identified: Option<Model>,
     deviations: &[f64],
-    records: [&[Record]; 2],
+    positions: &[f64],
 ) -> Result<Model, PipelineError> {
     let parameters = base.parameters();
     match base {
-        Base::XyTable(table) => {
-            let scheduling = records
-                .into_iter()
-                .flatten()
-                .filter_map(|r| r.scheduling.columns.first());
-            let (low, high) = crate::signal::range(&scheduling.flatten().copied().collect::<Vec<_>>());
-            Ok(Model::ContinuousLpv(
-                table.to_lpv(SchedulingRange::interval(low, high)?)?,
-            ))
-        }
+        Base::XyTable(table) => Ok(Model::ContinuousLpv(table.to_lpv(range_of(positions)?)?)),
         Base::Axis(_) => {
             let value = |i: usize| (parameters[i].value, deviations.get(i).copied());
             let known = |d: Option<f64>| d.filter(|d| d.is_finite()).unwrap_or(0.0);

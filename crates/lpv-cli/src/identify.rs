@@ -11,7 +11,7 @@ use crate::summary::{AxisSummary, HeldOut, OrderRow, Summary, TimeSummary};
 use crate::{Direct, FitFocus, IdentifyConfig, LfrKind, PipelineError, Structure};
 use experiment_data::Bundle;
 use lpv_core::nalgebra::DMatrix;
-use lpv_core::{Discrete, FrfEstimate, Model, Purpose, Record, RecordKind, SchedulingRange, StateSpace};
+use lpv_core::{Discrete, FrfEstimate, Model, Purpose, Record, RecordKind, StateSpace};
 use lti_ident::{DirectTerm, Focus, InnovationFit, InnovationSettings, OrderEntry, Segment};
 use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, fit};
 use rayon::prelude::*;
@@ -379,11 +379,10 @@ fn table(bundle: &Bundle, progress: Progress<'_>) -> Result<Outcome, PipelineErr
         fit = *free;
     }
     let positions: Vec<f64> = estimates.iter().filter_map(FrfEstimate::position).collect();
-    let (low, high) = crate::signal::range(&positions);
     let explanation = Explanation::of_base(&fit.base, &fit.parameter_deviations());
     reasons.extend(explanation.lines());
     let model = match &fit.base {
-        Base::XyTable(table) => Model::ContinuousLpv(table.to_lpv(SchedulingRange::interval(low, high)?)?),
+        Base::XyTable(table) => Model::ContinuousLpv(table.to_lpv(diagnose::range_of(&positions)?)?),
         _ => {
             return Err(PipelineError::Structure {
                 problem: "the fit is no xy-table",

@@ -119,7 +119,11 @@ fn part<T: DeserializeOwned>(whole: &serde_json::Value, key: &str) -> Result<Opt
         serde_json::from_value(part.clone())
             .map_err(|e| format!("`{key}`: {e}; delete that part to use the model alone"))
     };
-    whole.get(key).map(read).transpose()
+    whole
+        .get(key)
+        .filter(|part| !part.is_null())
+        .map(read)
+        .transpose()
 }
 
 /// `folder` as seen from the folder of `file`, so that both can be moved together; absolute where they share nothing.

@@ -161,7 +161,8 @@ pub(crate) fn simulate_in(
         };
         response.outputs.push(y);
         response.inputs.push(u);
-        if !(y[0].is_finite() && y[1].is_finite() && x[0].abs() < 1e6) {
+        // Also where an output is not a number.
+        if !(0..2).all(|i| y[i].abs() <= track.bound[i]) {
             return None;
         }
         for part in 0..parts {

@@ -265,12 +265,17 @@ fn compete(case: &Case<'_>, (whitening, bare): (Whitening, Fitted)) -> Contest {
     }
     // Which of two like effects it was may show only when the others are there too.
     while let Some((i, fit)) = refine::exchanged(&bench, &now, &mut rivals) {
+        let there = bench.judge(&fit.model);
+        if there.cost > judged.cost {
+            continue;
+        }
         if let (Some(added), Some((effect, _))) = (all_added.get_mut(i), fit.model.effects.get(i)) {
-            let margin = decibel(judged.cost / bench.judge(&fit.model).cost);
+            let margin = decibel(judged.cost / there.cost);
             added.runner_up = Some((added.effect, margin));
             added.effect = effect;
+            added.machine = fit.model.base.parameters().iter().map(|p| p.value).collect();
         }
-        judged = bench.judge(&fit.model);
+        judged = there;
         now = fit;
     }
     Contest {

@@ -24,7 +24,12 @@ pub struct Track {
     /// p and its rate at the ends and middles of the sub-steps, `2 * substeps` a sample.
     pub(crate) path: Vec<[f64; 2]>,
     pub(crate) substeps: usize,
+    /// Outputs beyond which a simulation has lost the record.
+    pub(crate) bound: Pair,
 }
+
+/// Outputs over the largest of the record beyond which a simulation has lost it.
+const LOST: f64 = 1e6;
 
 impl Track {
     /// # Errors
@@ -51,7 +56,16 @@ impl Track {
         };
         let still = vec![0.0; samples];
         let p = record.scheduling.columns.first().unwrap_or(&still);
+        let largest = |columns: &[Vec<f64>], i: usize| {
+            let column = columns.get(i).map_or(&[][..], Vec::as_slice);
+            column.iter().fold(0.0_f64, |m, v| m.max(v.abs()))
+        };
+        let bound = [0, 1].map(|i: usize| {
+            let reach = largest(&record.outputs.columns, i).max(largest(&record.references.columns, i));
+            if reach > 0.0 { LOST * reach } else { f64::MAX }
+        });
         Ok(Self {
+            bound,
             name: record.name.clone(),
             samples,
             step,

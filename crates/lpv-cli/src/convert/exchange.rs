@@ -1,6 +1,6 @@
 //! A model taken apart into named matrices: what all foreign formats hold.
 
-use crate::diagnose::Explanation;
+use crate::diagnose::{BaseKind, Explanation};
 use crate::{ModelFile, PipelineError};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{
@@ -172,7 +172,12 @@ impl Exchange {
             self.note += "  ";
         }
         self.note += &format!(
-            "The matrices are the linear part; parameters of its machine, and effects beside it, with standard deviations: {}.",
+            "The matrices are {}; parameters of its machine, and effects beside it, with standard deviations: {}.",
+            match explanation.base {
+                BaseKind::Identified =>
+                    "those that were identified: multiply A by the factor of the frequencies, and B by the gains over it",
+                BaseKind::XyTable | BaseKind::ServoAxis => "the linear part",
+            },
             explanation.lines().join("; ")
         );
     }

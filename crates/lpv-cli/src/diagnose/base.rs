@@ -204,7 +204,10 @@ pub(super) fn lpv(model: &Model, bundle: &Bundle) -> Result<Lpv, PipelineError> 
         Model::DiscreteLfr(m) => make(Some(m.range()), &|p| sampled(m.frozen(&[p])?)),
         Model::DiscreteLpv(m) => make(Some(m.range()), &|p| sampled(m.frozen(&[p])?)),
         Model::DiscreteStateSpace(m) => make(None, &|_| sampled(m.clone())),
-        Model::InnovationStateSpace(m) => make(None, &|_| sampled(m.model().clone())),
+        Model::InnovationStateSpace(m) => make(None, &|_| sampled(m.model().clone())).map(|lpv| {
+            let pair = |v: &DVector<f64>| [0, 1].map(|i: usize| v.get(i).copied().unwrap_or(0.0));
+            lpv.about(pair(m.input_offset()), pair(m.output_offset()))
+        }),
         Model::SeriesExpansion(m) => {
             let m = m.to_state_space()?;
             make(Some(m.range()), &|p| sampled(m.frozen(&[p])?))
@@ -213,6 +216,11 @@ pub(super) fn lpv(model: &Model, bundle: &Bundle) -> Result<Lpv, PipelineError> 
             problem: "effects cannot be added to this kind of model",
         }),
     }?;
+    if !found.is_constant() && channels.scheduling.is_empty() {
+        return Err(PipelineError::Structure {
+            problem: "the model depends on a scheduling signal and the bundle has none: name its column in [channels.scheduling]",
+        });
+    }
     let shape = |n: usize| (n, n);
     let bundle_has = (channels.input.len(), channels.output.len());
     if shape(found.channels()) != bundle_has {

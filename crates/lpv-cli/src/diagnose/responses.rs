@@ -96,7 +96,7 @@ pub(super) fn diagnose(
     let mut explanation = Explanation::of_base(&last.model.base, &deviations);
     explanation.effects.clone_from(&diagnosis.effects);
     Ok(Diagnosed {
-        model: saved(&last.model.base, None, &deviations, [&[], &[]])?,
+        model: saved(&last.model.base, None, &deviations, &[])?,
         explanation,
         force: Vec::new(),
         spectrum: None,

@@ -199,6 +199,15 @@ pub fn validate(
             names.join(", ")
         ));
     }
+    if explained
+        .as_ref()
+        .is_some_and(|e| matches!(e.base, residual_trace::Base::Lpv(_)))
+    {
+        notes.push(
+            "along records the gains and the tempo of the explanation are applied; the frozen response is that of the matrices as they were identified"
+                .to_owned(),
+        );
+    }
     let context = Context {
         machine: &machine,
         explained: explained.as_ref(),

@@ -11,7 +11,7 @@ use crate::signal::{deviation, mean};
 use experiment_data::Controller;
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{Purpose, Record};
-use residual_trace::{Explained, Response, Track};
+use residual_trace::{Base, Explained, Response, Track};
 
 /// A mean this many times the deviation is what the error consists of.
 const CONSTANT: f64 = 5.0;
@@ -50,21 +50,25 @@ impl Context<'_> {
             Some(first_state(self.machine, record)?)
         };
         let x0 = x0.as_ref();
-        let (open, closed) = match self.explained {
-            Some(explained) if at_rest => self.explained(explained, record)?,
-            explained => {
-                if explained.is_some() {
-                    notes.push(format!(
-                        "record {} does not start at rest: simulated with the linear part alone",
-                        record.name
-                    ));
-                }
-                self.linear(record, x0, &mut notes)?
-            }
+        let with_effects = match self.explained.filter(|_| self.stands_still(record)) {
+            Some(explained) => self.explained(explained, record),
+            None => None,
         };
-        let has_effects = self.explained.is_some_and(|e| !e.effects.is_empty());
+        if self.explained.is_some() && with_effects.is_none() {
+            notes.push(format!(
+                "record {}: simulated with the linear part alone, since it has no references, does not start at rest at them, or the model \
+                 with its effects diverges along it",
+                record.name
+            ));
+        }
+        let (open, closed) = match with_effects {
+            Some(runs) => runs,
+            None => self.linear(record, x0, &mut notes)?,
+        };
+        // The predictor knows nothing of effects, nor of the gains of an identified base.
+        let refitted = |e: &Explained| !e.effects.is_empty() || matches!(e.base, Base::Lpv(_));
+        let has_effects = self.explained.is_some_and(refitted);
         let errors = match has_effects {
-            // The predictor knows nothing of the effects.
             true => Ok(DMatrix::zeros(0, record.len())),
             false => predictor(self.machine, record, self.disturbance, self.noise)
                 .and_then(|p| p.errors(record, x0, record.len())),
@@ -152,6 +156,8 @@ impl Context<'_> {
                 .collect(),
             cross_correlation,
             axes: match self.body {
+                // Its inverse dynamics know nothing of effects.
+                Some(_) if has_effects => Vec::new(),
                 Some(body) => rigid::check(body, self.clock, record, &open, closed.as_ref())?,
                 None => Vec::new(),
             },
@@ -185,26 +191,34 @@ impl Context<'_> {
         }
     }
 
-    /// The same with effects.
-    fn explained(&self, explained: &Explained, record: &Record) -> Result<(Run, Option<Run>), PipelineError> {
+    /// Whether a record starts where its first references want it.
+    fn stands_still(&self, record: &Record) -> bool {
+        let pairs = record.outputs.columns.iter().zip(&record.references.columns);
+        let near = |(i, (y, r)): (usize, (&Vec<f64>, &Vec<f64>))| {
+            let largest = y.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            let noise = self.noise.and_then(|n| n.get(i)).copied().unwrap_or(0.0);
+            (y[0] - r[0]).abs() <= (10.0 * noise).max(1e-3 * largest)
+        };
+        !record.references.columns.is_empty() && pairs.enumerate().all(near)
+    }
+
+    /// The same with effects; none where it diverges.
+    fn explained(&self, explained: &Explained, record: &Record) -> Option<(Run, Option<Run>)> {
         /// Parts of a sample over those of a fit: some effects are fast.
         const FINER: usize = 4;
         let step = self.clock.sample_time();
-        let track = Track::new(record, step, FINER * explained.base.parts(step))?;
-        let run = |found: Option<Response>| {
-            let found = found.ok_or_else(|| residual_trace::TraceError::Diverges {
-                record: record.name.clone(),
-            })?;
+        let track = Track::new(record, step, FINER * explained.base.parts(step)).ok()?;
+        let run = |found: Response| {
             let rows = |n: usize, of: &[[f64; 2]]| DMatrix::from_fn(n, of.len(), |i, k| of[k][i]);
-            Ok::<_, PipelineError>(Run {
+            Run {
                 outputs: rows(record.outputs.channels(), &found.outputs),
                 inputs: rows(record.inputs.channels(), &found.inputs),
-            })
+            }
         };
         let closed = match self.controller {
-            Some(controller) => Some(run(explained.closed_loop(&controller.start()?, &track))?),
+            Some(controller) => Some(run(explained.closed_loop(&controller.start().ok()?, &track)?)),
             None => None,
         };
-        Ok((run(explained.open_loop(&track))?, closed))
+        Some((run(explained.open_loop(&track)?), closed))
     }
 }

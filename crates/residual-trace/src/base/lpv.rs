@@ -23,6 +23,8 @@ pub struct Lpv {
     slope: Pair,
     /// Frequencies of the modes over those of the model.
     tempo: f64,
+    /// Inputs and outputs that count as zero.
+    offsets: [Pair; 2],
 }
 
 impl Lpv {
@@ -43,7 +45,17 @@ impl Lpv {
             gain: [1.0; 2],
             slope: [0.0; 2],
             tempo: 1.0,
+            offsets: [[0.0; 2]; 2],
         })
+    }
+
+    /// The same about a working point: inputs and outputs that count as zero.
+    #[must_use]
+    pub fn about(self, inputs: Pair, outputs: Pair) -> Self {
+        Self {
+            offsets: [inputs, outputs],
+            ..self
+        }
     }
 
     /// p from which to which the model holds.
@@ -126,16 +138,19 @@ impl Lpv {
     /// The state at which outputs stand still.
     pub(super) fn rest(&self, p: f64, y: Pair, x: &mut [f64]) {
         let (n, m) = (self.grid.states, self.grid.channels);
-        let (a, _, c) = self.matrices(p);
+        let (a, b, c) = self.matrices(p);
         let size = a.amax().max(f64::MIN_POSITIVE);
-        let mut rows = DMatrix::zeros(n + m, n);
-        rows.rows_mut(0, n).copy_from(&(a / size));
-        rows.rows_mut(n, m).copy_from(&c);
+        // The input holds it there, none where an integrator does.
+        let push = b.amax().max(f64::MIN_POSITIVE);
+        let mut rows = DMatrix::zeros(n + m, n + m);
+        rows.view_mut((0, 0), (n, n)).copy_from(&(a / size));
+        rows.view_mut((0, n), (n, m)).copy_from(&(b / push));
+        rows.view_mut((n, 0), (m, n)).copy_from(&c);
         let mut right = DVector::zeros(n + m);
-        right.rows_mut(n, m).copy_from_slice(&y[..m]);
+        (0..m).for_each(|i| right[n + i] = y[i] - self.offsets[1][i]);
         // A matrix of finite numbers has singular values.
         if let Ok(found) = rows.svd(true, true).solve(&right, 1e-10) {
-            x[..n].copy_from_slice(found.as_slice());
+            x[..n].copy_from_slice(&found.as_slice()[..n]);
         }
     }
 
@@ -151,7 +166,7 @@ impl Lpv {
         let row = |k: usize| -> f64 { node[k * n..(k + 1) * n].iter().zip(x).map(|(c, x)| c * x).sum() };
         let mut motion = Motion::default();
         for i in 0..m {
-            motion.load_position[i] = row(i);
+            motion.load_position[i] = row(i) + self.offsets[1][i];
             motion.load_speed[i] = self.tempo * row(m + i);
         }
         let motor = &self.grid.drive.motor;
@@ -165,7 +180,7 @@ impl Lpv {
         let mut node = [0.0; ROOM];
         self.grid.at(p, 0..n * (n + m), &mut node);
         let (gains, u) = (self.gains(p), self.grid.drive.as_input(p, forces));
-        let u = [gains[0] * u[0], gains[1] * u[1]];
+        let u = [0, 1].map(|i: usize| gains[i] * (u[i] - self.offsets[0][i]));
         for (i, rate) in rates.iter_mut().enumerate().take(n) {
             let row = &node[i * (n + m)..(i + 1) * (n + m)];
             let own: f64 = row[..n].iter().zip(x).map(|(a, x)| a * x).sum();
@@ -180,7 +195,10 @@ impl Lpv {
         let first = n * (n + m);
         self.grid.at(p, first..first + m * n, &mut node);
         std::array::from_fn(|i| match i < m {
-            true => node[i * n..(i + 1) * n].iter().zip(x).map(|(c, x)| c * x).sum(),
+            true => {
+                let row = node[i * n..(i + 1) * n].iter().zip(x);
+                self.offsets[1][i] + row.map(|(c, x)| c * x).sum::<f64>()
+            }
             false => 0.0,
         })
     }
@@ -228,7 +246,7 @@ impl Lpv {
 
 #[cfg(test)]
 mod tests {
-    use super::Lpv;
+    use super::{Forces, Lpv};
     use crate::base::{Base, table_from_geometry};
     use crate::{Explained, Track};
     use experiment_data::{Controller, Geometry};
@@ -300,6 +318,28 @@ mod tests {
                 "{a:?} {b:?}"
             );
         }
+        Ok(())
+    }
+
+    /// By hand: `x' = -x + u`, `y = x + 3` stands still at y = 5 with x = 2, and with u = 2 beyond its zero of 1.
+    #[test]
+    fn a_stable_machine_stands_still_where_it_is_put() -> Result<(), Box<dyn std::error::Error>> {
+        let lpv = Lpv::new("lag".to_owned(), None, None, |_| {
+            let one = |v: f64| DMatrix::from_element(1, 1, v);
+            StateSpace::new(one(-1.0), one(1.0), one(1.0), one(0.0), Continuous)
+        })?
+        .about([1.0, 0.0], [3.0, 0.0]);
+        let mut x = [0.0; 16];
+        lpv.rest(0.0, [5.0, 0.0], &mut x);
+        assert!((x[0] - 2.0).abs() < 1e-12, "{}", x[0]);
+        assert!((lpv.outputs(&x, 0.0)[0] - 5.0).abs() < 1e-12);
+        let mut rates = [1.0; 16];
+        let forces = Forces {
+            motors: [3.0, 0.0],
+            ..Forces::default()
+        };
+        lpv.rates(&x, 0.0, &forces, &mut rates);
+        assert!(rates[0].abs() < 1e-12, "{}", rates[0]);
         Ok(())
     }
 }

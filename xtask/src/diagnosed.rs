@@ -2,8 +2,9 @@
 
 use crate::TaskError;
 use crate::measured::open;
-use lpv_cli::diagnose::{AxisErrors, Diagnosis, diagnose};
+use lpv_cli::diagnose::{Diagnosis, diagnose};
 use lpv_cli::silent;
+use lpv_cli::validation::{AxisCheck, ClosedLoopAxis};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -134,7 +135,13 @@ fn responses(bundle: &str, d: &Diagnosis) -> String {
 }
 
 /// A figure of the axis: what, value, the published or wanted one.
-type Figure = (String, String, &'static str, bool);
+type Figure = (String, String, String, bool);
+
+/// A figure of a check.
+type Of<'a> = &'a dyn Fn(&AxisCheck) -> f64;
+
+/// The effect up to which a figure counts, and its bar.
+type Limit = (&'static str, f64);
 
 fn axis(d: &Diagnosis) -> String {
     let mut rows: Vec<Figure> = Vec::new();
@@ -150,7 +157,7 @@ fn axis(d: &Diagnosis) -> String {
             rows.push((
                 what,
                 format!("{found:.4}"),
-                words,
+                words.to_owned(),
                 (found / value - 1.0).abs() <= part,
             ));
         }
@@ -159,55 +166,60 @@ fn axis(d: &Diagnosis) -> String {
         rows.push((
             "level of the Coulomb friction".to_owned(),
             format!("{level:.3}"),
-            "20.39 N within 3 %",
+            "20.39 N within 3 %".to_owned(),
             near,
         ));
     }
-    let record = |name: &str| d.axis.iter().find(|a| a.record == name);
-    let mut pair =
-        |what: &str, a: &AxisErrors, of: fn(&lpv_cli::validation::AxisCheck) -> f64, limit: f64, words| {
-            let (before, after) = (of(&a.before), of(&a.after));
-            let what = format!("{what}, {}", a.record);
-            rows.push((what, format!("{before:.5} -> {after:.5}"), words, after <= limit));
-        };
-    if let Some(a) = record("DATA_EMPS") {
-        pair(
+    // The published models: symmetric friction, then one that differs by direction.
+    let force = |c: &AxisCheck| c.force_percent;
+    let closed = |c: &AxisCheck, of: fn(&ClosedLoopAxis) -> f64| c.closed_loop.as_ref().map_or(f64::NAN, of);
+    let figures: [(&str, &str, Of<'_>, &[Limit]); 5] = [
+        (
+            "DATA_EMPS",
             "force of the inverse dynamics, %",
-            a,
-            |c| c.force_percent,
-            3.2,
-            "at most 3.2 (symmetric friction: 4.13)",
-        );
-    }
-    if let Some(a) = record("DATA_EMPS_PULSES") {
-        pair(
+            &force,
+            &[("coulomb-friction", 4.13), ("direction-dependent-friction", 3.2)],
+        ),
+        (
+            "DATA_EMPS_PULSES",
             "position in closed loop, %",
-            a,
-            |c| c.closed_loop.map_or(f64::NAN, |c| c.position_percent),
-            0.00802,
-            "at most 0.00802",
-        );
-        pair(
+            &|c| closed(c, |c| c.position_percent),
+            &[("direction-dependent-friction", 0.00802)],
+        ),
+        (
+            "DATA_EMPS_PULSES",
             "velocity in closed loop, %",
-            a,
-            |c| c.closed_loop.map_or(f64::NAN, |c| c.velocity_percent),
-            0.4789,
-            "at most 0.4789",
-        );
-        pair(
+            &|c| closed(c, |c| c.velocity_percent),
+            &[("direction-dependent-friction", 0.4789)],
+        ),
+        (
+            "DATA_EMPS_PULSES",
             "force in closed loop, %",
-            a,
-            |c| c.closed_loop.map_or(f64::NAN, |c| c.force_percent),
-            8.941,
-            "at most 8.941",
-        );
-        pair(
-            "position in open loop, m rms",
-            a,
-            |c| c.open_loop_position_rms,
-            8.3e-3,
-            "at most 0.0083",
-        );
+            &|c| closed(c, |c| c.force_percent),
+            &[("direction-dependent-friction", 8.941)],
+        ),
+        (
+            "DATA_EMPS_PULSES",
+            "position in open loop, mm rms",
+            &|c| 1e3 * c.open_loop_position_rms,
+            &[("coulomb-friction", 8.3), ("direction-dependent-friction", 8.3)],
+        ),
+    ];
+    for (record, what, of, limits) in figures {
+        let Some(a) = d.axis.iter().find(|a| a.record == record) else {
+            continue;
+        };
+        for (effect, limit) in limits {
+            let stage = a.stages.iter().find(|s| s.effect == *effect).map(|s| &s.errors);
+            let last = d.effects.last().filter(|e| e.effect == *effect).map(|_| &a.after);
+            let after = stage.or(last).map_or(f64::NAN, of);
+            rows.push((
+                format!("{what}, {record}, with {effect}"),
+                format!("{:.5} -> {after:.5}", of(&a.before)),
+                format!("at most {limit}"),
+                after <= *limit,
+            ));
+        }
     }
     let mut out = String::from(
         "\nFor emps the figures of its literature, before and after (mass, friction and offset are published with it):\n\n\

@@ -3,8 +3,8 @@
 use crate::description_check::{Fault, fault};
 use crate::key_path::KeyPath;
 use crate::{DataError, DescriptionError, Place};
-use lpv_core::nalgebra::DMatrix;
-use lpv_core::{Discrete, StateSpace};
+use lpv_core::nalgebra::{DMatrix, DVector};
+use lpv_core::{Discrete, Record, Signals, StateSpace};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -148,6 +148,14 @@ impl Controller {
     }
 }
 
+/// Samples by which a state at the start is told: so many a delay, and so many more.
+const SAMPLES: usize = 4;
+const LEAST: usize = 8;
+/// Part of the inputs that counts as nothing.
+const NOTHING: f64 = 1e-3;
+/// Factor by which a state must lower the squares that rest leaves.
+const EXPLAINED: f64 = 10.0;
+
 /// The controller while it runs: direct form II transposed, one state a delay, shared by both numerators.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ControllerState {
@@ -168,6 +176,55 @@ impl ControllerState {
                 *u = v.clamp(-self.limit, self.limit);
             }
         }
+    }
+
+    /// The controller as a record finds it, if that is not at rest: the state from which it gives the logged inputs of the first
+    /// samples, by least squares; saturated samples do not count. None where rest explains them as well, within a thousandth
+    /// of the inputs, or no state does.
+    pub fn begun(&self, record: &Record) -> Option<Self> {
+        let mut begun = self.clone();
+        begun.reset();
+        let mut moves = false;
+        for i in 0..begun.loops.len() {
+            let n = begun.loops[i].s.len() - 1;
+            let Some(inputs) = record.inputs.columns.get(i).filter(|_| n > 0) else {
+                continue;
+            };
+            let samples = inputs.len().min(SAMPLES * n + LEAST);
+            let at = |signals: &Signals, k: usize| signals.columns.get(i).map_or(0.0, |c| c[k]);
+            let mut forced = begun.loops[i].clone();
+            let mut free: Vec<Loop> = (0..n)
+                .map(|j| {
+                    let mut free = begun.loops[i].clone();
+                    free.s[j] = 1.0;
+                    free
+                })
+                .collect();
+            let (mut rows, mut right) = (Vec::new(), Vec::new());
+            for (k, input) in inputs.iter().enumerate().take(samples) {
+                let told = input - at(&record.injection, k);
+                let gap = told - forced.step(at(&record.references, k), at(&record.outputs, k));
+                let row: Vec<f64> = free.iter_mut().map(|f| f.step(0.0, 0.0)).collect();
+                if told.abs() < self.limit {
+                    rows.extend(row);
+                    right.push(gap);
+                }
+            }
+            let rows = DMatrix::from_row_slice(right.len(), n, &rows);
+            let right = DVector::from_vec(right);
+            let size = inputs.iter().map(|u| u * u).sum::<f64>() / inputs.len() as f64;
+            let count = right.len() as f64;
+            let Ok(state) = rows.clone().svd(true, true).solve(&right, 1e-12) else {
+                continue;
+            };
+            let left = (&right - rows * &state).norm_squared();
+            let seen = right.norm_squared() > NOTHING * NOTHING * count * size;
+            if seen && EXPLAINED * left < right.norm_squared() && state.iter().all(|s| s.is_finite()) {
+                begun.loops[i].s[..n].copy_from_slice(state.as_slice());
+                moves = true;
+            }
+        }
+        moves.then_some(begun)
     }
 
     /// Back to rest.
@@ -274,6 +331,55 @@ mod tests {
         let mut c = one(&[1.0], &[1.0], &[1.0], None);
         c.feedback_numerator.clear();
         assert!(text(c).contains("a list of 0 polynomials for 1 inputs"));
+    }
+
+    /// A record cut out of another begins with the controller of that instant; the whole one at rest.
+    #[test]
+    fn a_controller_in_motion_is_found() {
+        let controller = one(&[0.9, -0.5], &[1.0, -0.4, 0.2], &[1.0, -1.6, 0.7], Some(3.0));
+        let wave = |k: usize, rate: f64| (rate * k as f64).sin() + 0.3 * (2.3 * rate * k as f64).cos();
+        let mut state = controller.start().unwrap();
+        let (mut r, mut y, mut u, mut d) = (vec![], vec![], vec![], vec![]);
+        let mut states = vec![];
+        for k in 0..120 {
+            states.push(state.clone());
+            r.push(wave(k, 0.11));
+            y.push(wave(k + 7, 0.11));
+            d.push(if k > 50 { 0.5 } else { 0.0 });
+            let mut own = [0.0];
+            state.step(&[r[k]], &[y[k]], &mut own);
+            u.push(own[0] + d[k]);
+        }
+        assert!(u.iter().any(|u| u.abs() >= 3.0), "the limit is reached");
+        let record = |from: usize| {
+            let signal = |v: &[f64]| Signals::new(&["a"], vec![v[from..].to_vec()]);
+            let none = || Signals::new(&[], vec![]);
+            Record {
+                name: "cut".to_owned(),
+                kind: lpv_core::RecordKind::Transient,
+                purpose: lpv_core::Purpose::Estimation,
+                position: None,
+                outputs: signal(&y),
+                inputs: signal(&u),
+                references: signal(&r),
+                scheduling: none(),
+                auxiliary: none(),
+                injection: signal(&d),
+            }
+        };
+        let at_rest = controller.start().unwrap();
+        assert_eq!(at_rest.begun(&record(0)), None);
+        let found = at_rest.begun(&record(40)).expect("in motion");
+        for (a, b) in found.loops[0].s.iter().zip(&states[40].loops[0].s) {
+            assert!((a - b).abs() < 1e-9, "{a} {b}");
+        }
+        // No state makes these inputs.
+        let mut other = record(40);
+        other.inputs.columns[0]
+            .iter_mut()
+            .enumerate()
+            .for_each(|(k, u)| *u = f64::from(u8::from(k % 2 == 0)));
+        assert_eq!(at_rest.begun(&other), None);
     }
 
     proptest! {

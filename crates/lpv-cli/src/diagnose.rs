@@ -11,7 +11,7 @@ mod page;
 mod responses;
 
 pub use account::{Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors, Tested, Value};
-pub use axis::AxisErrors;
+pub use axis::{AxisErrors, AxisStage};
 pub(crate) use base::table;
 pub use explanation::{BaseKind, Explanation};
 pub use left::{Characterisation, LeftTest, LeftTests};
@@ -81,16 +81,16 @@ pub fn diagnose(
     } = base::start(bundle, model, &records, clock, &mut reasons, progress)?;
     let (fit_records, judge_records) = split(records, &mut reasons)?;
     let substeps = base.parts(clock.sample_time());
+    let start = controller.start()?;
     let tracks = |records: &[Record]| -> Result<Vec<Track>, PipelineError> {
         Ok(records
             .iter()
-            .map(|r| Track::new(r, clock.sample_time(), substeps))
+            .map(|r| Track::new(r, clock.sample_time(), substeps, Some(&start)))
             .collect::<Result<Vec<_>, _>>()?)
     };
-    reasons.extend(wrong_controller(&fit_records, &controller.start()?));
+    reasons.extend(wrong_controller(&fit_records, &start));
     let rough = roughness(&fit_records);
     let (fitted, judged) = (tracks(&fit_records)?, tracks(&judge_records)?);
-    let start = controller.start()?;
     let noise = match unrepeated(bundle, progress)? {
         (_, left) if left.is_empty() => {
             reasons.push(
@@ -112,9 +112,8 @@ pub fn diagnose(
     })?;
     progress("competition of effects", 1, 1);
     reasons.extend(doubt::doubts(&found));
-    let models = [&found.bare, &found.model];
-    let mut axis = axis::errors(models, &start, clock, &fit_records, &fitted)?;
-    axis.extend(axis::errors(models, &start, clock, &judge_records, &judged)?);
+    let mut axis = axis::errors(&found, &start, clock, &fit_records, &fitted)?;
+    axis.extend(axis::errors(&found, &start, clock, &judge_records, &judged)?);
     let diagnosis = Diagnosis {
         axis,
         ..Diagnosis::new(bundle, &found, &judged, reasons)
@@ -276,12 +275,12 @@ fn unrepeated(bundle: &Bundle, progress: Progress<'_>) -> Result<(f64, Pairs), P
     Ok((position, left.collect()))
 }
 
-/// Words on the record whose inputs the controller, from rest, gives worst, if that is bad.
+/// Words on the record whose inputs the controller gives worst, if that is bad.
 fn wrong_controller(records: &[Record], controller: &ControllerState) -> Option<String> {
-    /// Part of the inputs that rounding, or a start that is not quite at rest, may make.
+    /// Part of the inputs that rounding may make.
     const SMALL: f64 = 1e-2;
     let gap = |record: &Record| {
-        let mut controller = controller.clone();
+        let mut controller = controller.begun(record).unwrap_or_else(|| controller.clone());
         let (mut gap, mut size) = (0.0, 0.0);
         for k in 0..record.len() {
             let at = |columns: &[Vec<f64>]| columns.iter().map(|c| c[k]).collect::<Vec<f64>>();

@@ -58,6 +58,15 @@ pub struct Motion {
     pub deflection: Pair,
 }
 
+/// How the outputs begin.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Start {
+    /// Outputs.
+    pub(crate) position: Pair,
+    /// Their rates.
+    pub(crate) speed: Pair,
+}
+
 /// Forces of one instant.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Forces {
@@ -187,15 +196,19 @@ impl Base {
         each!(&mut other, b => b.set(values));
         other
     }
-    pub(crate) fn rest(&self, p: f64, outputs: Pair, x: &mut [f64]) {
-        each!(self, b => b.rest(p, outputs, x));
+    /// The state in which outputs begin so, at rest in itself.
+    pub(crate) fn begin(&self, p: f64, start: &Start, x: &mut [f64]) {
+        each!(self, b => b.begin(p, start, x));
     }
+    #[inline]
     pub(crate) fn commanded(&self, p: f64, u: Pair) -> Pair {
         each!(self, b => b.commanded(p, u))
     }
+    #[inline]
     pub(crate) fn motion(&self, x: &[f64], p: f64) -> Motion {
         each!(self, b => b.motion(x, p))
     }
+    #[inline]
     pub(crate) fn rates(&self, x: &[f64], p: f64, forces: &Forces, rates: &mut [f64]) {
         each!(self, b => b.rates(x, p, forces, rates));
     }

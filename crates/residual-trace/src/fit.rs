@@ -34,6 +34,15 @@ pub(crate) struct Problem<'a> {
     pub(crate) controller: &'a ControllerState,
     pub(crate) whitening: &'a Whitening,
     pub(crate) prior: Option<&'a Prior>,
+    pub(crate) seen: Seen,
+}
+
+/// Signals of the loop whose errors count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Seen {
+    Outputs,
+    /// What the controller gives.
+    Inputs,
 }
 
 /// How finely a simulation follows a sample.
@@ -90,7 +99,11 @@ impl Problem<'_> {
                 let (base, parts) = (&model.base, parts(track));
                 let found = simulate_in(parts, base, &blocks, Some(self.controller), track, None, &mut ())?;
                 let error = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
-                Some(track.outputs.iter().zip(&found.outputs).map(error).collect())
+                let (measured, found) = match self.seen {
+                    Seen::Outputs => (&track.outputs, &found.outputs),
+                    Seen::Inputs => (&track.inputs, &found.inputs),
+                };
+                Some(measured.iter().zip(found).map(error).collect())
             })
             .collect()
     }

@@ -93,7 +93,7 @@
 //!         auxiliary: Signals::new(&[], vec![]),
 //!         injection: Signals::new(&[], vec![]),
 //!     };
-//!     Ok(Track::new(&record, step, 4)?)
+//!     Ok(Track::new(&record, step, 4, None)?)
 //! };
 //! let fitted = [record("slow", 0.7)?, record("fast", 1.9)?];
 //! let judged = [record("other", 1.3)?];

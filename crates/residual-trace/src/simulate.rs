@@ -88,7 +88,7 @@ impl Watch for Vec<Motion> {
     }
 }
 
-/// Simulates a record from rest at its first reference, with the classical Runge-Kutta rule in equal parts of a sample.
+/// Simulates a record from where it begins, see [`Track::new`], with the classical Runge-Kutta rule in equal parts of a sample.
 /// Commands are held; where a delay changes them inside a part, or a lag the forces of the motors, it gets the straight line
 /// with their mean and first moment there.
 ///
@@ -119,7 +119,7 @@ pub(crate) fn simulate_in(
     let h = track.step / parts as f64;
     let mut machine = base.clone();
     blocks.iter().for_each(|b| b.mount(&mut machine));
-    let mut controller = controller.cloned();
+    let mut controller = controller.map(|at_rest| track.moving.as_ref().unwrap_or(at_rest).clone());
     let own: Vec<usize> = blocks.iter().map(|b| b.states()).collect();
     let bodies = machine.states();
     let total = bodies + own.iter().sum::<usize>();
@@ -127,7 +127,7 @@ pub(crate) fn simulate_in(
         return None;
     }
     let mut x = [0.0; MOST_STATES];
-    machine.rest(track.path[0][0], track.references[0], &mut x);
+    machine.begin(track.path[0][0], &track.start, &mut x);
     let first = moment(&machine, track, &x, (0, 0), h, true);
     let mut from = bodies;
     for (block, states) in blocks.iter().zip(&own) {
@@ -136,7 +136,13 @@ pub(crate) fn simulate_in(
     }
     let delay: f64 = blocks.iter().map(|b| b.delay()).sum();
     let lag: f64 = blocks.iter().map(|b| b.lag()).sum();
-    let mut lagged = [0.0; 2];
+    // Before the first sample there was no command, or the first one where the machine moves already.
+    let before = if track.moving.is_some() {
+        track.inputs[0]
+    } else {
+        [0.0; 2]
+    };
+    let mut lagged = machine.commanded(track.path[0][0], before);
     let mut response = Response {
         outputs: Vec::with_capacity(track.samples),
         inputs: Vec::with_capacity(track.samples),
@@ -172,14 +178,14 @@ pub(crate) fn simulate_in(
                 [u; 3]
             } else {
                 let (from, wide) = (part as f64 / parts as f64, 1.0 / parts as f64);
-                delayed(&response.inputs, k, from, wide, delay / track.step).along()
+                delayed(&response.inputs, before, k, from, wide, delay / track.step).along()
             };
             let mut motors =
                 [0, 1, 2].map(|i: usize| machine.commanded(track.at(k, points[i])[0], commands[i]));
             if lag > 0.0 {
                 motors = follow(&mut lagged, motors, h, lag).along();
             }
-            runge_kutta(&machine, blocks, &own, track, &mut x, total, k, points, motors, h);
+            runge_kutta(&machine, blocks, &own, track, &mut x, k, points, motors, h);
         }
     }
     Some(response)
@@ -222,12 +228,12 @@ fn follow(state: &mut Pair, signal: [Pair; 3], part: f64, lag: f64) -> Slope {
     slope
 }
 
-/// A command that comes `delay` samples late, over a part of a sample; before the first sample there was none.
-fn delayed(inputs: &[Pair], k: usize, from: f64, wide: f64, delay: f64) -> Slope {
+/// A command that comes `delay` samples late, over a part of a sample, and what it was `before` the first sample.
+fn delayed(inputs: &[Pair], before: Pair, k: usize, from: f64, wide: f64, delay: f64) -> Slope {
     let at = |t: f64| -> Pair {
         let i = t.floor();
         if i < 0.0 {
-            [0.0; 2]
+            before
         } else {
             inputs[(i as usize).min(inputs.len() - 1)]
         }
@@ -252,7 +258,6 @@ fn runge_kutta(
     own: &[usize],
     track: &Track,
     x: &mut [f64; MOST_STATES],
-    total: usize,
     k: usize,
     points: [usize; 3],
     motors: [Pair; 3],
@@ -278,8 +283,8 @@ fn runge_kutta(
     };
     let along = |x: &[f64; MOST_STATES], k: &[f64; MOST_STATES], h: f64| {
         let mut to = *x;
-        for i in 0..total {
-            to[i] += h * k[i];
+        for (to, k) in to.iter_mut().zip(k) {
+            *to += h * k;
         }
         to
     };
@@ -289,11 +294,13 @@ fn runge_kutta(
     rates(&along(x, &k1, 0.5 * h), 1, &mut k2);
     rates(&along(x, &k2, 0.5 * h), 1, &mut k3);
     rates(&along(x, &k3, h), 2, &mut k4);
-    for i in 0..total {
+    // States that there are not stay zero; loops of a constant length are wide.
+    for i in 0..MOST_STATES {
         x[i] += h / 6.0 * ((k1[i] + k4[i]) + 2.0 * (k2[i] + k3[i]));
     }
 }
 
+#[inline]
 fn moment<'a>(
     machine: &'a Base,
     track: &'a Track,
@@ -302,10 +309,10 @@ fn moment<'a>(
     step: f64,
     whole: bool,
 ) -> Moment<'a> {
-    let points = 2 * track.substeps;
+    let part = point as f64 * track.half;
     let [p, rate] = track.at(k, point);
     Moment {
-        time: (k as f64 + point as f64 / points as f64) * track.step,
+        time: (k as f64 + part) * track.step,
         p,
         rate,
         step,
@@ -317,13 +324,66 @@ fn moment<'a>(
         machine,
         track,
         sample: k,
-        part: point as f64 / points as f64,
+        part,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::{Pair, follow};
+    use crate::{Axis, Base, Explained, Track};
+    use experiment_data::Controller;
+    use lpv_core::{Purpose, Record, RecordKind, Signals};
+
+    /// The second part of a record, which begins in motion, is the second part of its simulation.
+    #[test]
+    fn a_record_that_begins_in_motion() -> Result<(), Box<dyn std::error::Error>> {
+        let step = 1e-3;
+        let model = Explained {
+            base: Base::Axis(Axis::new(80.0, 200.0, -3.0)),
+            effects: Vec::new(),
+        };
+        let controller = Controller {
+            reference_numerator: vec![vec![1.2e6]],
+            feedback_numerator: vec![vec![5.2e6, 0.0, -4.0e6]],
+            denominator: vec![vec![1.0]],
+            limit: None,
+        }
+        .start()?;
+        let record = |signals: [Vec<f64>; 3]| {
+            let [y, u, r] = signals.map(|s| Signals::new(&["a"], vec![s]));
+            let none = || Signals::new(&[], vec![]);
+            Record {
+                name: "move".to_owned(),
+                kind: RecordKind::Transient,
+                purpose: Purpose::Estimation,
+                position: None,
+                outputs: y,
+                inputs: u,
+                references: r,
+                scheduling: none(),
+                auxiliary: none(),
+                injection: none(),
+            }
+        };
+        let r: Vec<f64> = (0..900)
+            .map(|k| 0.1 * (1.0 - (4e-3 * f64::from(k)).cos()))
+            .collect();
+        let still = record([r.clone(), vec![0.0; 900], r.clone()]);
+        let track = Track::new(&still, step, 2, None)?;
+        let whole = model.closed_loop(&controller, &track).ok_or("diverges")?;
+        let first = |v: &[Pair]| -> Vec<f64> { v[300..].iter().map(|v| v[0]).collect() };
+        let cut = record([first(&whole.outputs), first(&whole.inputs), r[300..].to_vec()]);
+        let error = |known: bool| -> Result<f64, Box<dyn std::error::Error>> {
+            let track = Track::new(&cut, step, 2, known.then_some(&controller))?;
+            let part = model.closed_loop(&controller, &track).ok_or("diverges")?;
+            let pairs = whole.outputs[300..].iter().zip(&part.outputs);
+            Ok(pairs.fold(0.0_f64, |m, (a, b)| m.max((a[0] - b[0]).abs())))
+        };
+        let (from_rest, in_motion) = (error(false)?, error(true)?);
+        assert!(from_rest > 1e-3 && in_motion < 1e-6, "{from_rest} {in_motion}");
+        Ok(())
+    }
 
     /// A lag of 0.3 behind a ramp from 2 with slope 5: `2 + 5 (t - 0.3) + (0.3 * 5 - 1) exp(-t / 0.3)` from 1.
     #[test]

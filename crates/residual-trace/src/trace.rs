@@ -114,7 +114,7 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
             Added {
                 effect: &quantization::EFFECT,
                 values: values.to_vec(),
-                machine: found.bare.base.parameters().iter().map(|p| p.value).collect(),
+                then: found.bare.clone(),
                 gain_db: 0.0,
                 p_value: 0.0,
                 runner_up: None,
@@ -248,7 +248,7 @@ fn compete(case: &Case<'_>, (whitening, bare): (Whitening, Fitted)) -> Contest {
         let added = Added {
             effect,
             values: Vec::new(),
-            machine: fit.model.base.parameters().iter().map(|p| p.value).collect(),
+            then: fit.model.clone(),
             gain_db: decibel(judged.cost / after.cost),
             p_value: chance(now.objective - fit.objective, effect.parameters.len()),
             runner_up: finals
@@ -266,15 +266,16 @@ fn compete(case: &Case<'_>, (whitening, bare): (Whitening, Fitted)) -> Contest {
     // Which of two like effects it was may show only when the others are there too.
     while let Some((i, fit)) = refine::exchanged(&bench, &now, &mut rivals) {
         let there = bench.judge(&fit.model);
-        if there.cost > judged.cost {
+        let (Some(added), Some((effect, _))) = (all_added.get_mut(i), fit.model.effects.get(i)) else {
+            break;
+        };
+        let refines = effect.extends.is_some_and(|x| x.name == added.effect.name);
+        if there.cost > judged.cost || refines && !refine::is_worth(&there, &judged, before.cost) {
             continue;
         }
-        if let (Some(added), Some((effect, _))) = (all_added.get_mut(i), fit.model.effects.get(i)) {
-            let margin = decibel(judged.cost / there.cost);
-            added.runner_up = Some((added.effect, margin));
-            added.effect = effect;
-            added.machine = fit.model.base.parameters().iter().map(|p| p.value).collect();
-        }
+        added.runner_up = Some((added.effect, decibel(judged.cost / there.cost)));
+        added.effect = effect;
+        added.then = fit.model.clone();
         judged = there;
         now = fit;
     }

@@ -1,8 +1,10 @@
 //! Records as the simulation reads them.
 
 use crate::TraceError;
-use crate::base::Pair;
+use crate::base::{Pair, Start};
+use experiment_data::ControllerState;
 use lpv_core::Record;
+use nalgebra::{DMatrix, DVector};
 
 /// One record: signals by sample, and the scheduling between the samples.
 #[derive(Debug, Clone)]
@@ -24,17 +26,31 @@ pub struct Track {
     /// p and its rate at the ends and middles of the sub-steps, `2 * substeps` a sample.
     pub(crate) path: Vec<[f64; 2]>,
     pub(crate) substeps: usize,
+    /// Half of one of them, in samples.
+    pub(crate) half: f64,
     /// Outputs beyond which a simulation has lost the record.
     pub(crate) bound: Pair,
+    /// Where the outputs begin.
+    pub(crate) start: Start,
+    /// The controller at the first sample, unless it is at rest.
+    pub(crate) moving: Option<ControllerState>,
 }
 
 /// Outputs over the largest of the record beyond which a simulation has lost it.
 const LOST: f64 = 1e6;
 
 impl Track {
+    /// A record begins at rest at its first references. Where its controller was moving already, as the logged inputs tell (see
+    /// [`ControllerState::begun`]), it begins with the outputs and rates that its first samples have.
+    ///
     /// # Errors
     /// [`TraceError::Record`] where there are no references, or more channels than a base model has.
-    pub fn new(record: &Record, step: f64, substeps: usize) -> Result<Self, TraceError> {
+    pub fn new(
+        record: &Record,
+        step: f64,
+        substeps: usize,
+        controller: Option<&ControllerState>,
+    ) -> Result<Self, TraceError> {
         let refused = |problem: &str| TraceError::Record {
             record: record.name.clone(),
             problem: problem.to_owned(),
@@ -64,7 +80,21 @@ impl Track {
             let reach = largest(&record.outputs.columns, i).max(largest(&record.references.columns, i));
             if reach > 0.0 { LOST * reach } else { f64::MAX }
         });
+        let references = pairs(&record.references.columns);
+        let moving = controller.and_then(|c| c.begun(record));
+        let mut start = Start {
+            position: references[0],
+            speed: [0.0; 2],
+        };
+        if moving.is_some() {
+            for (i, y) in record.outputs.columns.iter().enumerate() {
+                let [position, rise] = beginning(y);
+                (start.position[i], start.speed[i]) = (position, rise / step);
+            }
+        }
         Ok(Self {
+            start,
+            moving,
             bound,
             name: record.name.clone(),
             samples,
@@ -72,10 +102,11 @@ impl Track {
             outputs: pairs(&record.outputs.columns),
             inputs: pairs(&record.inputs.columns),
             auxiliary: record.auxiliary.columns.clone(),
-            references: pairs(&record.references.columns),
+            references,
             injections: pairs(&record.injection.columns),
             path: between(p, step, substeps),
             substeps,
+            half: half(substeps),
         })
     }
 
@@ -93,6 +124,7 @@ impl Track {
         Self {
             path: between(&p, self.step, substeps),
             substeps,
+            half: half(substeps),
             ..self.clone()
         }
     }
@@ -131,6 +163,35 @@ impl Track {
     }
 }
 
+fn half(substeps: usize) -> f64 {
+    0.5 / substeps as f64
+}
+
+/// Value and rise per sample at the start of a signal: a polynomial through the first samples, of the degree with the shortest
+/// description.
+fn beginning(y: &[f64]) -> [f64; 2] {
+    /// Samples, and the highest degree.
+    const SAMPLES: usize = 16;
+    const DEGREE: i32 = 5;
+    let right = DVector::from_column_slice(&y[..SAMPLES.min(y.len())]);
+    let n = right.len();
+    let mut best = (f64::INFINITY, [y[0], 0.0]);
+    for degree in 1..=DEGREE {
+        let rows = DMatrix::from_fn(n, degree as usize + 1, |k, j| {
+            (k as f64 / n as f64).powi(j as i32)
+        });
+        let Ok(found) = rows.clone().svd(true, true).solve(&right, 1e-12) else {
+            continue;
+        };
+        let left = (&right - rows * &found).norm_squared().max(f64::MIN_POSITIVE);
+        let length = n as f64 * left.ln() + f64::from(degree + 1) * (n as f64).ln();
+        if length < best.0 {
+            best = (length, [found[0], found[1] / n as f64]);
+        }
+    }
+    best.1
+}
+
 /// A smooth signal and its rate between the samples: cubic pieces with slopes from four neighbours.
 fn between(p: &[f64], step: f64, substeps: usize) -> Vec<[f64; 2]> {
     let n = p.len();
@@ -167,7 +228,19 @@ fn between(p: &[f64], step: f64, substeps: usize) -> Vec<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
-    use super::between;
+    use super::{beginning, between};
+
+    /// `3e-5 + 7e-3 t + 0.45 t^2` sampled with 1 kHz, with a ripple of 1e-9.
+    #[test]
+    fn a_beginning_in_motion() {
+        let y: Vec<f64> = (0..40)
+            .map(|k| 1e-3 * f64::from(k))
+            .map(|t| 3e-5 + 7e-3 * t + 0.45 * t * t + 1e-9 * (3e3 * t).sin())
+            .collect();
+        let [position, rise] = beginning(&y);
+        assert!((position - 3e-5).abs() < 5e-9, "{position}");
+        assert!((rise - 7e-6).abs() < 1e-9, "{rise}");
+    }
 
     #[test]
     fn a_sine_between_its_samples() {

@@ -44,12 +44,35 @@ impl Whitening {
         }
     }
 
+    /// No filter: errors over their own root mean square.
+    pub(crate) fn by_size(errors: &[Vec<Pair>], channels: usize) -> Self {
+        let count = errors.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+        let mut taps = [Vec::new(), Vec::new()];
+        let mut deviation = [0.0; 2];
+        for (i, taps) in taps.iter_mut().enumerate().take(channels) {
+            let squares: f64 = errors.iter().flatten().map(|e| e[i] * e[i]).sum();
+            deviation[i] = (squares / count).sqrt();
+            *taps = vec![deviation[i].recip()];
+        }
+        Self {
+            taps,
+            channels,
+            deviation,
+        }
+    }
+
     /// The white sequence of an error, output after output.
     pub(crate) fn apply(&self, error: &[Pair], out: &mut Vec<f64>) {
         for (i, taps) in self.taps.iter().enumerate().take(self.channels) {
-            for k in 0..error.len() {
-                let past = taps.len().min(k + 1);
-                out.push((0..past).map(|j| taps[j] * error[k - j][i]).sum());
+            let error: Vec<f64> = error.iter().map(|e| e[i]).collect();
+            let first = out.len();
+            out.resize(first + error.len(), 0.0);
+            let white = &mut out[first..];
+            // Tap by tap, so that samples lie beside each other.
+            for (j, tap) in taps.iter().enumerate().take(error.len()) {
+                for (w, e) in white[j..].iter_mut().zip(&error) {
+                    *w += tap * e;
+                }
             }
         }
     }

@@ -182,13 +182,12 @@ impl Diagnosis {
                     (p.name.to_owned(), value)
                 })
                 .collect(),
-            base_parameters_then: found
-                .model
+            base_parameters_then: a
+                .then
                 .base
                 .parameters()
                 .iter()
-                .zip(&a.machine)
-                .map(|(p, value)| (p.name.to_owned(), *value))
+                .map(|p| (p.name.to_owned(), p.value))
                 .collect(),
             evidence: Evidence {
                 held_out_gain_db: a.gain_db,
@@ -310,13 +309,17 @@ impl Diagnosis {
             ));
         }
         for a in &self.axis {
-            let pair = |f: fn(&AxisCheck) -> f64| format!("{:.4} -> {:.4}", f(&a.before), f(&a.after));
+            let all = |f: &dyn Fn(&AxisCheck) -> String| {
+                let between = a.stages.iter().map(|s| &s.errors);
+                let checks = std::iter::once(&a.before).chain(between).chain([&a.after]);
+                checks.map(f).collect::<Vec<_>>().join(" -> ")
+            };
+            let pair = |f: fn(&AxisCheck) -> f64| all(&|c| format!("{:.4}", f(c)));
             let closed = |f: fn(&ClosedLoopAxis) -> f64| {
-                let of = |c: &AxisCheck| c.closed_loop.as_ref().map_or(f64::NAN, f);
-                format!("{:.5} -> {:.5}", of(&a.before), of(&a.after))
+                all(&|c| format!("{:.5}", c.closed_loop.as_ref().map_or(f64::NAN, f)))
             };
             lines.push(format!(
-                "{}, before -> after: force of the inverse dynamics {} %; in closed loop position {}, velocity {}, force {} %; \
+                "{}, before -> effect by effect: force of the inverse dynamics {} %; in closed loop position {}, velocity {}, force {} %; \
                  position in open loop {} rms",
                 a.record,
                 pair(|c| c.force_percent),

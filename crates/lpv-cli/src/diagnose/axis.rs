@@ -4,7 +4,7 @@ use crate::PipelineError;
 use crate::validation::{AxisCheck, check_axis};
 use experiment_data::ControllerState;
 use lpv_core::{Discrete, Record};
-use residual_trace::{Base, Explained, Motion, Track};
+use residual_trace::{Base, Explained, Motion, Trace, Track};
 use serde::Serialize;
 
 /// One record of a servo axis.
@@ -14,28 +14,50 @@ pub struct AxisErrors {
     pub record: String,
     /// Without effects.
     pub before: AxisCheck,
+    /// With the effects up to one, for all but the last.
+    pub stages: Vec<AxisStage>,
     /// With those that were added.
     pub after: AxisCheck,
 }
 
+/// An axis with some of its effects.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AxisStage {
+    /// The last of them.
+    pub effect: String,
+    /// The errors then.
+    pub errors: AxisCheck,
+}
+
 pub(super) fn errors(
-    [before, after]: [&Explained; 2],
+    found: &Trace,
     controller: &ControllerState,
     clock: Discrete,
     records: &[Record],
     tracks: &[Track],
 ) -> Result<Vec<AxisErrors>, PipelineError> {
-    if !matches!(before.base, Base::Axis(_)) {
+    if !matches!(found.model.base, Base::Axis(_)) {
         return Ok(Vec::new());
     }
     records
         .iter()
         .zip(tracks)
         .map(|(record, track)| {
+            let check = |model: &Explained| check(model, controller, clock, record, track);
+            let between = found.added.split_last().map_or(&[][..], |(_, earlier)| earlier);
             Ok(AxisErrors {
                 record: record.name.clone(),
-                before: check(before, controller, clock, record, track)?,
-                after: check(after, controller, clock, record, track)?,
+                before: check(&found.bare)?,
+                stages: between
+                    .iter()
+                    .map(|a| {
+                        Ok(AxisStage {
+                            effect: a.effect.name.to_owned(),
+                            errors: check(&a.then)?,
+                        })
+                    })
+                    .collect::<Result<_, PipelineError>>()?,
+                after: check(&found.model)?,
             })
         })
         .collect()

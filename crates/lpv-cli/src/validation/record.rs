@@ -43,14 +43,18 @@ pub(super) struct Context<'a> {
 impl Context<'_> {
     pub(super) fn record(&self, record: &Record, from: usize) -> Result<Along, PipelineError> {
         let mut notes = Vec::new();
-        let at_rest = at_rest(self.machine, record, self.noise);
+        let moving = self.controller.and_then(|c| c.start().ok()?.begun(record));
+        let at_rest = moving.is_none() && at_rest(self.machine, record, self.noise);
         let x0 = if at_rest {
             None
         } else {
             Some(first_state(self.machine, record)?)
         };
         let x0 = x0.as_ref();
-        let with_effects = match self.explained.filter(|_| self.stands_still(record)) {
+        let with_effects = match self
+            .explained
+            .filter(|_| moving.is_some() || self.stands_still(record))
+        {
             Some(explained) => self.explained(explained, record),
             None => None,
         };
@@ -207,7 +211,8 @@ impl Context<'_> {
         /// Parts of a sample over those of a fit: some effects are fast.
         const FINER: usize = 4;
         let step = self.clock.sample_time();
-        let track = Track::new(record, step, FINER * explained.base.parts(step)).ok()?;
+        let start = self.controller.and_then(|c| c.start().ok());
+        let track = Track::new(record, step, FINER * explained.base.parts(step), start.as_ref()).ok()?;
         let run = |found: Response| {
             let rows = |n: usize, of: &[[f64; 2]]| DMatrix::from_fn(n, of.len(), |i, k| of[k][i]);
             Run {
@@ -215,8 +220,8 @@ impl Context<'_> {
                 inputs: rows(record.inputs.channels(), &found.inputs),
             }
         };
-        let closed = match self.controller {
-            Some(controller) => Some(run(explained.closed_loop(&controller.start().ok()?, &track)?)),
+        let closed = match &start {
+            Some(controller) => Some(run(explained.closed_loop(controller, &track)?)),
             None => None,
         };
         Some((run(explained.open_loop(&track)?), closed))

@@ -65,7 +65,7 @@ pub fn open_loop(
     })
 }
 
-/// Response of the model in closed loop with the bundle's controller, which starts at rest, along the recorded references,
+/// Response of the model in closed loop with the bundle's controller, in the state in which the record begins, along the recorded references,
 /// injections and scheduling. The model must be strictly proper.
 ///
 /// # Errors
@@ -76,7 +76,8 @@ pub fn closed_loop(
     record: &Record,
     initial_state: Option<&DVector<f64>>,
 ) -> Result<Run, PipelineError> {
-    let mut state = controller.start()?;
+    let at_rest = controller.start()?;
+    let mut state = at_rest.begun(record).unwrap_or(at_rest);
     let mut r = vec![0.0; record.references.channels()];
     let at_start = Steps::new(model, record).at(0)?;
     if at_start.d().amax() > ROUNDING * at_start.c().amax() * at_start.b().amax() {

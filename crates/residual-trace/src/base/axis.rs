@@ -1,6 +1,6 @@
 //! A mass on a guide with one motor.
 
-use super::{BaseParameter, Forces, Motion, Pair};
+use super::{BaseParameter, Forces, Motion, Pair, Start};
 use nalgebra::{DMatrix, dmatrix};
 use num_complex::Complex64 as C64;
 
@@ -77,8 +77,8 @@ impl Axis {
         self.offset = v[2];
     }
 
-    pub(super) fn rest(&self, _p: f64, [y, _]: Pair, x: &mut [f64]) {
-        x[..2].copy_from_slice(&[y, 0.0]);
+    pub(super) fn begin(&self, _p: f64, start: &Start, x: &mut [f64]) {
+        x[..2].copy_from_slice(&[start.position[0], start.speed[0]]);
     }
 
     pub(super) fn commanded(&self, _p: f64, u: Pair) -> Pair {

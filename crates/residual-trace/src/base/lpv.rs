@@ -2,7 +2,7 @@
 
 mod grid;
 
-use super::{BaseParameter, Forces, Motion, Pair};
+use super::{BaseParameter, Forces, Motion, Pair, Start};
 use crate::TraceError;
 use experiment_data::Geometry;
 use grid::{Grid, ROOM, times};
@@ -135,19 +135,32 @@ impl Lpv {
         self.tempo = v[v.len() - 1];
     }
 
-    /// The state at which outputs stand still.
-    pub(super) fn rest(&self, p: f64, y: Pair, x: &mut [f64]) {
+    /// The state at which outputs stand still, or move at a steady speed.
+    pub(super) fn begin(&self, p: f64, start: &Start, x: &mut [f64]) {
         let (n, m) = (self.grid.states, self.grid.channels);
         let (a, b, c) = self.matrices(p);
         let size = a.amax().max(f64::MIN_POSITIVE);
         // The input holds it there, none where an integrator does.
         let push = b.amax().max(f64::MIN_POSITIVE);
-        let mut rows = DMatrix::zeros(n + m, n + m);
-        rows.view_mut((0, 0), (n, n)).copy_from(&(a / size));
-        rows.view_mut((0, n), (n, m)).copy_from(&(b / push));
+        let moves = start.speed.iter().any(|v| *v != 0.0);
+        // At rest `A x + B u = 0`; at a steady speed its rate is zero, and `C (A x + B u)` is the speed.
+        let (a, b) = (a / size, b / push);
+        let mut rows = DMatrix::zeros(n + 2 * m, n + m);
+        let (still, drive) = if moves {
+            (&a * &a, &a * &b)
+        } else {
+            (a.clone(), b.clone())
+        };
+        rows.view_mut((0, 0), (n, n)).copy_from(&still);
+        rows.view_mut((0, n), (n, m)).copy_from(&drive);
         rows.view_mut((n, 0), (m, n)).copy_from(&c);
-        let mut right = DVector::zeros(n + m);
-        (0..m).for_each(|i| right[n + i] = y[i] - self.offsets[1][i]);
+        let mut right = DVector::zeros(n + 2 * m);
+        (0..m).for_each(|i| right[n + i] = start.position[i] - self.offsets[1][i]);
+        if moves {
+            rows.view_mut((n + m, 0), (m, n)).copy_from(&(&c * &a));
+            rows.view_mut((n + m, n), (m, m)).copy_from(&(&c * &b));
+            (0..m).for_each(|i| right[n + m + i] = start.speed[i] / (size * self.tempo));
+        }
         // A matrix of finite numbers has singular values.
         if let Ok(found) = rows.svd(true, true).solve(&right, 1e-10) {
             x[..n].copy_from_slice(&found.as_slice()[..n]);
@@ -247,6 +260,7 @@ impl Lpv {
 #[cfg(test)]
 mod tests {
     use super::{Forces, Lpv};
+    use crate::base::Start;
     use crate::base::{Base, table_from_geometry};
     use crate::{Explained, Track};
     use experiment_data::{Controller, Geometry};
@@ -295,7 +309,7 @@ mod tests {
             auxiliary: Signals::new(&[], vec![]),
             injection: Signals::new(&[], vec![]),
         };
-        let track = Track::new(&record, 0.05, 6)?;
+        let track = Track::new(&record, 0.05, 6, None)?;
         let controller = Controller {
             reference_numerator: vec![vec![15.0, -14.6], vec![15.0, -14.6]],
             feedback_numerator: vec![vec![15.0, -14.6], vec![15.0, -14.6]],
@@ -330,7 +344,11 @@ mod tests {
         })?
         .about([1.0, 0.0], [3.0, 0.0]);
         let mut x = [0.0; 16];
-        lpv.rest(0.0, [5.0, 0.0], &mut x);
+        let start = Start {
+            position: [5.0, 0.0],
+            speed: [0.0; 2],
+        };
+        lpv.begin(0.0, &start, &mut x);
         assert!((x[0] - 2.0).abs() < 1e-12, "{}", x[0]);
         assert!((lpv.outputs(&x, 0.0)[0] - 5.0).abs() < 1e-12);
         let mut rates = [1.0; 16];

@@ -12,12 +12,12 @@ pub(super) static EFFECT: Effect = Effect {
         EffectParameter {
             name: "level",
             unit: "u",
-            scale: Scale::Linear,
+            scale: Scale::NotNegative,
         },
         EffectParameter {
             name: "breakaway",
             unit: "u",
-            scale: Scale::Linear,
+            scale: Scale::NotNegative,
         },
         EffectParameter {
             name: "creep_speed",

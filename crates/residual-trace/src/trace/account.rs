@@ -81,8 +81,8 @@ pub struct Added {
     pub gain_db: f64,
     /// Probability of such a fall on the fitted records without the effect.
     pub p_value: f64,
-    /// Parameters of the machine when it was added.
-    pub machine: Vec<f64>,
+    /// The model when it was added.
+    pub then: Explained,
     /// The next best effect, and by how much it is worse on the judged records.
     pub runner_up: Option<(&'static Effect, f64)>,
 }

@@ -3,7 +3,7 @@
 use super::{Case, ITERATIONS, Judged};
 use crate::base::Base;
 use crate::effect::{Effect, Scale};
-use crate::fit::{Explained, Fitted, Grain, Problem, squares};
+use crate::fit::{Explained, Fitted, Grain, Problem, Seen, squares};
 use crate::screen::{Known, Quick, Screen};
 use crate::track::Track;
 use crate::whiten::Whitening;
@@ -34,6 +34,7 @@ impl<'a> Bench<'a> {
             controller: self.case.controller,
             whitening: &self.whitening,
             prior: self.case.prior,
+            seen: Seen::Outputs,
         }
     }
 

@@ -5,9 +5,10 @@ use super::noise::loop_noise;
 use super::{Case, Contest, ITERATIONS, LEFT, NOISE, Trace, Verdict};
 use crate::TraceError;
 use crate::base::Pair;
-use crate::fit::{Explained, Fitted, deviations};
+use crate::fit::{Explained, Fitted, Problem, Seen, deviations};
 use crate::left::{Left, differences, what_is_left};
 use crate::track::Track;
+use crate::whiten::Whitening;
 use rayon::prelude::*;
 
 /// Change of the errors by a finer integration, over the noise, that does not matter.
@@ -43,6 +44,12 @@ impl Contest {
         };
         if finer.is_some() {
             self.now = bench.problem().fit(&self.now.model, ITERATIONS, None)?;
+        }
+        if verdict == Verdict::PartlyExplained {
+            self.now = bench.by_force(&self.now.model)?;
+            for added in &mut self.added {
+                added.then = bench.by_force(&added.then)?.model;
+            }
         }
         let [before, after] = [&self.bare.model, &self.now.model].map(|m| bench.told(m));
         let model = self.now.model.clone();
@@ -102,6 +109,27 @@ impl Contest {
 }
 
 impl Bench<'_> {
+    /// A fit to what the controller gives, by its size: where errors are not noise, weights as if they were would follow the
+    /// frequencies at which sensors are quiet and not those at which the model is wrong; and within the bandwidth the
+    /// controller tells the force that the model lacks. The deviations are those of a noise with the spectrum of what is left.
+    fn by_force(&self, model: &Explained) -> Result<Fitted, TraceError> {
+        let fit = |model: &Explained, iterations: usize, whitening: fn(&[Vec<Pair>], usize) -> Whitening| {
+            let inputs = Problem {
+                seen: Seen::Inputs,
+                ..self.problem()
+            };
+            let left = inputs.errors(model).unwrap_or_default();
+            let whitening = whitening(&left, self.case.base.channels());
+            let problem = Problem {
+                whitening: &whitening,
+                ..inputs
+            };
+            problem.fit(model, iterations, None)
+        };
+        let sized = fit(model, ITERATIONS, Whitening::by_size)?;
+        fit(&sized.model, 0, Whitening::new)
+    }
+
     /// Errors on the judged records, and what tests find in them; nothing where the model diverges.
     fn told(&self, model: &Explained) -> (Vec<Vec<Pair>>, Vec<Left>) {
         let tracks = self.case.judged;

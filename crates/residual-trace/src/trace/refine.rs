@@ -129,22 +129,26 @@ pub(super) fn simpler_first(finals: &mut [(&'static Effect, Fitted, Judged)], be
     };
     let Some(extends) = best.extends else { return };
     let simpler = finals.iter().position(|(e, ..)| e.name == extends.name);
-    if let Some(simpler) = simpler {
-        let rough = &finals[simpler].2;
-        let fall = (rough.cost - fine.cost) * rough.samples as f64;
-        let least = if fine.cost <= NOISE { NOTICED } else { WORTH };
-        let fair = rough.cost >= least * fine.cost;
-        if fall < SURE || !fair || rough.cost - fine.cost < TRIFLE * before {
-            finals.swap(0, simpler);
-        }
+    if let Some(simpler) = simpler
+        && !is_worth(fine, &finals[simpler].2, before)
+    {
+        finals.swap(0, simpler);
     }
+}
+
+/// Whether a refinement lowers the cost of the effect that it refines so far on the judged records that it earns its parameters;
+/// the cost was `before` without both.
+pub(super) fn is_worth(fine: &Judged, rough: &Judged, before: f64) -> bool {
+    let fall = (rough.cost - fine.cost) * rough.samples as f64;
+    let least = if fine.cost <= NOISE { NOTICED } else { WORTH };
+    fall >= SURE && rough.cost >= least * fine.cost && rough.cost - fine.cost >= TRIFLE * before
 }
 
 /// Factor by which a refinement must lower a squared error to noise.
 const NOTICED: f64 = 1.005;
 
 /// Factor by which it must lower one that is not noise.
-const WORTH: f64 = 1.05;
+const WORTH: f64 = 1.1;
 
 /// Part of the squared error before that is within the accuracy of the simulation.
 const TRIFLE: f64 = 1e-8;

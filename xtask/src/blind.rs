@@ -7,7 +7,7 @@ mod score;
 use crate::TaskError;
 use experiment_data::{Bundle, RecordFormat};
 use lpv_cli::diagnose::{Diagnosis, diagnose};
-use lpv_cli::simulate::{MachineFile, MultisineFile, PositionsFile, deviation, simulate};
+use lpv_cli::simulate::{CleanMoves, MachineFile, MultisineFile, PositionsFile, simulate};
 use lpv_cli::{IdentifyConfig, ModelFile, PipelineError, identify_bundle, silent};
 use lpv_core::Discrete;
 pub(crate) use page::page;
@@ -15,7 +15,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 pub(crate) use score::score;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
@@ -59,7 +59,7 @@ struct Case {
 }
 
 /// One case with what came out.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Outcome {
     pub(crate) seed: u64,
     /// What was hidden.
@@ -77,7 +77,7 @@ pub(crate) struct Outcome {
     /// Wall clock of the diagnosis.
     pub(crate) seconds: f64,
     /// The same with the small LFR of the machine as it was before something was hidden in it as the base; where asked for.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) identified: Option<Result<Diagnosis, String>>,
 }
 
@@ -114,23 +114,35 @@ impl Extent {
     }
 }
 
-/// Runs cases in an order that is fair to all effects when the time is short, two at a time; each is appended to `log`.
+/// Runs cases in an order that is fair to all effects when the time is short, two at a time; each is appended to `log`. Those
+/// that are `done` are not run again.
 ///
 /// # Errors
 /// Of the file system, and of a plant that refuses its machine.
-pub(crate) fn run(extent: &Extent, seed: u64, log: &Path) -> Result<(Vec<Outcome>, Option<f64>), TaskError> {
+pub(crate) fn run(
+    extent: &Extent,
+    seed: u64,
+    log: &Path,
+    done: Vec<Outcome>,
+) -> Result<(Vec<Outcome>, Option<f64>), TaskError> {
     let start = Instant::now();
-    let cases = cases(extent, seed);
-    let mut outcomes = Vec::new();
+    let all = cases(extent, seed);
+    let asked = |o: &Outcome| all.iter().any(|c| c.seed == o.seed);
+    let mut outcomes: Vec<Outcome> = done.into_iter().filter(asked).collect();
+    let (mut cases, count) = (all.clone(), all.len());
+    cases.retain(|c| outcomes.iter().all(|o| o.seed != c.seed));
     let mut file = std::fs::File::create(log)?;
+    for outcome in &outcomes {
+        writeln!(file, "{}", serde_json::to_string(outcome)?)?;
+    }
     // Alone, for the clock.
-    let seconds = match cases.iter().find(|c| c.effects.is_empty()) {
+    let seconds = match all.iter().find(|c| c.effects.is_empty()) {
         Some(case) => Some(solve(case, false)?.seconds),
         None => None,
     };
     for batch in cases.chunks(2) {
         if start.elapsed().as_secs_f64() > 60.0 * extent.minutes {
-            println!("time is up after {} of {} machines", outcomes.len(), cases.len());
+            println!("time is up after {} of {} machines", outcomes.len(), count);
             break;
         }
         let found: Vec<Result<Outcome, TaskError>> =
@@ -150,6 +162,21 @@ pub(crate) fn run(extent: &Extent, seed: u64, log: &Path) -> Result<(Vec<Outcome
         }
     }
     Ok((outcomes, seconds))
+}
+
+/// What an earlier run left in its log; a line that was cut off counts as not run.
+///
+/// # Errors
+/// Of the file system.
+pub(crate) fn logged(log: &Path) -> Result<Vec<Outcome>, TaskError> {
+    let text = match std::fs::read_to_string(log) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => String::new(),
+        text => text?,
+    };
+    Ok(text
+        .lines()
+        .filter_map(|l| serde_json::from_str(l).ok())
+        .collect())
 }
 
 fn cases(extent: &Extent, seed: u64) -> Vec<Case> {
@@ -235,13 +262,17 @@ fn machine(seed: u64) -> Result<MachineFile, TaskError> {
 }
 
 /// The effect with the severity that makes this deviation, within a tenth of it, or as near as its range goes.
-fn scaled(file: &MachineFile, effect: HiddenEffect, wanted: f64) -> Result<(HiddenEffect, f64), TaskError> {
+fn scaled(
+    clean: &CleanMoves<'_>,
+    effect: HiddenEffect,
+    wanted: f64,
+) -> Result<(HiddenEffect, f64), TaskError> {
     let [least, most] = effect.info().range;
     let sign = effect.severity().signum();
     let low = least.max(1e-12);
     let at = |size: f64| -> Result<(HiddenEffect, f64), TaskError> {
         let hidden = effect.with_severity(sign * size)?;
-        Ok((hidden, deviation(file, &[hidden])?.max(1e-9)))
+        Ok((hidden, clean.deviation(&[hidden])?.max(1e-9)))
     };
     let mut known = (effect.severity().abs(), at(effect.severity().abs())?);
     let mut slope = if effect.info().name == "actuator-saturation" {
@@ -271,6 +302,7 @@ fn scaled(file: &MachineFile, effect: HiddenEffect, wanted: f64) -> Result<(Hidd
 
 fn solve(case: &Case, identified: bool) -> Result<Outcome, TaskError> {
     let file = machine(case.seed)?;
+    let clean = CleanMoves::new(&file)?;
     let mut hidden = Vec::new();
     let mut reached = 0.0;
     for name in &case.effects {
@@ -279,7 +311,7 @@ fn solve(case: &Case, identified: bool) -> Result<Outcome, TaskError> {
         if effect.info().range[0] < 0.0 && split_seed(case.seed, "sign").is_multiple_of(2) {
             effect = effect.with_severity(-effect.severity())?;
         }
-        let (effect, found) = scaled(&file, effect, case.deviation)?;
+        let (effect, found) = scaled(&clean, effect, case.deviation)?;
         hidden.push(effect);
         reached = found;
     }

@@ -93,6 +93,9 @@ pub(crate) struct Blind {
     /// Seed of every random number.
     #[arg(long, default_value_t = 2011)]
     seed: u64,
+    /// Take the machines that an earlier run of the same program, with this seed and output, left in its log as they are.
+    #[arg(long, conflicts_with = "quick")]
+    resume: bool,
     /// Where the results go.
     #[arg(long, value_name = "FOLDER", default_value = "target/blind")]
     output: PathBuf,
@@ -312,7 +315,13 @@ fn run_blind(options: &Blind) -> Result<bool, TaskError> {
         }
     };
     std::fs::create_dir_all(&options.output)?;
-    let (all, seconds) = blind::run(&extent, options.seed, &options.output.join("cases.jsonl"))?;
+    let log = options.output.join("cases.jsonl");
+    let done = if options.resume {
+        blind::logged(&log)?
+    } else {
+        Vec::new()
+    };
+    let (all, seconds) = blind::run(&extent, options.seed, &log, done)?;
     let metrics = blind::score(&all, seconds);
     let figures = serde_json::to_value(&metrics)?;
     let command = format!(

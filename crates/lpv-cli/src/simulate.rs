@@ -118,37 +118,50 @@ pub fn simulate(
     Ok(account)
 }
 
-/// Largest root mean square over the first moves of each kind by which the effects change an output, in units of its
-/// sensor's noise.
-///
-/// # Errors
-/// [`PipelineError::Plant`] for settings out of range.
-pub fn deviation(file: &MachineFile, hidden: &[HiddenEffect]) -> Result<f64, PipelineError> {
-    let (with, without) = (Setup::new(file, hidden)?, Setup::new(file, &[])?);
-    let mut most = 0.0_f64;
-    let mut sums = [(0.0, 0_usize); 2];
-    for (index, &kind) in file.moves.kinds.iter().enumerate().take(file.moves.estimation) {
-        let name = move_name(index);
-        let run = |setup: &Setup<'_>| -> Result<Record, PipelineError> {
-            let simulated = setup.moving(&name, kind, Purpose::Estimation)?;
-            simulated
-                .records
-                .into_iter()
-                .next()
-                .ok_or(PipelineError::Structure {
-                    problem: "a move makes one record",
-                })
-        };
-        let (a, b) = rayon::join(|| run(&with), || run(&without));
-        for ((a, b), (sum, count)) in a?.outputs.columns.iter().zip(&b?.outputs.columns).zip(&mut sums) {
-            *sum += a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
-            *count += a.len();
+/// The moves for estimation of a machine with nothing hidden in it.
+#[derive(Debug)]
+pub struct CleanMoves<'a> {
+    file: &'a MachineFile,
+    records: Vec<Record>,
+}
+
+impl<'a> CleanMoves<'a> {
+    /// # Errors
+    /// [`PipelineError::Plant`] for settings out of range.
+    pub fn new(file: &'a MachineFile) -> Result<Self, PipelineError> {
+        let records = first_moves(file, &[])?;
+        Ok(Self { file, records })
+    }
+
+    /// Largest root mean square over the moves by which effects change an output, in units of its sensor's noise.
+    ///
+    /// # Errors
+    /// [`PipelineError::Plant`] for effects out of range.
+    pub fn deviation(&self, hidden: &[HiddenEffect]) -> Result<f64, PipelineError> {
+        let changed = first_moves(self.file, hidden)?;
+        let mut sums = [(0.0, 0_usize); 2];
+        for (a, b) in changed.iter().zip(&self.records) {
+            for ((a, b), (sum, count)) in a.outputs.columns.iter().zip(&b.outputs.columns).zip(&mut sums) {
+                *sum += a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+                *count += a.len();
+            }
         }
+        let noise = self.file.noise.noise().deviations();
+        let root = |((sum, count), noise): ((f64, usize), f64)| (sum / count.max(1) as f64).sqrt() / noise;
+        Ok(sums.into_iter().zip(noise).map(root).fold(0.0, f64::max))
     }
-    for ((sum, count), noise) in sums.into_iter().zip(file.noise.noise().deviations()) {
-        most = most.max((sum / count.max(1) as f64).sqrt() / noise);
-    }
-    Ok(most)
+}
+
+/// The moves for estimation, the first of each kind.
+fn first_moves(file: &MachineFile, hidden: &[HiddenEffect]) -> Result<Vec<Record>, PipelineError> {
+    let setup = Setup::new(file, hidden)?;
+    let kinds = &file.moves.kinds[..file.moves.estimation.min(file.moves.kinds.len())];
+    let moved: Result<Vec<Simulated>, PlantError> = kinds
+        .par_iter()
+        .enumerate()
+        .map(|(index, &kind)| setup.moving(&move_name(index), kind, Purpose::Estimation))
+        .collect();
+    Ok(moved?.into_iter().flat_map(|m| m.records).collect())
 }
 
 impl Job {

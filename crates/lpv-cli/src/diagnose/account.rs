@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// `diagnosis.json`, format 1.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Diagnosis {
     /// 1.
     pub format: u32,
@@ -18,7 +18,7 @@ pub struct Diagnosis {
     /// The model that effects were added to, in words.
     pub base_model: String,
     /// `explained`, `partly-explained`, `unexplained`, `nothing-missing`.
-    pub verdict: &'static str,
+    pub verdict: String,
     /// What was added, in order.
     pub effects: Vec<FoundEffect>,
     /// Deviation of the noise of one sample as it leaves the loop, by output.
@@ -30,18 +30,18 @@ pub struct Diagnosis {
     /// Every effect that was tried.
     pub candidates: Vec<Tested>,
     /// What tests find in the white error of the judged records.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left: Option<LeftTests>,
     /// What the error looks like where it is not explained.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub characterisation: Option<Characterisation>,
     /// Parameters of the base model, refitted with the effects.
     pub base_parameters: BTreeMap<String, Value>,
     /// Of responses, their relative errors effect by effect, without any first.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub responses: Vec<ResponseErrors>,
     /// Of a servo axis, the figures of the literature by record, fitted ones first.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub axis: Vec<AxisErrors>,
     /// The choices in words.
     pub reasons: Vec<String>,
@@ -100,26 +100,26 @@ pub struct Evidence {
 }
 
 /// Errors on records.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
     /// By output.
     pub validation: BTreeMap<String, OutputError>,
 }
 
 /// Error of one output.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct OutputError {
     /// Root mean square, simulated in closed loop.
     pub rms: f64,
     /// The same over the noise as it leaves the loop.
     pub over_noise: f64,
     /// Root mean square one step ahead; responses have none.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rms_one_step: Option<f64>,
 }
 
 /// Errors of the responses by output: root of the sum of squares over that of the response.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ResponseErrors {
     /// What was added last.
     pub model: String,
@@ -130,10 +130,10 @@ pub struct ResponseErrors {
 }
 
 /// How one effect did.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tested {
     /// Name in the catalogue.
-    pub effect: &'static str,
+    pub effect: String,
     /// Channel at which it acts.
     pub channel: String,
     /// Fall of the squared error on the judged records.
@@ -205,7 +205,7 @@ impl Diagnosis {
             format: 1,
             bundle: bundle.description().name.clone(),
             base_model: found.model.base.name().to_owned(),
-            verdict: found.verdict.name(),
+            verdict: found.verdict.name().to_owned(),
             effects: found.added.iter().map(effect).collect(),
             noise_floor: noise.into_iter().collect(),
             before: errors(&found.before),
@@ -214,7 +214,7 @@ impl Diagnosis {
                 .candidates
                 .iter()
                 .map(|t| Tested {
-                    effect: t.effect.name,
+                    effect: t.effect.name.to_owned(),
                     channel: channel(t.effect.family, t.effect.channel),
                     held_out_gain_db: t.gain_db,
                     accepted: t.accepted,

@@ -5,10 +5,10 @@ use crate::validation::{AxisCheck, check_axis};
 use experiment_data::ControllerState;
 use lpv_core::{Discrete, Record};
 use residual_trace::{Base, Explained, Motion, Trace, Track};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// One record of a servo axis.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AxisErrors {
     /// The record.
     pub record: String,
@@ -21,7 +21,7 @@ pub struct AxisErrors {
 }
 
 /// An axis with some of its effects.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AxisStage {
     /// The last of them.
     pub effect: String,

@@ -2,10 +2,10 @@
 
 use experiment_data::Bundle;
 use residual_trace::{Character, Left};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Tests of what is left, the surest first.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LeftTests {
     /// Without effects.
     pub before: Vec<LeftTest>,
@@ -14,7 +14,7 @@ pub struct LeftTests {
 }
 
 /// What the white error of an output owes to a signal and its past.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LeftTest {
     /// The output.
     pub output: String,
@@ -29,14 +29,14 @@ pub struct LeftTest {
 }
 
 /// What an error looks like.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Characterisation {
     /// Output with the largest error over its noise.
     pub channel: String,
     /// Band with the middle eighty percent of its energy, cycles per unit of time.
     pub band_hz: [f64; 2],
     /// Correlation of the error with signals, the largest first.
-    pub correlations: Vec<(&'static str, f64)>,
+    pub correlations: Vec<(String, f64)>,
 }
 
 impl LeftTest {
@@ -56,7 +56,11 @@ impl Characterisation {
         Self {
             channel: bundle.description().channels.output.columns[found.output].clone(),
             band_hz: found.band_hz,
-            correlations: found.correlations,
+            correlations: found
+                .correlations
+                .into_iter()
+                .map(|(signal, r)| (signal.to_owned(), r))
+                .collect(),
         }
     }
 }

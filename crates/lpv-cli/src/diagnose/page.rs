@@ -9,7 +9,7 @@ impl Diagnosed {
         let d = &self.diagnosis;
         let mut page = Page::new(format!("Diagnosis of {}", d.bundle))
             .subtitle(format!("{}: {}", d.verdict, self.summary()))
-            .fact("verdict", d.verdict)
+            .fact("verdict", d.verdict.as_str())
             .fact("base model", d.base_model.clone());
         if !d.effects.is_empty() {
             let mut table = Table::new(
@@ -87,7 +87,7 @@ impl Diagnosed {
         );
         for c in &d.candidates {
             table = table.row([
-                Cell::text(c.effect),
+                Cell::text(c.effect.as_str()),
                 Cell::text(c.channel.clone()),
                 Cell::number(c.held_out_gain_db, Format::Fixed(2)),
                 Cell::text(if c.accepted { "yes" } else { "" }),

@@ -200,7 +200,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
         })
         .collect();
     let tested = first.tried.iter().map(|(effect, gain)| Tested {
-        effect: effect.name,
+        effect: effect.name.to_owned(),
         channel: channel(effect.family),
         held_out_gain_db: *gain,
         accepted: last.model.effects.iter().any(|(e, _)| e.name == effect.name),
@@ -211,7 +211,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
         bundle: bundle.description().name.clone(),
         base_model: "rigid axis with viscous friction; rms are errors of the response over its size"
             .to_owned(),
-        verdict,
+        verdict: verdict.to_owned(),
         effects,
         noise_floor: by_output(bundle, &noise),
         before: errors(first),

@@ -6,10 +6,10 @@ use lpv_core::nalgebra::DMatrix;
 use lpv_core::{Discrete, Record, RigidBody};
 use lti_ident::Segment;
 use lti_ident::rigid_body::{Motion, RigidBodySettings, centred, decimated, identify};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Errors of one axis: `100 |measured - model| / |measured|`, norms over the record.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AxisCheck {
     /// The input.
     pub input: String,
@@ -24,7 +24,7 @@ pub struct AxisCheck {
 }
 
 /// One axis in closed loop with the bundle's controller.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ClosedLoopAxis {
     /// Position.
     pub position_percent: f64,

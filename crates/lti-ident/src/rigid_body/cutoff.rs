@@ -6,8 +6,8 @@ use realfft::RealFftPlanner;
 /// Ratio of signal to noise down to which the position is kept.
 const VISIBLE: f64 = 10.0;
 
-/// Part of the power of the acceleration that the regression keeps.
-const KEPT: f64 = 0.99;
+/// Part of the power of the acceleration that the regression keeps; the rest is left to what rattles above the band of the drive.
+const KEPT: f64 = 0.98;
 
 /// Longest piece of the averaged periodogram.
 const PIECE: usize = 8192;

@@ -5,7 +5,7 @@ use crate::description::{ChannelGroup, Description};
 use crate::description_check::fault;
 use crate::key_path::KeyPath;
 use crate::{DataError, DescriptionError, RecordError, RecordPlace, columns, paths, toml_file};
-use lpv_core::{Discrete, Record, Signals};
+use lpv_core::{Discrete, Record, RecordKind, Signals};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -143,6 +143,38 @@ impl Bundle {
                 problem: Box::new(problem),
             }
         })
+    }
+
+    /// The name that [`Bundle::load`] gives a record.
+    ///
+    /// # Errors
+    /// [`DataError::Index`].
+    pub fn record_name(&self, index: usize) -> Result<&str, DataError> {
+        self.entry(index)?;
+        Ok(&self.names[index])
+    }
+
+    /// The position that [`Bundle::load`] gives a record, from its scheduling alone.
+    ///
+    /// # Errors
+    /// As [`Bundle::load`].
+    pub fn position(&self, index: usize) -> Result<Option<f64>, DataError> {
+        let entry = self.entry(index)?;
+        let group = &self.description.channels.scheduling;
+        let told = match (entry.position, entry.record_kind(), group.columns.as_slice()) {
+            (Some(declared), ..) => return Ok(Some(declared)),
+            (None, RecordKind::Periodic { .. }, [column]) => column,
+            _ => return Ok(None),
+        };
+        let scale = group.scale.first().copied().unwrap_or(1.0);
+        match columns::read_columns(&self.record_path(index)?, &[told.as_str()]).as_deref() {
+            Ok([p]) if !p.is_empty() && p.iter().all(|v| v.is_finite()) => {
+                let scaled: Vec<f64> = p.iter().map(|v| scale * v).collect();
+                Ok(Some(checks::mean(&scaled)))
+            }
+            // What is wrong with it, the whole record tells best.
+            _ => Ok(self.load(index)?.position),
+        }
     }
 
     /// All records in order, one in memory at a time.

@@ -135,17 +135,21 @@ fn periods(samples: usize, period: usize) -> Result<(), RecordError> {
 }
 
 /// The mean of a scheduling signal that does not move.
+/// Mean of a column. An exactly constant one gives exactly its value: records of one position are found by it.
+pub(crate) fn mean(p: &[f64]) -> f64 {
+    if p.iter().all(|v| *v == p[0]) {
+        p[0]
+    } else {
+        p.iter().map(|v| v / p.len() as f64).sum()
+    }
+}
+
 fn constant_scheduling(name: &str, p: &[f64], expected: &Expectation<'_>) -> Result<f64, RecordError> {
     const CONSTANT: f64 = 1e-3;
     const SAME_POSITION: f64 = 1e-2;
     let from = p.iter().copied().fold(f64::INFINITY, f64::min);
     let to = p.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    // An exactly constant column gives exactly its value: records of one position are found by it.
-    let mean = if from == to {
-        from
-    } else {
-        p.iter().map(|v| v / p.len() as f64).sum()
-    };
+    let mean = mean(p);
     let own = from.abs().max(to.abs());
     if to - from > CONSTANT * own {
         let tolerance = CONSTANT * (expected.scheduling_scale)().max(own);

@@ -62,7 +62,7 @@ pub fn diagnose(
     let description = bundle.description();
     let clock = bundle.clock()?;
     if model.is_none() && description.controller.is_none() && responses::suits(bundle) {
-        return responses::diagnose(bundle, clock, progress);
+        return responses::diagnose(bundle, progress);
     }
     let Some(controller) = &description.controller else {
         return Err(PipelineError::Structure {

@@ -11,8 +11,9 @@ pub use record::{ChannelStats, RecordInfo};
 
 use crate::PipelineError;
 use crate::progress::{Counter, Progress};
-use crate::responses::{estimate_periodic, group};
+use crate::responses::periodic_responses;
 use experiment_data::{Bundle, DataError};
+use frf_estimation::PeriodicEstimate;
 use lpv_core::{Purpose, Record, RecordKind};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -68,38 +69,35 @@ pub struct Coverage {
 /// The first clause of the format that a record breaks; an experiment without a frequency response.
 pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, PipelineError> {
     let description = bundle.description();
-    let clock = bundle.clock()?;
     let counter = Counter::new(progress, "reading records", bundle.len());
-    // Transient records are dropped once their figures are known, so that long ones are never in memory together.
-    let read: Vec<Result<(RecordInfo, Option<Record>), DataError>> = (0..bundle.len())
+    // Records are dropped once their figures are known, so that long ones are never in memory together.
+    let read: Vec<Result<RecordInfo, DataError>> = (0..bundle.len())
         .into_par_iter()
         .map(|i| {
             let record = bundle.load(i)?;
             counter.one();
-            let info = record::describe(&record, &description.records[i].file, description.sample_rate_hz);
-            let periodic = matches!(record.kind, RecordKind::Periodic { .. });
-            Ok((info, periodic.then_some(record)))
+            Ok(record::describe(
+                &record,
+                &description.records[i].file,
+                description.sample_rate_hz,
+            ))
         })
         .collect();
-    let (infos, records): (Vec<RecordInfo>, Vec<Option<Record>>) = read
-        .into_iter()
-        .collect::<Result<Vec<_>, _>>()?
-        .into_iter()
-        .unzip();
+    let infos: Vec<RecordInfo> = read.into_iter().collect::<Result<_, _>>()?;
     let mut coverage = coverage(&infos);
     let mut experiments = Vec::new();
-    let (fitted, judged): (Vec<Record>, Vec<Record>) = records
-        .into_iter()
-        .flatten()
-        .partition(|r| r.purpose == Purpose::Estimation);
-    for (mut records, purpose) in [(fitted, "estimation"), (judged, "validation")] {
-        if records.is_empty() {
-            continue;
-        }
-        let estimates = estimate_periodic(&mut records, clock, None, progress)?;
-        for (group, estimate) in group(&records).into_iter().zip(&estimates) {
-            experiments.push(experiment::describe(purpose, group, estimate));
-        }
+    let entries = &description.records;
+    for (purpose, name) in [
+        (Purpose::Estimation, "estimation"),
+        (Purpose::Validation, "validation"),
+    ] {
+        let wanted = |i: usize| {
+            entries[i].purpose == purpose && matches!(entries[i].record_kind(), RecordKind::Periodic { .. })
+        };
+        let describe =
+            |records: &[Record], estimate: &PeriodicEstimate| experiment::describe(name, records, estimate);
+        let found = periodic_responses(bundle, wanted, None, progress, describe)?;
+        experiments.extend(found.into_iter().map(|(_, described)| described));
     }
     if let Some(coverage) = &mut coverage {
         coverage.positions = experiments

@@ -69,7 +69,7 @@ pub use moves::Moves;
 pub use pipeline::{Identified, LpvStage, LtiStage, identify, regress_on};
 pub use poles::{PoleStage, fit_poles};
 pub use progress::{Progress, silent};
-pub use responses::{Responses, estimate_bundle, estimate_local, estimate_periodic, load_records};
+pub use responses::{Responses, estimate_bundle, estimate_local, load_records};
 pub use settings_file::{nearest_name, read_settings};
 pub use small::{MovingStage, SizeRow, SmallStage, small_lfr};
 pub use summary::{

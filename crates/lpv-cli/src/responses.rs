@@ -3,7 +3,7 @@
 use crate::PipelineError;
 use crate::progress::{Counter, Progress};
 use crate::signal::median;
-use experiment_data::Bundle;
+use experiment_data::{Bundle, DataError};
 use frf_estimation::{
     LocalSettings, PeriodicEstimate, PeriodicSettings, Regressor, SkipRule, estimate_records, local_rational,
 };
@@ -67,11 +67,17 @@ pub fn estimate_bundle(
     let fitted = |i: usize| entries[i].purpose == Purpose::Estimation;
     let clock = bundle.clock()?;
     if (0..bundle.len()).any(|i| fitted(i) && periodic(i)) {
-        let mut records = load_records(bundle, |i| fitted(i) && periodic(i), progress)?;
-        let estimates = estimate_periodic(&mut records, clock, skip_periods, progress)?;
+        let found = periodic_responses(
+            bundle,
+            |i| fitted(i) && periodic(i),
+            skip_periods,
+            progress,
+            period_noise_of,
+        )?;
+        let (estimates, levels): (Vec<PeriodicEstimate>, Vec<Vec<f64>>) = found.into_iter().unzip();
         return Ok(Responses {
             clock,
-            noise: Some(sample_noise(&records, &estimates)),
+            noise: Some(sample_noise(&levels)),
             estimates: estimates.into_iter().map(|e| e.estimate).collect(),
             reasons: Vec::new(),
         });
@@ -95,29 +101,31 @@ pub fn estimate_bundle(
     })
 }
 
-/// Deviation of the noise of one sample, by output: the median over positions of what does not repeat from period to
-/// period. The records are those of the estimates, in the order that [`estimate_periodic`] leaves them in.
-pub(crate) fn sample_noise(records: &[Record], estimates: &[PeriodicEstimate]) -> Vec<f64> {
-    let levels: Vec<Vec<f64>> = group(records)
-        .into_iter()
-        .zip(estimates)
-        .map(|(group, estimate)| crate::inspect::period_noise(group, estimate.periods_skipped))
-        .collect();
+/// Deviation of the noise of one sample at a position, by output: what does not repeat from period to period.
+pub(crate) fn period_noise_of(records: &[Record], estimate: &PeriodicEstimate) -> Vec<f64> {
+    crate::inspect::period_noise(records, estimate.periods_skipped)
+}
+
+/// The median over positions.
+pub(crate) fn sample_noise(levels: &[Vec<f64>]) -> Vec<f64> {
     (0..levels.first().map_or(0, Vec::len))
         .map(|i| median(&levels.iter().map(|l| l[i]).collect::<Vec<_>>()))
         .collect()
 }
 
-/// The FRF of periodic records by position; `records` are sorted by position and name.
+/// The FRF by position of the periodic records for which `wanted` holds, in order of position, and what else is wanted of the
+/// records of each. Those of one position a thread are in memory at a time.
 ///
 /// # Errors
-/// [`PipelineError::Frf`] with the position and the records.
-pub fn estimate_periodic(
-    records: &mut [Record],
-    clock: Discrete,
+/// [`PipelineError::Frf`] with the position and the records; what is wrong with the first record that cannot be read.
+pub(crate) fn periodic_responses<T: Send>(
+    bundle: &Bundle,
+    wanted: impl Fn(usize) -> bool,
     skip_periods: Option<usize>,
     progress: Progress<'_>,
-) -> Result<Vec<PeriodicEstimate>, PipelineError> {
+    also: impl Fn(&[Record], &PeriodicEstimate) -> T + Sync,
+) -> Result<Vec<(PeriodicEstimate, T)>, PipelineError> {
+    let clock = bundle.clock()?;
     let skip = skip_periods.map_or(SkipRule::Auto, SkipRule::Fixed);
     let settings = PeriodicSettings::default()
         .skip(skip)
@@ -126,9 +134,43 @@ pub fn estimate_periodic(
             place: "settings".to_owned(),
             source,
         })?;
-    by_position(records, progress, |group| {
-        estimate_records(group, clock, &settings)
-    })
+    let indices: Vec<usize> = (0..bundle.len()).filter(|&i| wanted(i)).collect();
+    let placed = indices
+        .par_iter()
+        .map(|&i| Ok((bundle.position(i)?, bundle.record_name(i)?, i)))
+        .collect::<Vec<Result<_, DataError>>>();
+    let mut placed = placed.into_iter().collect::<Result<Vec<_>, DataError>>()?;
+    placed.sort_by(|a, b| in_order((a.0, a.1), (b.0, b.1)));
+    let runs = runs(&placed, |(position, ..)| *position);
+    let counter = Counter::new(progress, "frequency responses", indices.len());
+    let found: Vec<Result<(PeriodicEstimate, T), (usize, PipelineError)>> = runs
+        .into_par_iter()
+        .map(|run| {
+            let mut records = Vec::with_capacity(run.len());
+            for &(.., i) in run {
+                records.push(bundle.load(i).map_err(|e| (i, e.into()))?);
+                counter.one();
+            }
+            let estimate = at_position(&records, |group| estimate_records(group, clock, &settings))
+                .map_err(|e| (usize::MAX, e))?;
+            let more = also(&records, &estimate);
+            Ok((estimate, more))
+        })
+        .collect();
+    let mut all = Vec::with_capacity(found.len());
+    // The first in the file, not in time; an experiment without a response comes after what cannot be read.
+    let mut failed: Option<(usize, PipelineError)> = None;
+    for result in found {
+        match result {
+            Ok(pair) => all.push(pair),
+            Err(error) if failed.as_ref().is_none_or(|first| error.0 < first.0) => failed = Some(error),
+            Err(_) => {}
+        }
+    }
+    match failed {
+        Some((_, error)) => Err(error),
+        None => Ok(all),
+    }
 }
 
 /// The FRF of transient records by position, by the local rational method, and the choice of its regressor in words.
@@ -175,25 +217,13 @@ fn by_position<T: Send>(
     progress: Progress<'_>,
     estimate: impl Fn(&[&Record]) -> Result<T, frf_estimation::FrfError> + Sync,
 ) -> Result<Vec<T>, PipelineError> {
-    records.sort_by(|a, b| {
-        a.position
-            .unwrap_or(0.0)
-            .total_cmp(&b.position.unwrap_or(0.0))
-            .then_with(|| a.name.cmp(&b.name))
-    });
-    let groups = group(records);
+    records.sort_by(|a, b| in_order((a.position, &a.name), (b.position, &b.name)));
+    let groups = runs(records, |r| r.position);
     let counter = Counter::new(progress, "frequency responses", groups.len());
     groups
         .into_par_iter()
         .map(|group| {
-            let found = estimate(&group.iter().collect::<Vec<_>>()).map_err(|source| {
-                let names: Vec<&str> = group.iter().map(|r| r.name.as_str()).collect();
-                let at = group[0]
-                    .position
-                    .map_or(String::new(), |p| format!("position {p:.6}, "));
-                let place = format!("{at}records {}", names.join(", "));
-                PipelineError::Frf { place, source }
-            });
+            let found = at_position(group, &estimate);
             counter.one();
             found
         })
@@ -202,13 +232,35 @@ fn by_position<T: Send>(
         .collect()
 }
 
-/// Runs of records at the same position.
-pub(crate) fn group(records: &[Record]) -> Vec<&[Record]> {
-    let at = |r: &Record| r.position.unwrap_or(0.0);
-    let width = records.last().map_or(0.0, at) - records.first().map_or(0.0, at);
-    let largest = records.iter().map(|r| at(r).abs()).fold(0.0, f64::max);
+/// An estimate from the records of one position.
+fn at_position<T>(
+    records: &[Record],
+    estimate: impl Fn(&[&Record]) -> Result<T, frf_estimation::FrfError>,
+) -> Result<T, PipelineError> {
+    estimate(&records.iter().collect::<Vec<_>>()).map_err(|source| {
+        let names: Vec<&str> = records.iter().map(|r| r.name.as_str()).collect();
+        let at = records
+            .first()
+            .and_then(|r| r.position)
+            .map_or(String::new(), |p| format!("position {p:.6}, "));
+        let place = format!("{at}records {}", names.join(", "));
+        PipelineError::Frf { place, source }
+    })
+}
+
+/// By position, then by name.
+fn in_order(a: (Option<f64>, &str), b: (Option<f64>, &str)) -> std::cmp::Ordering {
+    let by_position = a.0.unwrap_or(0.0).total_cmp(&b.0.unwrap_or(0.0));
+    by_position.then_with(|| a.1.cmp(b.1))
+}
+
+/// Runs at the same position of what is sorted by it.
+fn runs<T>(sorted: &[T], position: impl Fn(&T) -> Option<f64>) -> Vec<&[T]> {
+    let at = |r: &T| position(r).unwrap_or(0.0);
+    let width = sorted.last().map_or(0.0, at) - sorted.first().map_or(0.0, at);
+    let largest = sorted.iter().map(|r| at(r).abs()).fold(0.0, f64::max);
     let same = (SAME_POSITION * width).max(JITTER * largest);
-    records.chunk_by(|a, b| (at(b) - at(a)).abs() <= same).collect()
+    sorted.chunk_by(|a, b| (at(b) - at(a)).abs() <= same).collect()
 }
 
 /// Whether a scheduling signal stays where it is.

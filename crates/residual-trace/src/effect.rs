@@ -96,6 +96,21 @@ pub struct Effect {
     pub block: fn(&[f64], &Base) -> Box<dyn Block>,
 }
 
+impl Effect {
+    /// Whether the effect exists with these values, in the order of its parameters.
+    pub fn allows(&self, values: &[f64]) -> bool {
+        let fits = |(v, p): (&f64, &EffectParameter)| {
+            v.is_finite()
+                && match p.scale {
+                    Scale::Linear => true,
+                    Scale::Logarithmic => *v > 0.0,
+                    Scale::NotNegative => *v >= 0.0,
+                }
+        };
+        values.len() == self.parameters.len() && values.iter().zip(self.parameters).all(fits)
+    }
+}
+
 /// One instant of a simulation.
 pub struct Moment<'a> {
     /// Time from the start of the record.

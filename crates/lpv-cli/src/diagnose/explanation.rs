@@ -62,7 +62,8 @@ impl Explanation {
     /// The machine on a bundle, whose geometry says where its motors are.
     ///
     /// # Errors
-    /// [`PipelineError::Structure`] for a bundle without the geometry of the base, or an effect that the catalogue does not know;
+    /// [`PipelineError::Structure`] for a bundle without the geometry of the base, an effect that the catalogue does not know, or
+    /// one with a parameter out of its range;
     /// [`PipelineError::Channels`].
     pub fn machine(&self, model: &Model, bundle: &Bundle) -> Result<Explained, PipelineError> {
         let base = match self.base {
@@ -98,7 +99,14 @@ impl Explanation {
                         })
                 };
                 let values = effect.parameters.iter().map(|p| value(p.name));
-                Ok((effect, values.collect::<Result<Vec<f64>, _>>()?))
+                let values = values.collect::<Result<Vec<f64>, _>>()?;
+                if !effect.allows(&values) {
+                    return Err(PipelineError::Structure {
+                        problem: "a parameter of an effect of the model is out of its range: times, speeds, lengths and frequencies are above \
+                                  zero, levels not below; correct the file or diagnose the bundle again",
+                    });
+                }
+                Ok((effect, values))
             })
             .collect::<Result<Vec<_>, PipelineError>>()?;
         Ok(Explained { base, effects })

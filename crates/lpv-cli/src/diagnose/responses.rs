@@ -7,10 +7,10 @@ use super::{
 };
 use crate::PipelineError;
 use crate::progress::Progress;
-use crate::responses::{estimate_periodic, load_records};
+use crate::responses::periodic_responses;
 use experiment_data::Bundle;
 use frf_estimation::PeriodicEstimate;
-use lpv_core::{Discrete, FrfEstimate, Purpose, RecordKind};
+use lpv_core::{FrfEstimate, Purpose, RecordKind};
 use residual_trace::effect::Family;
 use residual_trace::{
     ResponseCase, ResponseStep, characterise_response, noise_of, response, trace_responses,
@@ -32,20 +32,12 @@ pub(super) fn suits(bundle: &Bundle) -> bool {
         && description.records.iter().all(periodic)
 }
 
-pub(super) fn diagnose(
-    bundle: &Bundle,
-    clock: Discrete,
-    progress: Progress<'_>,
-) -> Result<Diagnosed, PipelineError> {
+pub(super) fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagnosed, PipelineError> {
     let entries = &bundle.description().records;
     let one = |purpose: Purpose| -> Result<Option<PeriodicEstimate>, PipelineError> {
-        let mut records = load_records(bundle, |i| entries[i].purpose == purpose, progress)?;
-        if records.is_empty() {
-            return Ok(None);
-        }
-        Ok(estimate_periodic(&mut records, clock, None, progress)?
-            .into_iter()
-            .next())
+        let wanted = |i: usize| entries[i].purpose == purpose;
+        let found = periodic_responses(bundle, wanted, None, progress, |_, _| ())?;
+        Ok(found.into_iter().next().map(|(estimate, ())| estimate))
     };
     let (fitted, judged) = (one(Purpose::Estimation)?, one(Purpose::Validation)?);
     let Some(fitted) = fitted else {

@@ -141,16 +141,15 @@ pub fn validate(
         });
     }
     let mut notes = Vec::new();
-    let records = load_records(bundle, |_| true, progress)?;
-    let (periodic, transient): (Vec<Record>, Vec<Record>) = records
-        .into_iter()
-        .partition(|r| matches!(r.kind, RecordKind::Periodic { .. }));
+    let entries = &description.records;
+    let moves = |i: usize| entries[i].record_kind() == RecordKind::Transient;
+    let transient = load_records(bundle, moves, progress)?;
     let Against {
         check: frozen,
         noise,
         estimates,
         responses,
-    } = frozen_check(&machine, periodic, clock, &mut notes, progress)?;
+    } = frozen_check(&machine, bundle, &mut notes, progress)?;
     let hold_out = file.identification.as_ref().map_or(0.0, |i| i.config.hold_out);
     let held_out = transient.iter().any(|r| r.purpose == Purpose::Validation);
     let judged: Vec<&Record> = transient

@@ -6,9 +6,11 @@ use super::simulate::Frozen;
 use super::{decibel, frozen_error};
 use crate::PipelineError;
 use crate::progress::Progress;
-use crate::responses::{estimate_periodic, sample_noise};
+use crate::responses::{period_noise_of, periodic_responses, sample_noise};
 use crate::signal::median;
-use lpv_core::{Frf, FrfEstimate, Purpose, Record};
+use experiment_data::Bundle;
+use frf_estimation::PeriodicEstimate;
+use lpv_core::{Frf, FrfEstimate, Purpose, RecordKind};
 
 /// The comparison and what it was made from.
 #[derive(Default)]
@@ -23,27 +25,30 @@ pub(super) struct Against {
 /// The frozen error, and the noise of one sample by output.
 pub(super) fn frozen_check(
     machine: &Machine,
-    periodic: Vec<Record>,
-    clock: lpv_core::Discrete,
+    bundle: &Bundle,
     notes: &mut Vec<String>,
     progress: Progress<'_>,
 ) -> Result<Against, PipelineError> {
-    if periodic.is_empty() {
+    let entries = &bundle.description().records;
+    let periodic = |i: usize| matches!(entries[i].record_kind(), RecordKind::Periodic { .. });
+    if !(0..entries.len()).any(periodic) {
         notes.push(
             "no periodic records: no frequency response to compare with, and the noise level is not known"
                 .to_owned(),
         );
         return Ok(Against::default());
     }
-    let any_held = periodic.iter().any(|r| r.purpose == Purpose::Validation);
+    let held = |i: usize| periodic(i) && entries[i].purpose == Purpose::Validation;
+    let any_held = (0..entries.len()).any(held);
     let wanted = if any_held {
         Purpose::Validation
     } else {
         Purpose::Estimation
     };
-    let mut used: Vec<Record> = periodic.into_iter().filter(|r| r.purpose == wanted).collect();
-    let estimates = estimate_periodic(&mut used, clock, None, progress)?;
-    let noise = sample_noise(&used, &estimates);
+    let used = |i: usize| periodic(i) && entries[i].purpose == wanted;
+    let found = periodic_responses(bundle, used, None, progress, period_noise_of)?;
+    let (estimates, levels): (Vec<PeriodicEstimate>, Vec<Vec<f64>>) = found.into_iter().unzip();
+    let noise = sample_noise(&levels);
     let inside = |e: &FrfEstimate| match (machine.range(), e.position()) {
         (Some(range), Some(p)) => range.check(&[p]).is_ok(),
         (Some(_), None) => false,

@@ -68,6 +68,40 @@ fn an_extra_mode_is_named_with_its_frequency() {
     }
 }
 
+/// Janot, Gautier, Brunot (2019): 95.109 kg, 203.50 N s/m, 20.394 N, -3.165 N; in closed loop on the pulse record 0.00802, 0.4789 and
+/// 8.941 %, with friction by direction 3.112 % of force on the other.
+#[test]
+fn the_friction_of_a_measured_axis() {
+    let Some(d) = diagnosis("emps") else { return };
+    assert_eq!(d["verdict"], "partly-explained");
+    let names: Vec<_> = d["effects"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|e| &e["effect"])
+        .collect();
+    assert_eq!(names, ["coulomb-friction", "direction-dependent-friction"]);
+    let near = |value: &serde_json::Value, truth: f64, part: f64| {
+        let value = value.as_f64().unwrap();
+        assert!((value / truth - 1.0).abs() <= part, "{value} {truth}");
+    };
+    let first = &d["effects"][0];
+    near(&first["base_parameters_then"]["mass"], 95.109, 0.005);
+    near(&first["base_parameters_then"]["viscous friction"], 203.50, 0.03);
+    near(&first["base_parameters_then"]["offset"], -3.165, 0.05);
+    near(&first["parameters"]["level"]["value"], 20.394, 0.03);
+    let at_most =
+        |value: &serde_json::Value, bar: f64| assert!(value.as_f64().unwrap() <= bar, "{value} {bar}");
+    let [fitted, pulses] = [0, 1].map(|i| &d["axis"][i]);
+    at_most(&fitted["stages"][0]["errors"]["force_percent"], 4.13);
+    at_most(&fitted["after"]["force_percent"], 3.2);
+    let closed = &pulses["after"]["closed_loop"];
+    at_most(&closed["position_percent"], 0.00802);
+    at_most(&closed["velocity_percent"], 0.4789);
+    at_most(&closed["force_percent"], 8.941);
+    at_most(&pulses["stages"][0]["errors"]["open_loop_position_rms"], 8.3e-3);
+}
+
 #[test]
 fn a_bundle_without_a_controller_is_refused() {
     let Some(folder) = shared("cd-player-arm") else {
@@ -153,6 +187,14 @@ fn a_model_of_a_file_is_the_base() {
     let python = desk.text("found/model.py");
     assert!(python.contains("effect1_abbe_offset_offset = np.array([[0.00"));
     assert!(python.contains("base_gain_of_the_first_input"));
+    // A time below zero, which only a hand can write.
+    let mut file: serde_json::Value = serde_json::from_str(&desk.text("found/model.json")).unwrap();
+    let effect = &mut file["explanation"]["effects"][0];
+    effect["effect"] = "delay".into();
+    effect["parameters"] = serde_json::json!({"time": {"value": -0.01, "unit": "s"}});
+    std::fs::write(desk.path("wrong.json"), file.to_string()).unwrap();
+    let said = desk.refused("validate wrong.json after");
+    assert!(said.contains("out of its range"), "{said}");
     // What is looked for anew is found again.
     let again = desk.done("diagnose after --model found/model.json -o again");
     assert!(

@@ -2,7 +2,7 @@
 
 use super::bench::Bench;
 use super::noise::loop_noise;
-use super::{Case, Contest, ITERATIONS, LEFT, NOISE, Trace, Verdict};
+use super::{Case, Contest, ITERATIONS, Judged, LEFT, NOISE, Trace, Verdict};
 use crate::TraceError;
 use crate::base::Pair;
 use crate::fit::{Explained, Fitted, Problem, Seen, deviations};
@@ -14,6 +14,10 @@ use rayon::prelude::*;
 /// Change of the errors by a finer integration, over the noise, that does not matter.
 const STILL: f64 = 0.1;
 
+/// Excess of the squared errors over the noise that is seen, and the part of it that effects must take to be named.
+const SEEN: f64 = 0.2;
+const TAKEN: f64 = 0.5;
+
 /// Parts of a sample beyond which none are tried.
 const FINEST: usize = 48;
 
@@ -22,6 +26,7 @@ impl Contest {
         let left = (self.after.cost - 1.0).max(0.0) / (self.before.cost - 1.0).max(1e-9);
         let verdict = match (self.added.is_empty(), self.after.cost <= NOISE) {
             (true, true) => Verdict::NothingMissing,
+            (false, true) if !self.is_seen_to_fall() => Verdict::Unexplained,
             (false, true) => Verdict::Explained,
             (false, false) if left <= LEFT => Verdict::PartlyExplained,
             (_, false) => Verdict::Unexplained,
@@ -70,6 +75,22 @@ impl Contest {
             added: self.added,
             candidates: self.candidates,
         })
+    }
+
+    /// Whether the errors themselves fall where they exceed the noise: white ones may, by an effect that hardly changes what one
+    /// would see.
+    fn is_seen_to_fall(&self) -> bool {
+        let excess = |judged: &Judged| -> f64 {
+            judged
+                .closed_loop
+                .iter()
+                .zip(&self.whitening.deviation)
+                .filter(|(_, noise)| **noise > 0.0)
+                .map(|(error, noise)| ((error / noise).powi(2) - 1.0).max(0.0))
+                .sum()
+        };
+        let before = excess(&self.before);
+        before < SEEN || excess(&self.after) <= (1.0 - TAKEN) * before
     }
 
     /// Records to fit and to judge by, followed so finely that the errors of the result change no more; none where they do not

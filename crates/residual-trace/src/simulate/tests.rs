@@ -1,0 +1,78 @@
+//! Records in motion, and a lag by hand.
+
+use super::{Pair, follow};
+use crate::{Axis, Base, Explained, Track};
+use experiment_data::Controller;
+use lpv_core::{Purpose, Record, RecordKind, Signals};
+
+/// The second part of a record, which begins in motion, is the second part of its simulation.
+#[test]
+fn a_record_that_begins_in_motion() -> Result<(), Box<dyn std::error::Error>> {
+    let step = 1e-3;
+    let model = Explained {
+        base: Base::Axis(Axis::new(80.0, 200.0, -3.0)),
+        effects: Vec::new(),
+    };
+    let controller = Controller {
+        reference_numerator: vec![vec![1.2e6]],
+        feedback_numerator: vec![vec![5.2e6, 0.0, -4.0e6]],
+        denominator: vec![vec![1.0]],
+        limit: None,
+    }
+    .start()?;
+    let record = |signals: [Vec<f64>; 3]| {
+        let [y, u, r] = signals.map(|s| Signals::new(&["a"], vec![s]));
+        let none = || Signals::new(&[], vec![]);
+        Record {
+            name: "move".to_owned(),
+            kind: RecordKind::Transient,
+            purpose: Purpose::Estimation,
+            position: None,
+            outputs: y,
+            inputs: u,
+            references: r,
+            scheduling: none(),
+            auxiliary: none(),
+            injection: none(),
+        }
+    };
+    let r: Vec<f64> = (0..900)
+        .map(|k| 0.1 * (1.0 - (4e-3 * f64::from(k)).cos()))
+        .collect();
+    let still = record([r.clone(), vec![0.0; 900], r.clone()]);
+    let track = Track::new(&still, step, 2, None)?;
+    let whole = model.closed_loop(&controller, &track).ok_or("diverges")?;
+    let first = |v: &[Pair]| -> Vec<f64> { v[300..].iter().map(|v| v[0]).collect() };
+    let cut = record([first(&whole.outputs), first(&whole.inputs), r[300..].to_vec()]);
+    let error = |known: bool| -> Result<f64, Box<dyn std::error::Error>> {
+        let track = Track::new(&cut, step, 2, known.then_some(&controller))?;
+        let part = model.closed_loop(&controller, &track).ok_or("diverges")?;
+        let pairs = whole.outputs[300..].iter().zip(&part.outputs);
+        Ok(pairs.fold(0.0_f64, |m, (a, b)| m.max((a[0] - b[0]).abs())))
+    };
+    let (from_rest, in_motion) = (error(false)?, error(true)?);
+    assert!(from_rest > 1e-3 && in_motion < 1e-6, "{from_rest} {in_motion}");
+    Ok(())
+}
+
+/// A lag of 0.3 behind a ramp from 2 with slope 5: `2 + 5 (t - 0.3) + (0.3 * 5 - 1) exp(-t / 0.3)` from 1.
+#[test]
+fn a_lag_behind_a_ramp() {
+    let ramp = |t: f64| -> Pair { [2.0 + 5.0 * t, 0.0] };
+    let exact = |t: f64| 2.0 + 5.0 * (t - 0.3) + 0.5 * (-t / 0.3_f64).exp();
+    let mut state = [1.0, 0.0];
+    let slope = follow(&mut state, [ramp(0.0), ramp(0.2), ramp(0.4)], 0.4, 0.3);
+    assert!((state[0] - exact(0.4)).abs() < 1e-12, "{state:?}");
+    let (n, mut mean, mut moment) = (4000, 0.0, 0.0);
+    for k in 0..n {
+        let s = (f64::from(k) + 0.5) / f64::from(n);
+        mean += exact(0.4 * s) / f64::from(n);
+        moment += exact(0.4 * s) * (s - 0.5) / f64::from(n);
+    }
+    assert!((slope.mean[0] - mean).abs() < 1e-7, "{} {mean}", slope.mean[0]);
+    assert!(
+        (slope.moment[0] - moment).abs() < 1e-7,
+        "{} {moment}",
+        slope.moment[0]
+    );
+}

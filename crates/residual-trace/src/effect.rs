@@ -52,6 +52,8 @@ pub enum Scale {
     Logarithmic,
     /// As it is, and not below zero.
     NotNegative,
+    /// As it is; a fit may go below zero, but what it finds there is not this effect.
+    Positive,
 }
 
 /// One parameter of an effect.
@@ -103,7 +105,7 @@ impl Effect {
             v.is_finite()
                 && match p.scale {
                     Scale::Linear => true,
-                    Scale::Logarithmic => *v > 0.0,
+                    Scale::Logarithmic | Scale::Positive => *v > 0.0,
                     Scale::NotNegative => *v >= 0.0,
                 }
         };

@@ -212,6 +212,7 @@ fn compete(case: &Case<'_>, (whitening, bare): (Whitening, Fitted)) -> Contest {
         };
         finals.extend(bench.finals(&refined.iter().collect::<Vec<_>>(), &now));
         refine::simplified(&bench, &mut finals, &now);
+        finals.retain(|(_, fit)| is_possible(&fit.model));
         let mut finals: Vec<(&'static Effect, Fitted, Judged)> = finals
             .into_iter()
             .map(|(e, f)| {
@@ -301,6 +302,11 @@ fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)]) {
         |(e, ..)| *e,
         |(e, f, _)| f.length() <= most && e.parameters.len() <= parameters,
     );
+}
+
+/// Whether the last effect is one with the values that were found.
+fn is_possible(model: &Explained) -> bool {
+    model.effects.last().is_none_or(|(e, values)| e.allows(values))
 }
 
 fn decibel(ratio: f64) -> f64 {

@@ -12,12 +12,12 @@ pub(super) static EFFECT: Effect = Effect {
         EffectParameter {
             name: "level",
             unit: "u",
-            scale: Scale::NotNegative,
+            scale: Scale::Positive,
         },
         EffectParameter {
             name: "breakaway",
             unit: "u",
-            scale: Scale::NotNegative,
+            scale: Scale::Positive,
         },
         EffectParameter {
             name: "creep_speed",

@@ -66,7 +66,7 @@ impl Explained {
                 .map(|(effect, _)| {
                     let values = effect.parameters.iter().zip(rest.by_ref());
                     let value = |(p, c): (&EffectParameter, &f64)| match p.scale {
-                        Scale::Linear => *c,
+                        Scale::Linear | Scale::Positive => *c,
                         Scale::Logarithmic => c.exp(),
                         Scale::NotNegative => c.max(0.0),
                     };

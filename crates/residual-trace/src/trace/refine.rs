@@ -106,6 +106,7 @@ pub(super) fn exchanged(
             .collect();
         let starts: Vec<&Explained> = starts.iter().collect();
         let fits = bench.finals(&starts, now).into_iter().map(|(_, fit)| fit);
+        let fits = fits.filter(|f| f.model.effects[i].0.allows(&f.model.effects[i].1));
         let best = fits.min_by(|a, b| a.length().total_cmp(&b.length()));
         if let Some(best) = best.filter(|b| b.length() < now.length() - EQUAL) {
             rivals.push(own.clone());

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used)] // An input that cannot be made ends the bench.
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use frf_estimation::{Layout, PeriodicAccumulator, PeriodicSettings, SkipRule};
-use lpv_benches::Bench;
+use frf_estimation::PeriodicAccumulator;
+use lpv_benches::{Bench, accumulator};
 use lpv_core::PeriodBlock;
 use std::time::Duration;
 use xytable_plant::{Experiment, ExperimentSettings, MultisineSettings, PlantError};
@@ -45,22 +45,6 @@ fn periods(bench: &Bench) -> Vec<Period> {
     periods
 }
 
-fn accumulator() -> PeriodicAccumulator {
-    let layout = Layout {
-        period: PERIOD,
-        outputs: 2,
-        inputs: 2,
-        references: 2,
-        experiments: 2,
-        sample_rate_hz: 20.0,
-    };
-    let settings = PeriodicSettings::default()
-        .skip(SkipRule::Fixed(0))
-        .check()
-        .unwrap();
-    PeriodicAccumulator::new(layout, &settings, Some(0.2)).unwrap()
-}
-
 fn push(accumulator: &mut PeriodicAccumulator, signals: &Period, experiment: usize, period: usize) {
     let block = PeriodBlock {
         experiment,
@@ -77,7 +61,7 @@ fn frf(c: &mut Criterion) {
     let periods = periods(&bench);
     let mut group = c.benchmark_group("FRF, period 32768, two inputs and outputs");
     group.throughput(Throughput::Elements(PERIOD as u64));
-    let mut filling = accumulator();
+    let mut filling = accumulator(PERIOD, 2, Some(0.2)).unwrap();
     let mut period = 0;
     group.bench_function("push", |b| {
         b.iter(|| {
@@ -87,7 +71,7 @@ fn frf(c: &mut Criterion) {
     });
     group.bench_function("finish", |b| {
         let filled = || {
-            let mut full = accumulator();
+            let mut full = accumulator(PERIOD, 2, Some(0.2)).unwrap();
             for (i, signals) in periods.iter().enumerate() {
                 push(&mut full, signals, i % 2, i / 2);
             }

@@ -2,9 +2,9 @@
 #![allow(missing_docs)] // The entry points that the harness generates have no documentation.
 #![allow(clippy::unwrap_used)] // An input that cannot be made ends the bench.
 
-use frf_estimation::{Layout, PeriodicAccumulator, PeriodicSettings, SkipRule};
+use frf_estimation::PeriodicAccumulator;
 use gungraun::{Callgrind, LibraryBenchmarkConfig, library_benchmark, library_benchmark_group, main};
-use lpv_benches::Bench;
+use lpv_benches::{Bench, accumulator};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{Discrete, FrfEstimate, PeriodBlock, StateSpace};
 use lpv_ident::{RegressionSettings, regress};
@@ -28,21 +28,11 @@ fn regression((estimates, basis): (Vec<FrfEstimate>, StateSpace<Discrete>)) {
 }
 
 fn signals(period: usize) -> (PeriodicAccumulator, Vec<Vec<f64>>) {
-    let layout = Layout {
-        period,
-        outputs: 2,
-        inputs: 2,
-        references: 2,
-        experiments: 2,
-        sample_rate_hz: 20.0,
-    };
-    let settings = PeriodicSettings::default()
-        .skip(SkipRule::Fixed(0))
-        .check()
-        .unwrap();
     let wave = |i: usize| (0..period).map(|k| ((i + 1) as f64 * k as f64).sin()).collect();
-    let accumulator = PeriodicAccumulator::new(layout, &settings, Some(0.2)).unwrap();
-    (accumulator, (0..6).map(wave).collect())
+    (
+        accumulator(period, 2, Some(0.2)).unwrap(),
+        (0..6).map(wave).collect(),
+    )
 }
 
 // One period of two outputs, inputs and references.

@@ -3,6 +3,7 @@
 //! No experiment is simulated. The spectra of the inputs follow from the closed loop, the covariance of an FRF from them
 //! and from the sensors, so that sizes, scales and conditioning are those of the real thing and the set-up is short.
 
+use frf_estimation::{FrfError, Layout, PeriodicAccumulator, PeriodicSettings, SkipRule};
 use lpv_core::nalgebra::{DMatrix, Matrix2};
 use lpv_core::num_complex::Complex;
 use lpv_core::{CoreError, Discrete, FrfEstimate, StateSpace};
@@ -29,6 +30,9 @@ pub enum InputError {
     /// From the basis.
     #[error(transparent)]
     Basis(#[from] BasisError),
+    /// From the accumulator.
+    #[error(transparent)]
+    Frf(#[from] FrfError),
     /// The inputs of a line do not excite the plant in every direction.
     #[error("line {line}: the spectra of the inputs are singular")]
     Singular {
@@ -45,6 +49,27 @@ const AMPLITUDE: f64 = 1e-4;
 const CREST: f64 = 1.7;
 /// Periods that are averaged.
 const PERIODS: usize = 15;
+
+/// The sums of an experiment with as many inputs, outputs, references and repetitions, all periods taken.
+///
+/// # Errors
+/// A period too short to have lines.
+pub fn accumulator(
+    period: usize,
+    channels: usize,
+    position: Option<f64>,
+) -> Result<PeriodicAccumulator, InputError> {
+    let layout = Layout {
+        period,
+        outputs: channels,
+        inputs: channels,
+        references: channels,
+        experiments: channels,
+        sample_rate_hz: RATE,
+    };
+    let settings = PeriodicSettings::default().skip(SkipRule::Fixed(0)).check()?;
+    Ok(PeriodicAccumulator::new(layout, &settings, position)?)
+}
 
 /// The default machine in its loop.
 #[derive(Debug, Clone)]

@@ -6,8 +6,7 @@
 use clap::Parser;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
-use frf_estimation::{Layout, PeriodicAccumulator, PeriodicSettings, SkipRule};
-use lpv_benches::Bench;
+use lpv_benches::{Bench, accumulator};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{PeriodBlock, StateSpace};
 use lpv_ident::{RegressionSettings, regress};
@@ -145,16 +144,7 @@ fn period(length: usize, channels: usize, seed: usize) -> Vec<Vec<f64>> {
 
 /// Seconds a period pushed, for one experiment of many.
 fn accumulation(length: usize, channels: usize) -> Result<f64, Failure> {
-    let layout = Layout {
-        period: length,
-        outputs: channels,
-        inputs: channels,
-        references: channels,
-        experiments: channels,
-        sample_rate_hz: 1.0,
-    };
-    let settings = PeriodicSettings::default().skip(SkipRule::Fixed(0)).check()?;
-    let mut sums = PeriodicAccumulator::new(layout, &settings, None)?;
+    let mut sums = accumulator(length, channels, None)?;
     let (outputs, inputs, references) = (
         period(length, channels, 1),
         period(length, channels, 2),

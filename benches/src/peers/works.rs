@@ -4,8 +4,7 @@ mod moving;
 mod positions;
 mod refinement;
 
-use frf_estimation::{Layout, PeriodicAccumulator, PeriodicSettings, SkipRule};
-use lpv_benches::Bench;
+use lpv_benches::{Bench, accumulator};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Clock, Discrete, Frf, FrfEstimate, PeriodBlock, StateSpace};
@@ -263,16 +262,7 @@ fn periods(bench: &Bench) -> Result<Vec<Period>, Failure> {
 }
 
 fn frf_estimate(periods: &[Period]) -> Result<FrfEstimate, Failure> {
-    let layout = Layout {
-        period: PERIOD,
-        outputs: 2,
-        inputs: 2,
-        references: 2,
-        experiments: 2,
-        sample_rate_hz: 20.0,
-    };
-    let settings = PeriodicSettings::default().skip(SkipRule::Fixed(0)).check()?;
-    let mut sums = PeriodicAccumulator::new(layout, &settings, Some(0.2))?;
+    let mut sums = accumulator(PERIOD, 2, Some(0.2))?;
     for (i, [outputs, inputs, references]) in periods.iter().enumerate() {
         sums.push(&PeriodBlock {
             experiment: i / PERIODS,

@@ -134,7 +134,6 @@ fn periods(samples: usize, period: usize) -> Result<(), RecordError> {
     }
 }
 
-/// The mean of a scheduling signal that does not move.
 /// Mean of a column. An exactly constant one gives exactly its value: records of one position are found by it.
 pub(crate) fn mean(p: &[f64]) -> f64 {
     if p.iter().all(|v| *v == p[0]) {
@@ -144,6 +143,7 @@ pub(crate) fn mean(p: &[f64]) -> f64 {
     }
 }
 
+/// The mean of a scheduling signal that does not move.
 fn constant_scheduling(name: &str, p: &[f64], expected: &Expectation<'_>) -> Result<f64, RecordError> {
     const CONSTANT: f64 = 1e-3;
     const SAME_POSITION: f64 = 1e-2;

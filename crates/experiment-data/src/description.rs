@@ -146,6 +146,11 @@ impl RecordEntry {
             _ => RecordKind::Transient,
         }
     }
+
+    /// Whether [`RecordEntry::record_kind`] is periodic.
+    pub fn is_periodic(&self) -> bool {
+        matches!(self.record_kind(), RecordKind::Periodic { .. })
+    }
 }
 
 /// `use` of a record.

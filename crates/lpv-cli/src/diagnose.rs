@@ -69,7 +69,7 @@ pub fn diagnose(
             problem: "a diagnosis simulates the closed loop: give the bundle its [controller] and [channels.reference]",
         });
     };
-    let transient = |i: usize| description.records[i].record_kind() == RecordKind::Transient;
+    let transient = |i: usize| !description.records[i].is_periodic();
     let records = load_records(bundle, transient, progress)?;
     let mut reasons = Vec::new();
     let Start {
@@ -252,9 +252,7 @@ fn unrepeated(bundle: &Bundle, progress: Progress<'_>) -> Result<(f64, Pairs), P
     /// Periods in which a transient may still be.
     const FIRST: usize = 2;
     let entries = &bundle.description().records;
-    let periodic: Vec<usize> = (0..entries.len())
-        .filter(|i| matches!(entries[*i].record_kind(), RecordKind::Periodic { .. }))
-        .collect();
+    let periodic: Vec<usize> = (0..entries.len()).filter(|i| entries[*i].is_periodic()).collect();
     let from = (periodic.len() / 2).saturating_sub(RECORDS / 2);
     let chosen: Vec<usize> = periodic.into_iter().skip(from).take(RECORDS).collect();
     let records = load_records(bundle, |i| chosen.contains(&i), progress)?;

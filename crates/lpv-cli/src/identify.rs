@@ -11,7 +11,7 @@ use crate::summary::{AxisSummary, HeldOut, OrderRow, Summary, TimeSummary};
 use crate::{Direct, FitFocus, IdentifyConfig, LfrKind, PipelineError, Structure};
 use experiment_data::Bundle;
 use lpv_core::nalgebra::DMatrix;
-use lpv_core::{Discrete, FrfEstimate, Model, Purpose, Record, RecordKind, StateSpace};
+use lpv_core::{Discrete, FrfEstimate, Model, Purpose, Record, StateSpace};
 use lti_ident::{DirectTerm, Focus, InnovationFit, InnovationSettings, OrderEntry, Segment};
 use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, fit};
 use rayon::prelude::*;
@@ -64,7 +64,7 @@ pub fn identify_bundle(
     let entries = &bundle.description().records;
     let periodic = entries
         .iter()
-        .any(|e| e.purpose == Purpose::Estimation && matches!(e.record_kind(), RecordKind::Periodic { .. }));
+        .any(|e| e.purpose == Purpose::Estimation && e.is_periodic());
     let scheduled = !bundle.description().channels.scheduling.is_empty();
     match config.structure {
         Some(Structure::RigidBody) => axes(bundle, config, progress),

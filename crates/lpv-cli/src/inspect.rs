@@ -14,7 +14,7 @@ use crate::progress::{Counter, Progress};
 use crate::responses::periodic_responses;
 use experiment_data::{Bundle, DataError};
 use frf_estimation::PeriodicEstimate;
-use lpv_core::{Purpose, Record, RecordKind};
+use lpv_core::{Purpose, Record};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -91,9 +91,7 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
         (Purpose::Estimation, "estimation"),
         (Purpose::Validation, "validation"),
     ] {
-        let wanted = |i: usize| {
-            entries[i].purpose == purpose && matches!(entries[i].record_kind(), RecordKind::Periodic { .. })
-        };
+        let wanted = |i: usize| entries[i].purpose == purpose && entries[i].is_periodic();
         let describe =
             |records: &[Record], estimate: &PeriodicEstimate| experiment::describe(name, records, estimate);
         let found = periodic_responses(bundle, wanted, None, progress, describe)?;

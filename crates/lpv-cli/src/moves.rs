@@ -7,7 +7,7 @@ use crate::signal::range;
 use crate::{IdentifyConfig, PipelineError};
 use experiment_data::Bundle;
 use lfr_realize::moving::MovingData;
-use lpv_core::{Purpose, Record, RecordKind};
+use lpv_core::{Purpose, Record};
 
 /// What the moves of a bundle give.
 #[derive(Debug, Clone)]
@@ -50,7 +50,7 @@ impl Moves {
         };
         let moving = |i: usize| {
             let entry = &description.records[i];
-            entry.purpose == Purpose::Estimation && entry.record_kind() == RecordKind::Transient
+            entry.purpose == Purpose::Estimation && !entry.is_periodic()
         };
         let mut records = load_records(bundle, moving, progress)?;
         for record in &mut records {

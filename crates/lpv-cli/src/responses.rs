@@ -7,7 +7,7 @@ use experiment_data::{Bundle, DataError};
 use frf_estimation::{
     LocalSettings, PeriodicEstimate, PeriodicSettings, Regressor, SkipRule, estimate_records, local_rational,
 };
-use lpv_core::{Discrete, FrfEstimate, Purpose, Record, RecordKind};
+use lpv_core::{Discrete, FrfEstimate, Purpose, Record};
 use rayon::prelude::*;
 
 /// Frequency responses at every position of a bundle, in order of position.
@@ -63,7 +63,7 @@ pub fn estimate_bundle(
     progress: Progress<'_>,
 ) -> Result<Responses, PipelineError> {
     let entries = &bundle.description().records;
-    let periodic = |i: usize| matches!(entries[i].record_kind(), RecordKind::Periodic { .. });
+    let periodic = |i: usize| entries[i].is_periodic();
     let fitted = |i: usize| entries[i].purpose == Purpose::Estimation;
     let clock = bundle.clock()?;
     if (0..bundle.len()).any(|i| fitted(i) && periodic(i)) {

@@ -10,7 +10,7 @@ use crate::progress::Progress;
 use crate::responses::periodic_responses;
 use experiment_data::Bundle;
 use frf_estimation::PeriodicEstimate;
-use lpv_core::{FrfEstimate, Purpose, RecordKind};
+use lpv_core::{FrfEstimate, Purpose};
 use residual_trace::effect::Family;
 use residual_trace::{
     ResponseCase, ResponseStep, characterise_response, noise_of, response, trace_responses,
@@ -26,7 +26,7 @@ const MOSTLY: f64 = 0.5;
 /// Whether the bundle has one input, no scheduling, and periodic records only.
 pub(super) fn suits(bundle: &Bundle) -> bool {
     let description = bundle.description();
-    let periodic = |r: &experiment_data::RecordEntry| matches!(r.record_kind(), RecordKind::Periodic { .. });
+    let periodic = |r: &experiment_data::RecordEntry| r.is_periodic();
     description.channels.input.len() == 1
         && description.channels.scheduling.is_empty()
         && description.records.iter().all(periodic)

@@ -13,7 +13,7 @@ use crate::responses::load_records;
 use crate::signal::fit_percent;
 use crate::{ModelFile, PipelineError};
 use experiment_data::Bundle;
-use lpv_core::{Frf, FrfEstimate, Model, Purpose, Record, RecordKind};
+use lpv_core::{Frf, FrfEstimate, Model, Purpose, Record};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -142,7 +142,7 @@ pub fn validate(
     }
     let mut notes = Vec::new();
     let entries = &description.records;
-    let moves = |i: usize| entries[i].record_kind() == RecordKind::Transient;
+    let moves = |i: usize| !entries[i].is_periodic();
     let transient = load_records(bundle, moves, progress)?;
     let Against {
         check: frozen,

@@ -10,7 +10,7 @@ use crate::responses::{period_noise_of, periodic_responses, sample_noise};
 use crate::signal::median;
 use experiment_data::Bundle;
 use frf_estimation::PeriodicEstimate;
-use lpv_core::{Frf, FrfEstimate, Purpose, RecordKind};
+use lpv_core::{Frf, FrfEstimate, Purpose};
 
 /// The comparison and what it was made from.
 #[derive(Default)]
@@ -30,7 +30,7 @@ pub(super) fn frozen_check(
     progress: Progress<'_>,
 ) -> Result<Against, PipelineError> {
     let entries = &bundle.description().records;
-    let periodic = |i: usize| matches!(entries[i].record_kind(), RecordKind::Periodic { .. });
+    let periodic = |i: usize| entries[i].is_periodic();
     if !(0..entries.len()).any(periodic) {
         notes.push(
             "no periodic records: no frequency response to compare with, and the noise level is not known"

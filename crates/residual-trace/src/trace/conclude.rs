@@ -52,8 +52,11 @@ impl Contest {
         }
         if verdict == Verdict::PartlyExplained {
             self.now = bench.by_force(&self.now.model)?;
-            for added in &mut self.added {
-                added.then = bench.by_force(&added.then)?.model;
+            if let Some((last, earlier)) = self.added.split_last_mut() {
+                last.then = self.now.model.clone();
+                for added in earlier {
+                    added.then = bench.by_force(&added.then)?.model;
+                }
             }
         }
         let [before, after] = [&self.bare.model, &self.now.model].map(|m| bench.told(m));

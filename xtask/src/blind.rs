@@ -13,11 +13,11 @@ use lpv_core::Discrete;
 pub(crate) use page::page;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 pub(crate) use score::score;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::Path;
+use std::sync::Mutex;
 use std::time::Instant;
 use xytable_plant::{HiddenEffect, MachineParameters, VerifiedController, split_seed};
 
@@ -114,6 +114,9 @@ impl Extent {
     }
 }
 
+/// Machines that are worked on at the same time.
+const AT_ONCE: usize = 2;
+
 /// Runs cases in an order that is fair to all effects when the time is short, two at a time; each is appended to `log`. Those
 /// that are `done` are not run again.
 ///
@@ -128,7 +131,7 @@ pub(crate) fn run(
     let start = Instant::now();
     let all = cases(extent, seed);
     let asked = |o: &Outcome| all.iter().any(|c| c.seed == o.seed);
-    let mut outcomes: Vec<Outcome> = done.into_iter().filter(asked).collect();
+    let outcomes: Vec<Outcome> = done.into_iter().filter(asked).collect();
     let (mut cases, count) = (all.clone(), all.len());
     cases.retain(|c| outcomes.iter().all(|o| o.seed != c.seed));
     let mut file = std::fs::File::create(log)?;
@@ -140,26 +143,41 @@ pub(crate) fn run(
         Some(case) => Some(solve(case, false)?.seconds),
         None => None,
     };
-    for batch in cases.chunks(2) {
-        if start.elapsed().as_secs_f64() > 60.0 * extent.minutes {
-            println!("time is up after {} of {} machines", outcomes.len(), count);
-            break;
-        }
-        let found: Vec<Result<Outcome, TaskError>> =
-            batch.par_iter().map(|c| solve(c, extent.identified)).collect();
-        for outcome in found {
-            let outcome = match outcome {
-                Ok(outcome) => outcome,
-                // A severity that the integration cannot hold, say.
-                Err(error) => {
-                    println!("not simulated: {error}");
-                    continue;
+    let left = Mutex::new(cases.iter());
+    let told = Mutex::new((file, outcomes));
+    let next = || {
+        let mut left = left.lock().ok()?;
+        let late = start.elapsed().as_secs_f64() > 60.0 * extent.minutes;
+        if late { None } else { left.next() }
+    };
+    let work = || -> Result<(), TaskError> {
+        while let Some(case) = next() {
+            match solve(case, extent.identified) {
+                Ok(outcome) => {
+                    println!("{}", score::line(&outcome));
+                    if let Ok(mut told) = told.lock() {
+                        writeln!(told.0, "{}", serde_json::to_string(&outcome)?)?;
+                        told.1.push(outcome);
+                    }
                 }
-            };
-            println!("{}", score::line(&outcome));
-            writeln!(file, "{}", serde_json::to_string(&outcome)?)?;
-            outcomes.push(outcome);
+                // A severity that the integration cannot hold, say.
+                Err(error) => println!("not simulated: {error}"),
+            }
         }
+        Ok(())
+    };
+    // Threads of their own: what one leaves of the pool that they share is the other's.
+    std::thread::scope(|scope| {
+        let workers = [(); AT_ONCE].map(|()| scope.spawn(&work));
+        workers
+            .into_iter()
+            .try_for_each(|w| w.join().unwrap_or_else(|_| Err("a diagnosis panicked".into())))
+    })?;
+    let mut outcomes = told.into_inner().map_err(|_| "a diagnosis panicked")?.1;
+    // In the order in which they were asked for, whoever was faster.
+    outcomes.sort_by_key(|o| all.iter().position(|c| c.seed == o.seed));
+    if outcomes.len() < count {
+        println!("{} of {count} machines", outcomes.len());
     }
     Ok((outcomes, seconds))
 }

@@ -2,23 +2,25 @@
 
 mod account;
 mod bench;
+mod chosen;
 mod conclude;
 mod noise;
 mod refine;
+mod select;
 
 use crate::TraceError;
 use crate::base::{Base, Pair};
-use crate::catalogue::{CATALOGUE, first_of_equals, quantization};
-use crate::effect::Effect;
+use crate::catalogue::quantization;
 use crate::fit::{Explained, Fitted, Prior};
 use crate::track::Track;
 use crate::whiten::Whitening;
 pub use account::{Added, Judged, Trace, Tried, Verdict};
-use bench::{Bench, Candidate};
+use bench::Bench;
+use chosen::Chosen;
 use experiment_data::ControllerState;
 use noise::loop_noise;
 pub use noise::sensor_noise;
-use rayon::prelude::*;
+use select::select;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// What is known before.
@@ -39,20 +41,11 @@ pub struct Case<'a> {
     pub judged: &'a [Track],
 }
 
-/// An effect with its values.
-type Choice = (&'static Effect, Vec<f64>);
-
 /// Lengths of description, in units of the likelihood's logarithm, within which two effects are equals.
 const EQUAL: f64 = 6.0;
 
 /// Most effects at once.
 const MOST_EFFECTS: usize = 3;
-/// Effects that are fitted in full after the quick look.
-const FINALISTS: usize = 4;
-/// Effects whose promise is compared with what they do.
-const LOOKED_AT: usize = 10;
-/// Part of the price of its parameters that an effect must promise.
-const PROMISE: f64 = 1.0;
 /// Iterations of a full fit.
 const ITERATIONS: usize = 40;
 /// Fall of the squared whitened error on judged records that no chance makes.
@@ -63,9 +56,6 @@ const NOISE: f64 = 1.21;
 const ROUGH: f64 = 3.0;
 /// Part of the excess over the noise that may be left where effects are named.
 const LEFT: f64 = 0.15;
-/// Part of the excess that an effect must take to be tried further.
-const SHARE: f64 = 0.2;
-
 /// Finds the effects that a base model lacks.
 ///
 /// The machine's parameters are refitted along the records; each effect of the catalogue is tried from its starts by one
@@ -164,149 +154,36 @@ impl Contest {
 fn compete(case: &Case<'_>, (whitening, bare): (Whitening, Fitted)) -> Contest {
     let bench = Bench { whitening, case };
     let before = bench.judge(&bare.model);
-    let (mut now, mut judged) = (bare.clone(), before.clone());
-    let (mut all_added, mut candidates) = (Vec::<Added>::new(), Vec::new());
-    let mut rivals: Vec<Vec<Choice>> = Vec::new();
+    let mut chosen = Chosen {
+        now: bare.clone(),
+        judged: before.clone(),
+        added: Vec::new(),
+    };
+    let mut candidates = Vec::new();
     for _ in 0..MOST_EFFECTS {
-        let Some(screen) = bench.look(&bare.model.base, &now) else {
+        let Some(selection) = select(&bench, &bare.model.base, &chosen.now, chosen.judged.cost) else {
             break;
         };
-        let taken: Vec<&str> = now.model.effects.iter().map(|(e, _)| e.name).collect();
-        let mut found: Vec<Candidate> = CATALOGUE
-            .iter()
-            .filter(|e| !taken.contains(&e.name))
-            .flat_map(|e| (e.starts)(&screen).into_iter().map(|v| (*e, v)))
-            .collect::<Vec<_>>()
-            .into_par_iter()
-            .filter_map(|(e, v)| bench.candidate(e, v, &now, &screen))
-            .collect();
-        found.sort_by(|a, b| b.predicted.total_cmp(&a.predicted));
-        let mut best_of: Vec<Candidate> = Vec::new();
-        for candidate in found {
-            if best_of.iter().all(|c| c.effect.name != candidate.effect.name) {
-                best_of.push(candidate);
-            }
-        }
-        // What promises less than its parameters cost is chance.
-        let price = (now.residual.len() as f64).ln();
-        let promising = |c: &Candidate| c.predicted > PROMISE * price * c.effect.parameters.len() as f64;
-        if !best_of.iter().any(promising) {
-            break;
-        }
-        let mut actual: Vec<(f64, usize)> = best_of
-            .iter()
-            .enumerate()
-            .take(LOOKED_AT)
-            .map(|(i, c)| (bench.cost(&c.start), i))
-            .collect();
-        actual.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut chosen: Vec<usize> = (0..best_of.len())
-            .filter(|i| promising(&best_of[*i]))
-            .take(FINALISTS)
-            .collect();
-        chosen.extend(actual.iter().map(|a| a.1).filter(|i| *i >= FINALISTS).take(2));
-        let starts: Vec<&Explained> = chosen.iter().map(|i| &best_of[*i].start).collect();
-        let mut finals = bench.finals(&starts, &now);
-        let Some(refined) = refine::refined(&bench, &finals, &now, &screen) else {
-            break;
-        };
-        finals.extend(bench.finals(&refined.iter().collect::<Vec<_>>(), &now));
-        refine::simplified(&bench, &mut finals, &now);
-        finals.retain(|(_, fit)| is_possible(&fit.model));
-        let mut finals: Vec<(&'static Effect, Fitted, Judged)> = finals
-            .into_iter()
-            .map(|(e, f)| {
-                let judged = bench.judge(&f.model);
-                (e, f, judged)
-            })
-            .collect();
-        finals.sort_by(|a, b| a.1.length().total_cmp(&b.1.length()));
         if candidates.is_empty() {
-            candidates = best_of
-                .iter()
-                .map(|c| Tried {
-                    effect: c.effect,
-                    gain_db: match finals.iter().find(|(e, ..)| e.name == c.effect.name) {
-                        Some((.., j)) => decibel(before.cost / j.cost),
-                        None => decibel(before.cost / bench.judge(&c.start).cost),
-                    },
-                    accepted: false,
-                })
-                .collect();
+            candidates = selection.tried(&bench, before.cost);
         }
-        equals_in_order(&mut finals);
-        refine::simpler_first(&mut finals, judged.cost);
-        let Some((effect, fit, after)) = finals.first().cloned() else {
-            break;
-        };
-        let fall = (judged.cost - after.cost) * judged.samples as f64;
-        let shorter = now.length() - fit.length();
-        let excess = (judged.cost - 1.0).max(0.0);
-        let enough = after.cost <= NOISE || judged.cost - after.cost >= SHARE * excess;
-        if fall < SURE || shorter <= 0.0 || !enough {
+        if !chosen.add(&selection) {
             break;
         }
-        let added = Added {
-            effect,
-            values: Vec::new(),
-            then: fit.model.clone(),
-            gain_db: decibel(judged.cost / after.cost),
-            p_value: chance(now.objective - fit.objective, effect.parameters.len()),
-            runner_up: finals
-                .iter()
-                .find(|(e, ..)| e.name != effect.name)
-                .map(|(e, _, j)| (*e, decibel(j.cost / after.cost))),
-        };
-        all_added.push(added);
-        rivals.push(refine::rivals(&finals));
-        (now, judged) = (fit, after);
-        if judged.cost <= NOISE {
+        chosen.choose_again(&bench, &bare);
+        if chosen.judged.cost <= NOISE {
             break;
         }
-    }
-    // Which of two like effects it was may show only when the others are there too.
-    while let Some((i, fit)) = refine::exchanged(&bench, &now, &mut rivals) {
-        let there = bench.judge(&fit.model);
-        let (Some(added), Some((effect, _))) = (all_added.get_mut(i), fit.model.effects.get(i)) else {
-            break;
-        };
-        let refines = effect.extends.is_some_and(|x| x.name == added.effect.name);
-        if there.cost > judged.cost || refines && !refine::is_worth(&there, &judged, before.cost) {
-            continue;
-        }
-        added.runner_up = Some((added.effect, decibel(judged.cost / there.cost)));
-        added.effect = effect;
-        added.then = fit.model.clone();
-        judged = there;
-        now = fit;
     }
     Contest {
         whitening: bench.whitening,
         bare,
         before,
-        now,
-        after: judged,
-        added: all_added,
+        now: chosen.now,
+        after: chosen.judged,
+        added: chosen.added,
         candidates,
     }
-}
-
-/// Of effects that explain the records equally well, with as many parameters, the first in the catalogue leads.
-fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)]) {
-    let Some((best, fit, _)) = finals.first() else {
-        return;
-    };
-    let (most, parameters) = (fit.length() + EQUAL, best.parameters.len());
-    first_of_equals(
-        finals,
-        |(e, ..)| *e,
-        |(e, f, _)| f.length() <= most && e.parameters.len() <= parameters,
-    );
-}
-
-/// Whether the last effect is one with the values that were found.
-fn is_possible(model: &Explained) -> bool {
-    model.effects.last().is_none_or(|(e, values)| e.allows(values))
 }
 
 fn decibel(ratio: f64) -> f64 {

@@ -1,7 +1,7 @@
 //! Effects that refine others: from the rough one to the fine one, and back.
 
 use super::bench::Bench;
-use super::{Choice, EQUAL, Judged, NOISE, SURE};
+use super::{Judged, NOISE, SURE};
 use crate::catalogue::CATALOGUE;
 use crate::effect::Effect;
 use crate::fit::{Explained, Fitted};
@@ -63,57 +63,6 @@ pub(super) fn simplified(bench: &Bench<'_>, finals: &mut Vec<(&'static Effect, F
     let Some(values) = values else { return };
     start.effects.push((*simpler, values));
     finals.extend(bench.finals(&[&start], now));
-}
-
-/// The other effects that did well beside the leading one, with their values.
-pub(super) fn rivals(finals: &[(&'static Effect, Fitted, Judged)]) -> Vec<Choice> {
-    let Some((best, ..)) = finals.first() else {
-        return Vec::new();
-    };
-    let mut found: Vec<Choice> = Vec::new();
-    for (effect, fit, _) in finals {
-        let known = effect.name == best.name || found.iter().any(|(e, _)| e.name == effect.name);
-        if let (false, Some(last)) = (known, fit.model.effects.last()) {
-            found.push(last.clone());
-        }
-    }
-    found.truncate(RIVALS);
-    found
-}
-
-/// Rivals of an effect that are kept.
-const RIVALS: usize = 3;
-
-/// Takes a rival for an effect that was added before others, if that explains the records in clearly fewer words: which effect,
-/// and the fit. Rivals that were tried are gone.
-pub(super) fn exchanged(
-    bench: &Bench<'_>,
-    now: &Fitted,
-    rivals: &mut [Vec<Choice>],
-) -> Option<(usize, Fitted)> {
-    let earlier = now.model.effects.len().saturating_sub(1);
-    for (i, rivals) in rivals.iter_mut().enumerate().take(earlier) {
-        let own = &now.model.effects[i];
-        let taken = |e: &Effect| now.model.effects.iter().any(|(t, _)| t.name == e.name);
-        let starts: Vec<Explained> = rivals
-            .drain(..)
-            .filter(|(e, _)| !taken(e))
-            .map(|rival| {
-                let mut start = now.model.clone();
-                start.effects[i] = rival;
-                start
-            })
-            .collect();
-        let starts: Vec<&Explained> = starts.iter().collect();
-        let fits = bench.finals(&starts, now).into_iter().map(|(_, fit)| fit);
-        let fits = fits.filter(|f| f.model.effects[i].0.allows(&f.model.effects[i].1));
-        let best = fits.min_by(|a, b| a.length().total_cmp(&b.length()));
-        if let Some(best) = best.filter(|b| b.length() < now.length() - EQUAL) {
-            rivals.push(own.clone());
-            return Some((i, best));
-        }
-    }
-    None
 }
 
 /// A model without its last effect, and the values of that.

@@ -1,0 +1,128 @@
+//! One more effect: all are looked at quickly, the most promising are fitted in full.
+
+use super::bench::{Bench, Candidate};
+use super::{EQUAL, Judged, Tried, decibel, refine};
+use crate::base::Base;
+use crate::catalogue::{CATALOGUE, first_of_equals};
+use crate::effect::Effect;
+use crate::fit::{Explained, Fitted};
+use rayon::prelude::*;
+
+/// Effects that are fitted in full after the quick look.
+const FINALISTS: usize = 4;
+/// Effects whose promise is compared with what they do.
+const LOOKED_AT: usize = 10;
+/// Part of the price of its parameters that an effect must promise.
+const PROMISE: f64 = 1.0;
+
+/// An effect with the fit of all parameters, and the errors on the judged records.
+pub(super) type Final = (&'static Effect, Fitted, Judged);
+
+/// What one look at the catalogue gives.
+pub(super) struct Selection {
+    /// The best start of each effect, the most promising first.
+    screened: Vec<Candidate>,
+    /// Those fitted in full, the best first.
+    pub(super) finals: Vec<Final>,
+}
+
+/// Effects that might stand beside those of a fit, whose cost on the judged records is `cost`; none where none promises what its
+/// parameters cost.
+pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) -> Option<Selection> {
+    let screen = bench.look(base, now)?;
+    let taken: Vec<&str> = now.model.effects.iter().map(|(e, _)| e.name).collect();
+    let mut found: Vec<Candidate> = CATALOGUE
+        .iter()
+        .filter(|e| !taken.contains(&e.name))
+        .flat_map(|e| (e.starts)(&screen).into_iter().map(|v| (*e, v)))
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .filter_map(|(e, v)| bench.candidate(e, v, now, &screen))
+        .collect();
+    found.sort_by(|a, b| b.predicted.total_cmp(&a.predicted));
+    let mut screened: Vec<Candidate> = Vec::new();
+    for candidate in found {
+        if screened.iter().all(|c| c.effect.name != candidate.effect.name) {
+            screened.push(candidate);
+        }
+    }
+    // What promises less than its parameters cost is chance.
+    let price = (now.residual.len() as f64).ln();
+    let promising = |c: &Candidate| c.predicted > PROMISE * price * c.effect.parameters.len() as f64;
+    if !screened.iter().any(promising) {
+        return None;
+    }
+    let mut actual: Vec<(f64, usize)> = screened
+        .iter()
+        .enumerate()
+        .take(LOOKED_AT)
+        .map(|(i, c)| (bench.cost(&c.start), i))
+        .collect();
+    actual.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut chosen: Vec<usize> = (0..screened.len())
+        .filter(|i| promising(&screened[*i]))
+        .take(FINALISTS)
+        .collect();
+    chosen.extend(actual.iter().map(|a| a.1).filter(|i| *i >= FINALISTS).take(2));
+    let starts: Vec<&Explained> = chosen.iter().map(|i| &screened[*i].start).collect();
+    let mut finals = bench.finals(&starts, now);
+    let refined = refine::refined(bench, &finals, now, &screen)?;
+    finals.extend(bench.finals(&refined.iter().collect::<Vec<_>>(), now));
+    refine::simplified(bench, &mut finals, now);
+    finals.retain(|(_, fit)| is_possible(&fit.model));
+    let mut finals: Vec<Final> = finals
+        .into_iter()
+        .map(|(e, f)| {
+            let judged = bench.judge(&f.model);
+            (e, f, judged)
+        })
+        .collect();
+    finals.sort_by(|a, b| a.1.length().total_cmp(&b.1.length()));
+    equals_in_order(&mut finals);
+    refine::simpler_first(&mut finals, cost);
+    Some(Selection { screened, finals })
+}
+
+impl Selection {
+    /// How each effect did; the cost on the judged records was `before` without it.
+    pub(super) fn tried(&self, bench: &Bench<'_>, before: f64) -> Vec<Tried> {
+        let fitted = |c: &Candidate| self.finals.iter().find(|(e, ..)| e.name == c.effect.name);
+        self.screened
+            .iter()
+            .map(|c| Tried {
+                effect: c.effect,
+                gain_db: match fitted(c) {
+                    Some((.., j)) => decibel(before / j.cost),
+                    None => decibel(before / bench.judge(&c.start).cost),
+                },
+                accepted: false,
+            })
+            .collect()
+    }
+
+    /// The best one, and what is worse by how much on the judged records.
+    pub(super) fn best(&self) -> Option<(&Final, Option<(&'static Effect, f64)>)> {
+        let best = self.finals.first()?;
+        let next = self.finals.iter().find(|(e, ..)| e.name != best.0.name);
+        let runner_up = next.map(|(e, _, j)| (*e, decibel(j.cost / best.2.cost)));
+        Some((best, runner_up))
+    }
+}
+
+/// Of effects that explain the records equally well, with as many parameters, the first in the catalogue leads.
+fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)]) {
+    let Some((best, fit, _)) = finals.first() else {
+        return;
+    };
+    let (most, parameters) = (fit.length() + EQUAL, best.parameters.len());
+    first_of_equals(
+        finals,
+        |(e, ..)| *e,
+        |(e, f, _)| f.length() <= most && e.parameters.len() <= parameters,
+    );
+}
+
+/// Whether the last effect is one with the values that were found.
+fn is_possible(model: &Explained) -> bool {
+    model.effects.last().is_none_or(|(e, values)| e.allows(values))
+}

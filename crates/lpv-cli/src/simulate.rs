@@ -30,7 +30,7 @@ pub struct SimulateAccount {
     pub transient_periods: usize,
     /// Spectral radius of the closed loop over the stroke: transients fade by this factor a sample.
     pub spectral_radius: f64,
-    /// Most Runge-Kutta steps a sample over the moves.
+    /// Most steps of the integration a sample over the moves.
     pub substeps: usize,
     /// Largest estimated error of the integration over the moves, m or rad.
     pub integration_error: f64,

@@ -5,10 +5,12 @@ use crate::{Clock, CoreError, Frf, StateSpace};
 use nalgebra::{DMatrix, Hessenberg};
 use num_complex::Complex;
 use pulp::{Simd, WithSimd};
+use std::ops::{DivAssign, MulAssign};
 
 /// A model reduced to Hessenberg form, ready to be evaluated at many points.
 ///
-/// With `A = Q H Q^T`, the response is `C Q (z I - H)^-1 Q^T B + D`; `z I - H` is solved by elimination between
+/// With `D^-1 A D = Q H Q^T`, D diagonal such that rows and columns have like norms (powers of two, so that nothing is rounded), the
+/// response is `C D Q (z I - H)^-1 Q^T D^-1 B + D_u`, D_u the direct term; `z I - H` is solved by elimination between
 /// neighbouring rows with pivoting (Laub, IEEE TAC 26(2), 1981), for as many points at a time as a vector register of the
 /// machine has lanes. No products and sums are fused: the result does not depend on the machine.
 #[derive(Debug, Clone)]
@@ -24,14 +26,16 @@ impl ResponseKernel {
     /// One reduction of `A`.
     pub fn new<K: Clock>(system: &StateSpace<K>) -> Self {
         let n = system.states();
+        let (mut a, mut b, mut c) = (system.a().clone(), system.b().clone(), system.c().clone());
+        balance(&mut a, &mut b, &mut c);
         let (q, h) = if n > 1 {
-            Hessenberg::new(system.a().clone()).unpack()
+            Hessenberg::new(a).unpack()
         } else {
-            (DMatrix::identity(n, n), system.a().clone())
+            (DMatrix::identity(n, n), a)
         };
         Self {
-            b: q.transpose() * system.b(),
-            c: system.c() * &q,
+            b: q.transpose() * b,
+            c: c * &q,
             d: system.d().clone(),
             work: vec![0.0; 2 * WIDEST * n * (n + system.inputs())],
             h,
@@ -52,6 +56,32 @@ impl ResponseKernel {
             points,
             out,
         })
+    }
+}
+
+/// Scales the states by powers of two until rows and columns of `a` have like norms (Parlett and Reinsch, Numerische Mathematik
+/// 13, 1969), or for as many sweeps as that may reasonably take.
+fn balance(a: &mut DMatrix<f64>, b: &mut DMatrix<f64>, c: &mut DMatrix<f64>) {
+    for _ in 0..20 {
+        let mut settled = true;
+        for i in 0..a.nrows() {
+            let diagonal = a[(i, i)].abs();
+            let row = a.row(i).lp_norm(1) - diagonal;
+            let column = a.column(i).lp_norm(1) - diagonal;
+            let power = (0.5 * (row / column).log2()).round();
+            if !(power.is_finite() && power.abs() >= 1.0 && power.abs() < 500.0) {
+                continue;
+            }
+            let scale = power.exp2();
+            settled = false;
+            a.column_mut(i).mul_assign(scale);
+            c.column_mut(i).mul_assign(scale);
+            a.row_mut(i).div_assign(scale);
+            b.row_mut(i).div_assign(scale);
+        }
+        if settled {
+            break;
+        }
     }
 }
 

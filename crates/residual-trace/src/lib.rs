@@ -19,7 +19,8 @@
 //! taken where it alone describes the records in fewer words than effects do. Every effect is tried by one linear step from each of its starts, with
 //! the directions of the machine taken out; the most promising are fitted in full; refinements of what does well start where it
 //! ends (Stribeck from Coulomb friction, a swinging mass from a mass). The least `objective + k ln N` wins, and is added if the
-//! error falls on the judged records too. This is repeated until noise is left, or nothing helps. The result is followed in parts
+//! error falls on the judged records too. This is repeated until noise is left, or nothing helps; after each addition the earlier
+//! effects are taken out one by one and chosen again beside the others, since a large effect hides what a small one is. The result is followed in parts
 //! of a sample so fine that its errors change no more.
 //!
 //! Where there are no moves, [`trace_responses`] adds linear effects to a rigid axis, on its frequency response.

@@ -164,7 +164,7 @@ impl<'a> Experiment<'a> {
 
     /// The same experiments on a machine with those of the effects that are there since the grid.
     ///
-    /// With one, the exact sampled plant gives way to the Runge-Kutta simulation of [`MovingExperiment`] with its
+    /// With one, the exact sampled plant gives way to the simulation in steps of [`MovingExperiment`] with its
     /// default tolerance, p held; memory then grows with the number of periods.
     ///
     /// # Errors

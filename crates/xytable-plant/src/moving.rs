@@ -75,11 +75,12 @@ pub struct MovingSample {
 /// How the accuracy was reached.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IntegrationAccount {
-    /// Runge-Kutta steps a sample of the run that was kept.
+    /// Steps a sample of the run that was kept.
     pub substeps: usize,
     /// Largest difference of an output between it and the run with half as many.
     pub difference: f64,
-    /// Estimated error of the run kept: a fifteenth of the difference (the method has order 4).
+    /// Estimated error of the run kept: the difference over `2^n - 1`, with n the order of a step, 12 for the machine as it is
+    /// (Taylor series) and 4 with effects (Runge-Kutta).
     pub estimated_error: f64,
     /// Runs made.
     pub runs: usize,
@@ -240,10 +241,11 @@ impl<'a> MovingExperiment<'a> {
                 _ => f64::INFINITY,
             };
             if difference <= self.settings.tolerance {
+                let order = self.plant().order();
                 let mut account = IntegrationAccount {
                     substeps,
                     difference,
-                    estimated_error: difference / 15.0,
+                    estimated_error: difference / (2.0_f64.powi(order) - 1.0),
                     runs,
                 };
                 let mut samples = fine?;

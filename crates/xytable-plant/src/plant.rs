@@ -1,7 +1,7 @@
 //! The bodies between commands and readings, with whatever is hidden in them.
 
 use crate::effects::{Effect, Forces, Moment};
-use crate::mechanics::{Mechanics, State};
+use crate::mechanics::{Mechanics, ORDER, State};
 use crate::{HiddenEffect, Machine, MachineParameters};
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -29,7 +29,7 @@ struct Buffers {
     sum: Vec<f64>,
 }
 
-/// The moving machine. Without effects its bits are those of the mechanics alone.
+/// The moving machine: by Taylor series where nothing is hidden in it, by Runge-Kutta steps else.
 pub(crate) struct Plant {
     mechanics: Mechanics,
     machine: MachineParameters,
@@ -115,8 +115,13 @@ impl Plant {
         read
     }
 
-    /// On to the next sample with held `F_x` and u', in `substeps` Runge-Kutta steps: that many before and after the
-    /// moment when a delayed command arrives.
+    /// Order of a step in its length.
+    pub(crate) fn order(&self) -> i32 {
+        if self.hidden.is_empty() { ORDER as i32 } else { 4 }
+    }
+
+    /// On to the next sample with held `F_x` and u', in `substeps` steps; with effects, that many before and after the moment
+    /// when a delayed command arrives.
     pub(crate) fn advance(&mut self, f_x: f64, u: [f64; 2], substeps: usize) {
         let t = self.sample_time;
         if self.hidden.is_empty() {

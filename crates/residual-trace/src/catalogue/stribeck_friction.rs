@@ -34,9 +34,14 @@ pub(super) static EFFECT: Effect = Effect {
         name: "coulomb-friction",
         starts: |v, screen| {
             let top = screen.top_speed();
-            [3.0, 10.0, 40.0]
-                .map(|part| vec![v[0], 0.2 * v[0], v[1], top / part])
-                .to_vec()
+            // A peak near zero speed may pass for a sign that changes at once.
+            let creep = if v[1] < 1e-3 * top {
+                vec![v[1], 1e-2 * top]
+            } else {
+                vec![v[1]]
+            };
+            let starts = |creep: f64| [3.0, 10.0, 40.0].map(|part| vec![v[0], 0.2 * v[0], creep, top / part]);
+            creep.into_iter().flat_map(starts).collect()
         },
     }),
     starts: |screen| {

@@ -197,6 +197,11 @@ pub(crate) fn logged(log: &Path) -> Result<Vec<Outcome>, TaskError> {
         .collect())
 }
 
+/// Machines that an extent asks for.
+pub(crate) fn count(extent: &Extent, seed: u64) -> usize {
+    cases(extent, seed).len()
+}
+
 fn cases(extent: &Extent, seed: u64) -> Vec<Case> {
     let outside: Vec<&'static str> = HiddenEffect::catalogue()
         .map(|info| info.name)

@@ -325,13 +325,13 @@ fn run_blind(options: &Blind) -> Result<bool, TaskError> {
     let metrics = blind::score(&all, seconds);
     let figures = serde_json::to_value(&metrics)?;
     let command = format!(
-        "cargo xtask blind --seeds {} --minutes {} --seed {}{}",
+        "cargo xtask blind --seeds {} --seed {}{}",
         options.seeds,
-        options.minutes,
         options.seed,
         if options.lfr { " --lfr" } else { "" }
     );
-    let page = blind::page(&metrics, &all, &command);
+    let asked = blind::count(&extent, options.seed);
+    let page = blind::page(&metrics, &all, (&command, asked));
     reproduce::write_json(&options.output.join("metrics.json"), &figures)?;
     std::fs::write(options.output.join("blind.md"), &page)?;
     if options.bless {

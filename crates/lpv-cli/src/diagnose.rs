@@ -15,6 +15,7 @@ pub use axis::{AxisErrors, AxisStage};
 pub(crate) use base::table;
 pub use explanation::{BaseKind, Explanation};
 pub use left::{Characterisation, LeftTest, LeftTests};
+pub(crate) use responses::is_traced_on_responses;
 
 use crate::progress::Progress;
 use crate::responses::{load_records, rests};
@@ -61,7 +62,7 @@ pub fn diagnose(
 ) -> Result<Diagnosed, PipelineError> {
     let description = bundle.description();
     let clock = bundle.clock()?;
-    if model.is_none() && description.controller.is_none() && responses::suits(bundle) {
+    if model.is_none() && is_traced_on_responses(bundle) {
         return responses::diagnose(bundle, progress);
     }
     let Some(controller) = &description.controller else {

@@ -23,8 +23,8 @@ const BARS: [(&str, f64, bool); 9] = [
     ("one diagnosis alone, seconds", 10.0, false),
 ];
 
-/// The page.
-pub(crate) fn page(metrics: &Metrics, all: &[Outcome], command: &str) -> String {
+/// The page, with the command that makes it and how many machines that asks for.
+pub(crate) fn page(metrics: &Metrics, all: &[Outcome], (command, asked): (&str, usize)) -> String {
     let figures = [
         metrics.named,
         metrics.family,
@@ -43,7 +43,12 @@ pub(crate) fn page(metrics: &Metrics, all: &[Outcome], command: &str) -> String 
          written as a bundle, and `lpv diagnose` sees nothing else. The code that hides effects (crate `xytable-plant`) and the code \
          that finds them (crate `residual-trace`) share nothing.\n\n",
     );
-    let _ = writeln!(text, "{} machines, made by `{command}`.\n", all.len());
+    let of = if all.len() < asked {
+        format!(" of the {asked}")
+    } else {
+        String::new()
+    };
+    let _ = writeln!(text, "{}{of} machines of `{command}`.\n", all.len());
     let _ = writeln!(text, "| | bar | found |\n|---|---|---|");
     for ((what, bar, least), figure) in BARS.iter().zip(figures) {
         let percent = |v: f64| {

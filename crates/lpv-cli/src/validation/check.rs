@@ -8,6 +8,7 @@ use super::record::Context;
 use super::residual::{CrossCorrelation, Whiteness};
 use super::rigid::AxisCheck;
 use super::simulate::Run;
+use crate::diagnose::is_traced_on_responses;
 use crate::progress::{Counter, Progress};
 use crate::responses::load_records;
 use crate::signal::fit_percent;
@@ -129,12 +130,19 @@ pub fn validate(
     let description = bundle.description();
     let clock = bundle.clock()?;
     let machine = Machine::new(&file.model, clock)?;
+    let explained = match &file.explanation {
+        Some(explanation) => Some(explanation.machine(&file.model, bundle)?),
+        None => None,
+    };
+    let effects = explained.as_ref().filter(|e| !e.effects.is_empty());
+    // Effects that were traced on responses add the outputs that they need.
+    let traced = effects.filter(|_| is_traced_on_responses(bundle));
     let (inputs, outputs) = machine.channels()?;
     let found = (
         description.channels.input.len(),
         description.channels.output.len(),
     );
-    if found != (inputs, outputs) {
+    if found != (inputs, outputs) && traced.is_none() {
         return Err(PipelineError::Channels {
             model: (inputs, outputs),
             bundle: found,
@@ -149,7 +157,7 @@ pub fn validate(
         noise,
         estimates,
         responses,
-    } = frozen_check(&machine, bundle, &mut notes, progress)?;
+    } = frozen_check(&machine, traced, bundle, &mut notes, progress)?;
     let hold_out = file.identification.as_ref().map_or(0.0, |i| i.config.hold_out);
     let held_out = transient.iter().any(|r| r.purpose == Purpose::Validation);
     let judged: Vec<&Record> = transient
@@ -187,16 +195,15 @@ pub fn validate(
     {
         notes.push("one step: the level of the disturbance behind the gain was chosen on the first judged record, as no other moves".to_owned());
     }
-    let explained = match &file.explanation {
-        Some(explanation) => Some(explanation.machine(&file.model, bundle)?),
-        None => None,
-    };
-    if let Some(explained) = explained.as_ref().filter(|e| !e.effects.is_empty()) {
-        let names: Vec<&str> = explained.effects.iter().map(|(e, _)| e.name).collect();
-        notes.push(format!(
-            "along records the model is simulated with its effects ({}); the frozen response is that of its linear part, and nothing is predicted one step ahead",
-            names.join(", ")
-        ));
+    if let Some(effects) = effects {
+        let names: Vec<&str> = effects.effects.iter().map(|(e, _)| e.name).collect();
+        let names = names.join(", ");
+        notes.push(match traced {
+            Some(_) => format!("the response is that of the model with its effects ({names})"),
+            None => format!(
+                "along records the model is simulated with its effects ({names}); the frozen response is that of its linear part, and nothing is predicted one step ahead"
+            ),
+        });
     }
     if explained
         .as_ref()

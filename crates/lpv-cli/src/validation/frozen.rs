@@ -11,6 +11,7 @@ use crate::signal::median;
 use experiment_data::Bundle;
 use frf_estimation::PeriodicEstimate;
 use lpv_core::{Frf, FrfEstimate, Purpose};
+use residual_trace::{Explained, response};
 
 /// The comparison and what it was made from.
 #[derive(Default)]
@@ -22,9 +23,11 @@ pub(super) struct Against {
     pub(super) responses: Vec<Frf>,
 }
 
-/// The frozen error, and the noise of one sample by output.
+/// The frozen error, and the noise of one sample by output; with effects that were traced on responses, that of the model with
+/// them.
 pub(super) fn frozen_check(
     machine: &Machine,
+    traced: Option<&Explained>,
     bundle: &Bundle,
     notes: &mut Vec<String>,
     progress: Progress<'_>,
@@ -71,6 +74,9 @@ pub(super) fn frozen_check(
     let model = estimates
         .iter()
         .map(|e| {
+            if let Some(explained) = traced {
+                return with_effects(explained, e.frf());
+            }
             let p: Vec<f64> = e.position().into_iter().collect();
             Ok(machine.at(&p)?.frequency_response(e.frf().frequencies_hz())?)
         })
@@ -98,4 +104,18 @@ pub(super) fn frozen_check(
         estimates,
         responses: model,
     })
+}
+
+/// The response of motor and load at the lines of a measured one.
+fn with_effects(explained: &Explained, like: &Frf) -> Result<Frf, PipelineError> {
+    let outputs = like.outputs();
+    let lines = like.frequencies_hz();
+    let values = lines
+        .iter()
+        .flat_map(|f| {
+            let both = response(explained, *f);
+            (0..outputs).map(move |i| both[i.min(1)])
+        })
+        .collect();
+    Ok(Frf::new(lines.to_vec(), outputs, 1, values)?)
 }

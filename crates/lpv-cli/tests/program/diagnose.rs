@@ -154,6 +154,38 @@ fn a_motor_with_a_load_on_a_shaft() {
     );
 }
 
+/// What was traced on responses is validated on them, with the error that the diagnosis states.
+#[test]
+fn a_model_with_effects_on_responses_is_validated() {
+    let Some(folder) = shared("two-mass-bench") else {
+        return;
+    };
+    let desk = Desk::new();
+    let run = |words: &[&OsStr]| stdout_of("lpv", &desk.program(words).output().unwrap());
+    let words = [
+        "diagnose".as_ref(),
+        folder.as_ref(),
+        "-o".as_ref(),
+        "found".as_ref(),
+    ];
+    run(&words);
+    let words = [
+        "validate".as_ref(),
+        "found/model.json".as_ref(),
+        folder.as_ref(),
+        "--json".as_ref(),
+    ];
+    let checked: serde_json::Value = serde_json::from_str(&run(&words)).unwrap();
+    let found: serde_json::Value = serde_json::from_str(&desk.text("found/diagnosis.json")).unwrap();
+    let last = found["responses"].as_array().unwrap().last().unwrap();
+    for (i, output) in ["theta_mx", "theta_my"].iter().enumerate() {
+        let told = 100.0 * last["held_out"][output].as_f64().unwrap();
+        let error = checked["frozen"]["relative_rms_percent"][i].as_f64().unwrap();
+        assert!((error / told - 1.0).abs() < 1e-3, "{output}: {error} {told}");
+    }
+    assert!(checked["notes"].to_string().contains("with its effects"));
+}
+
 /// The model of a machine as it was, given to the diagnosis of the machine as it became: the effect is found without any
 /// first principles, kept in the model file, and simulated and exported from there.
 #[test]

@@ -168,7 +168,7 @@ pub(crate) fn run(
     };
     // Threads of their own: what one leaves of the pool that they share is the other's.
     std::thread::scope(|scope| {
-        let workers = [(); AT_ONCE].map(|()| scope.spawn(&work));
+        let workers = [(); AT_ONCE].map(|()| scope.spawn(work));
         workers
             .into_iter()
             .try_for_each(|w| w.join().unwrap_or_else(|_| Err("a diagnosis panicked".into())))

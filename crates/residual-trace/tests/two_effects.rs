@@ -1,5 +1,8 @@
 //! Two effects at once, of which the larger hides what the other is.
 
+// Helpers of tests fail the test when something is wrong, as the tests themselves do.
+#![allow(clippy::unwrap_used)]
+
 use experiment_data::Controller;
 use lpv_core::{Purpose, Record, RecordKind, Signals};
 use rand::SeedableRng;

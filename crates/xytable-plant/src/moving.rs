@@ -80,7 +80,7 @@ pub struct IntegrationAccount {
     /// Largest difference of an output between it and the run with half as many.
     pub difference: f64,
     /// Estimated error of the run kept: the difference over `2^n - 1`, with n the order of a step, 12 for the machine as it is
-    /// (Taylor series) and 4 with effects (Runge-Kutta).
+    /// (Taylor series) and 4 with effects (Runge-Kutta), or the rounding of the outputs where that is more.
     pub estimated_error: f64,
     /// Runs made.
     pub runs: usize,
@@ -241,11 +241,10 @@ impl<'a> MovingExperiment<'a> {
                 _ => f64::INFINITY,
             };
             if difference <= self.settings.tolerance {
-                let order = self.plant().order();
                 let mut account = IntegrationAccount {
                     substeps,
                     difference,
-                    estimated_error: difference / (2.0_f64.powi(order) - 1.0),
+                    estimated_error: self.estimated_error(difference, &fine),
                     runs,
                 };
                 let mut samples = fine?;
@@ -265,6 +264,13 @@ impl<'a> MovingExperiment<'a> {
             }
             coarse = fine;
         }
+    }
+
+    /// From the difference to a run with half as many steps; no smaller than an output is rounded.
+    fn estimated_error(&self, difference: f64, fine: &Result<Vec<MovingSample>, PlantError>) -> f64 {
+        let outputs = fine.iter().flatten().flat_map(|s| s.outputs);
+        let largest = outputs.fold(0.0_f64, |m, y| m.max(y.abs()));
+        (difference / (2.0_f64.powi(self.plant().order()) - 1.0)).max(f64::EPSILON * largest)
     }
 
     fn plant(&self) -> Plant {

@@ -131,6 +131,15 @@ pub enum PlantError {
         /// Tolerance asked for.
         tolerance: f64,
     },
+    /// Resonances too fast for the sample time.
+    #[error(
+        "integration, sample {sample}: the resonances of the machine are too fast for its sample time, even in 1024 parts; lower \
+         stiffnesses and dampings, raise masses, or shorten the sample time"
+    )]
+    Stiff {
+        /// The sample.
+        sample: usize,
+    },
     /// A hidden effect that does not exist.
     #[error("there is no effect `{name}`; nearest: `{nearest}`; there are {known}")]
     UnknownEffect {

@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 /// | `noise` | the paper's | noise of the sensors of y' | standard deviations >= 0 |
 /// | `seed` | 0 | seed of the noise | |
 /// | `servo_bandwidth_hz` | 0.5 | bandwidth of the servo of x1 | > 0, well below Nyquist |
-/// | `tolerance` | 1e-9 | largest difference of y' (m, rad) between two runs, the second with twice the sub-steps | > 0 |
+/// | `tolerance` | 1e-9 | with effects, largest difference of y' (m, rad) between two runs, the second with twice the sub-steps | > 0 |
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MovingSettings {
@@ -31,7 +31,7 @@ pub struct MovingSettings {
     pub seed: u64,
     /// Bandwidth of the servo of x1.
     pub servo_bandwidth_hz: f64,
-    /// Accuracy of the integration.
+    /// Accuracy of the integration with effects; without them it is that of rounding.
     pub tolerance: f64,
 }
 
@@ -75,12 +75,10 @@ pub struct MovingSample {
 /// How the accuracy was reached.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IntegrationAccount {
-    /// Steps a sample of the run that was kept.
+    /// Steps a sample of the run that was kept, or most of them.
     pub substeps: usize,
-    /// Largest difference of an output between it and the run with half as many.
-    pub difference: f64,
-    /// Estimated error of the run kept: the difference over `2^n - 1`, with n the order of a step, 12 for the machine as it is
-    /// (Taylor series) and 4 with effects (Runge-Kutta), or the rounding of the outputs where that is more.
+    /// Estimated error of an output: with effects (Runge-Kutta, order 4) the largest difference to the run with half as many
+    /// steps over 15; no smaller than the rounding of the outputs, which is all that the series of the machine as it is leave.
     pub estimated_error: f64,
     /// Runs made.
     pub runs: usize,
@@ -210,7 +208,8 @@ impl<'a> MovingExperiment<'a> {
         &self.settings
     }
 
-    /// Simulates with 1, 2, 4, ... sub-steps a sample until two successive runs agree within the tolerance.
+    /// Simulates the machine as it is by Taylor series up to rounding, in one run; with effects, with 1, 2, 4, ... sub-steps a
+    /// sample until two successive runs agree within the tolerance.
     ///
     /// Sensors that round make no finer step agree better, so the sub-steps are chosen without their rounding.
     ///
@@ -229,6 +228,16 @@ impl<'a> MovingExperiment<'a> {
     pub(crate) fn integrate(&self) -> Result<(Vec<MovingSample>, IntegrationAccount), PlantError> {
         let mut substeps = 1;
         let mut coarse = self.collect(substeps, Rounding::Off);
+        let plant = self.plant();
+        if plant.is_plain() {
+            let (samples, substeps) = coarse?;
+            let account = IntegrationAccount {
+                substeps,
+                estimated_error: rounding(&samples),
+                runs: 1,
+            };
+            return Ok((samples, account));
+        }
         let mut runs = 1;
         loop {
             substeps *= 2;
@@ -236,21 +245,20 @@ impl<'a> MovingExperiment<'a> {
             let fine = self.collect(substeps, Rounding::Off);
             // A step too coarse for the resonances may diverge or leave the stroke; only the finer run's word counts.
             let difference = match (&coarse, &fine) {
-                (Ok(a), Ok(b)) => difference(a, b),
+                (Ok((a, _)), Ok((b, _))) => difference(a, b),
                 (Err(_), Err(error)) if runs > 9 => return Err(error.clone()),
                 _ => f64::INFINITY,
             };
             if difference <= self.settings.tolerance {
+                let (mut samples, _) = fine?;
                 let mut account = IntegrationAccount {
                     substeps,
-                    difference,
-                    estimated_error: self.estimated_error(difference, &fine),
+                    estimated_error: (difference / 15.0).max(rounding(&samples)),
                     runs,
                 };
-                let mut samples = fine?;
-                if self.plant().rounds() {
+                if plant.rounds() {
                     account.runs += 1;
-                    samples = self.collect(substeps, Rounding::Sensor)?;
+                    (samples, _) = self.collect(substeps, Rounding::Sensor)?;
                 }
                 return Ok((samples, account));
             }
@@ -266,13 +274,6 @@ impl<'a> MovingExperiment<'a> {
         }
     }
 
-    /// From the difference to a run with half as many steps; no smaller than an output is rounded.
-    fn estimated_error(&self, difference: f64, fine: &Result<Vec<MovingSample>, PlantError>) -> f64 {
-        let outputs = fine.iter().flatten().flat_map(|s| s.outputs);
-        let largest = outputs.fold(0.0_f64, |m, y| m.max(y.abs()));
-        (difference / (2.0_f64.powi(self.plant().order()) - 1.0)).max(f64::EPSILON * largest)
-    }
-
     fn plant(&self) -> Plant {
         let start = [self.setpoints.x1.position()[0], self.start[0], self.start[1]];
         Plant::new(
@@ -283,25 +284,27 @@ impl<'a> MovingExperiment<'a> {
         )
     }
 
-    /// Simulates with a given number of sub-steps a sample and hands over sample by sample; no error control.
+    /// Simulates with a given number of sub-steps a sample, or more for the series of the machine as it is, and hands over sample
+    /// by sample; no error control with effects.
     ///
     /// # Errors
     /// What `sink` returns; [`PlantError::Setting`] for 0 or more than 1024 sub-steps, [`PlantError::LeftStroke`],
-    /// [`PlantError::Diverged`].
+    /// [`PlantError::Diverged`], [`PlantError::Stiff`].
     pub fn stream<E: From<PlantError>>(
         &self,
         substeps: usize,
         sink: &mut dyn FnMut(MovingSample) -> Result<(), E>,
     ) -> Result<(), E> {
-        self.simulate(substeps, Rounding::Sensor, sink)
+        self.simulate(substeps, Rounding::Sensor, sink).map(|_| ())
     }
 
+    /// Most sub-steps that a sample took.
     fn simulate<E: From<PlantError>>(
         &self,
         substeps: usize,
         rounding: Rounding,
         sink: &mut dyn FnMut(MovingSample) -> Result<(), E>,
-    ) -> Result<(), E> {
+    ) -> Result<usize, E> {
         if !(1..=MOST_SUBSTEPS).contains(&substeps) {
             let problem = "give 1 to 1024 sub-steps a sample";
             return Err(PlantError::Setting {
@@ -328,7 +331,7 @@ impl<'a> MovingExperiment<'a> {
         );
         let [mut k1, mut k2] = [0, 1].map(|i: usize| Filter::new(&self.controller.digital()[i]));
         let mut servo = Filter::new(&self.servo);
-        let mut plant = self.plant();
+        let (mut plant, mut most) = (self.plant(), substeps);
         for k in 0..self.len() {
             let p = plant.position();
             if !plant.is_finite() {
@@ -361,19 +364,27 @@ impl<'a> MovingExperiment<'a> {
                 references,
                 position: p,
             })?;
-            plant.advance(f_x, inputs, substeps);
+            let steps = plant.advance(f_x, inputs, substeps);
+            most = most.max(steps.ok_or(PlantError::Stiff { sample: k })?);
         }
-        Ok(())
+        Ok(most)
     }
 
-    fn collect(&self, substeps: usize, rounding: Rounding) -> Result<Vec<MovingSample>, PlantError> {
+    /// The samples, and most sub-steps that one took.
+    fn collect(&self, substeps: usize, rounding: Rounding) -> Result<(Vec<MovingSample>, usize), PlantError> {
         let mut samples = Vec::with_capacity(self.len());
-        self.simulate(substeps, rounding, &mut |sample| -> Result<(), PlantError> {
+        let most = self.simulate(substeps, rounding, &mut |sample| -> Result<(), PlantError> {
             samples.push(sample);
             Ok(())
         })?;
-        Ok(samples)
+        Ok((samples, most))
     }
+}
+
+/// What rounding takes from the largest output.
+fn rounding(samples: &[MovingSample]) -> f64 {
+    let outputs = samples.iter().flat_map(|s| s.outputs);
+    f64::EPSILON * outputs.fold(0.0_f64, |m, y| m.max(y.abs()))
 }
 
 /// Largest difference of a measured output; the noise is the same in both runs and cancels.

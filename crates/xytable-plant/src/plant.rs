@@ -1,7 +1,7 @@
 //! The bodies between commands and readings, with whatever is hidden in them.
 
 use crate::effects::{Effect, Forces, Moment};
-use crate::mechanics::{Mechanics, ORDER, State};
+use crate::mechanics::{Mechanics, State};
 use crate::{HiddenEffect, Machine, MachineParameters};
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -115,21 +115,28 @@ impl Plant {
         read
     }
 
-    /// Order of a step in its length.
-    pub(crate) fn order(&self) -> i32 {
-        if self.hidden.is_empty() { ORDER as i32 } else { 4 }
+    /// Whether nothing is hidden in it: steps are then exact up to rounding.
+    pub(crate) fn is_plain(&self) -> bool {
+        self.hidden.is_empty()
     }
 
-    /// On to the next sample with held `F_x` and u', in `substeps` steps; with effects, that many before and after the moment
-    /// when a delayed command arrives.
-    pub(crate) fn advance(&mut self, f_x: f64, u: [f64; 2], substeps: usize) {
+    /// On to the next sample with held `F_x` and u', in `substeps` steps, or in as many times 2 as series need; with effects, in
+    /// that many before and after the moment when a delayed command arrives. The number of steps; none where 1024 times as many
+    /// are too few for the resonances.
+    pub(crate) fn advance(&mut self, f_x: f64, u: [f64; 2], substeps: usize) -> Option<usize> {
         let t = self.sample_time;
-        if self.hidden.is_empty() {
-            let h = t / substeps as f64;
-            for _ in 0..substeps {
-                self.x = self.mechanics.step(&self.x, f_x, u, h);
+        if self.is_plain() {
+            let mut steps = substeps;
+            while steps <= 1024 * substeps {
+                let h = t / steps as f64;
+                let end = (0..steps).try_fold(self.x, |x, _| self.mechanics.step(&x, f_x, u, h));
+                if let Some(end) = end {
+                    self.x = end;
+                    return Some(steps);
+                }
+                steps *= 2;
             }
-            return;
+            return None;
         }
         self.commands.push_back(u);
         let start = self.sample as f64 * t;
@@ -144,6 +151,7 @@ impl Plant {
             }
         }
         self.sample += 1;
+        Some(substeps)
     }
 
     fn moment<'a>(&'a self, time: f64, state: &'a State) -> Moment<'a> {

@@ -95,11 +95,7 @@ fn a_tiny_step_changes_less_than_the_account_says() {
     let (machine, k, clock) = setup();
     let moving = MovingExperiment::new(&machine, &k, setpoints(clock, fast(clock)), QUIET).unwrap();
     let run = moving.run("fast", Purpose::Estimation).unwrap();
-    assert!(
-        run.account.difference <= 1e-10 && run.account.runs >= 2,
-        "{:?}",
-        run.account
-    );
+    assert_eq!(run.account.runs, 1);
     let outputs = |moving: &MovingExperiment<'_>, substeps: usize| {
         let mut outputs = Vec::new();
         moving

@@ -7,13 +7,12 @@ use lpv_core::{Discrete, Purpose};
 use std::path::Path;
 use xytable_plant::{
     ControllerSettings, DigitalController, Discretisation, MachineParameters, MoveLimits, MovingExperiment,
-    MovingSettings, Noise, Profile, Setpoint, Setpoints, discretise,
+    MovingSettings, Noise, PlantError, Profile, Setpoint, Setpoints, discretise,
 };
 
 const SAMPLES: usize = 4000;
 
-/// Tolerances at which each stays below 1e-10.
-const OURS: f64 = 1e-9;
+/// The tolerance at which an integrator stays below 1e-10.
 const THEIRS: f64 = 1e-11;
 
 fn setpoints(bench: &Bench) -> Result<Setpoints, Failure> {
@@ -33,25 +32,35 @@ fn setpoints(bench: &Bench) -> Result<Setpoints, Failure> {
     })
 }
 
-fn outputs(bench: &Bench, tolerance: f64) -> Result<Vec<f64>, Failure> {
-    let settings = MovingSettings {
+fn settings() -> MovingSettings {
+    MovingSettings {
         noise: Noise::Off,
-        tolerance,
         ..MovingSettings::default()
-    };
-    let experiment = MovingExperiment::new(&bench.machine, &bench.controller, setpoints(bench)?, settings)?;
-    let record = experiment.run("sweep", Purpose::Validation)?.record;
-    Ok(record.outputs.columns.concat())
+    }
 }
 
 pub(super) fn ours() -> Result<Run, Failure> {
     let bench = Bench::new()?;
-    Ok(Box::new(move || outputs(&bench, OURS)))
+    let setpoints = setpoints(&bench)?;
+    Ok(Box::new(move || {
+        let experiment =
+            MovingExperiment::new(&bench.machine, &bench.controller, setpoints.clone(), settings())?;
+        let record = experiment.run("sweep", Purpose::Validation)?.record;
+        Ok(record.outputs.columns.concat())
+    }))
 }
 
-/// The largest error of an output, m or rad.
+/// The largest error of an output, m or rad, against sixteen steps a sample.
 pub(super) fn error(found: &[f64]) -> Result<f64, Failure> {
-    let truth = outputs(&Bench::new()?, 2e-13)?;
+    let bench = Bench::new()?;
+    let setpoints = setpoints(&bench)?;
+    let experiment = MovingExperiment::new(&bench.machine, &bench.controller, setpoints, settings())?;
+    let mut truth = [Vec::new(), Vec::new()];
+    experiment.stream(16, &mut |sample| -> Result<(), PlantError> {
+        (0..2).for_each(|i| truth[i].push(sample.outputs[i]));
+        Ok(())
+    })?;
+    let truth = truth.concat();
     if truth.len() != found.len() {
         return Err(format!("{} numbers for {}", found.len(), truth.len()).into());
     }

@@ -1,0 +1,129 @@
+//! States near a pole, to the last digits.
+
+use super::Matrices;
+use super::lanes::{Lanes, shifted, size, solve, times_real};
+use nalgebra::DMatrix;
+use pulp::Simd;
+use std::ops::Range;
+
+/// Most corrections.
+const MOST: usize = 6;
+
+/// A correction that is so small a part of the states is the last.
+const LAST: f64 = 1e-15;
+
+/// Sums with what rounding took from them (Ogita, Rump and Oishi, SIAM J. Sci. Comput. 26(6), 2005).
+#[derive(Clone, Copy)]
+struct Twofold<S: Simd>([S::f64s; 2]);
+
+impl<S: Simd> Twofold<S> {
+    #[inline(always)]
+    fn plus(self, simd: S, a: S::f64s, b: S::f64s) -> Self {
+        let Self([sum, low]) = self;
+        let product = simd.mul_f64s(a, b);
+        let lost = simd.mul_add_f64s(a, b, simd.neg_f64s(product));
+        let next = simd.add_f64s(sum, product);
+        let part = simd.sub_f64s(next, sum);
+        let other = simd.sub_f64s(sum, simd.sub_f64s(next, part));
+        let rounded = simd.add_f64s(other, simd.sub_f64s(product, part));
+        Self([next, simd.add_f64s(low, simd.add_f64s(lost, rounded))])
+    }
+
+    #[inline(always)]
+    fn value(self, simd: S) -> S::f64s {
+        simd.add_f64s(self.0[0], self.0[1])
+    }
+}
+
+/// From a solution in the coordinates of H, in `rhs`, to the `states` of the model, until a correction by the residual
+/// `B - (z I - A) X` is lost.
+#[inline(always)]
+pub(super) fn refine<S: Simd>(
+    simd: S,
+    (model, h, q): (&Matrices, &DMatrix<f64>, &DMatrix<f64>),
+    z: Lanes<S>,
+    parts: &[Range<usize>],
+    [work, rhs, left, states]: [&mut [Lanes<S>]; 4],
+) {
+    let (n, nu) = (h.nrows(), model.b.ncols());
+    let zero = simd.splat_f64s(0.0);
+    states.fill([zero; 2]);
+    for _ in 0..MOST {
+        let (mut largest, mut change) = (zero, zero);
+        for part in parts {
+            for i in part.clone() {
+                for j in 0..nu {
+                    let turned = row_times(simd, |k| q[(i, k)], part, rhs, j, nu);
+                    let x = &mut states[i * nu + j];
+                    *x = [0, 1].map(|w| simd.add_f64s(x[w], turned[w]));
+                    largest = simd.max_f64s(largest, size(simd, *x));
+                    change = simd.max_f64s(change, size(simd, turned));
+                }
+            }
+        }
+        let is_more = simd.greater_than_f64s(change, simd.mul_f64s(largest, simd.splat_f64s(LAST)));
+        if simd.first_true_m64s(is_more) >= S::F64_LANES {
+            break;
+        }
+        residual(simd, model, z, parts, states, left);
+        for part in parts {
+            for i in part.clone() {
+                for j in 0..nu {
+                    rhs[i * nu + j] = row_times(simd, |k| q[(k, i)], part, left, j, nu);
+                }
+            }
+        }
+        shifted::<S>(simd, h, z, parts, work);
+        solve::<S>(simd, work, rhs, parts, n, nu);
+    }
+}
+
+/// `sum_k row(k) x_kj` over a part.
+#[inline(always)]
+fn row_times<S: Simd>(
+    simd: S,
+    row: impl Fn(usize) -> f64,
+    part: &Range<usize>,
+    x: &[Lanes<S>],
+    j: usize,
+    nu: usize,
+) -> Lanes<S> {
+    let zero = [simd.splat_f64s(0.0); 2];
+    part.clone().fold(zero, |sum, k| {
+        let product = times_real(simd, x[k * nu + j], row(k));
+        [0, 1].map(|w| simd.add_f64s(sum[w], product[w]))
+    })
+}
+
+/// `B - (z I - A) X`, rounded once.
+#[inline(always)]
+fn residual<S: Simd>(
+    simd: S,
+    model: &Matrices,
+    z: Lanes<S>,
+    parts: &[Range<usize>],
+    states: &[Lanes<S>],
+    left: &mut [Lanes<S>],
+) {
+    let nu = model.b.ncols();
+    let zero = simd.splat_f64s(0.0);
+    let [re, im] = z;
+    let (minus_re, minus_im) = (simd.neg_f64s(re), simd.neg_f64s(im));
+    for part in parts {
+        for i in part.clone() {
+            for j in 0..nu {
+                let [x, y] = states[i * nu + j];
+                let mut real = Twofold::<S>([simd.splat_f64s(model.b[(i, j)]), zero]);
+                real = real.plus(simd, minus_re, x).plus(simd, im, y);
+                let mut imaginary = Twofold::<S>([zero; 2]);
+                imaginary = imaginary.plus(simd, minus_re, y).plus(simd, minus_im, x);
+                for k in part.clone() {
+                    let (a, [x, y]) = (simd.splat_f64s(model.a[(i, k)]), states[k * nu + j]);
+                    real = real.plus(simd, a, x);
+                    imaginary = imaginary.plus(simd, a, y);
+                }
+                left[i * nu + j] = [real.value(simd), imaginary.value(simd)];
+            }
+        }
+    }
+}

@@ -76,6 +76,17 @@ pub struct Extends {
     pub starts: fn(&[f64], &Screen<'_>) -> Vec<Vec<f64>>,
 }
 
+/// What a machine must have for an effect to be there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Needs {
+    /// Any machine.
+    Nothing,
+    /// Two motors, inputs and outputs.
+    TwoChannels,
+    /// The masses and couplings of the xy-table from first principles.
+    Table,
+}
+
 /// An entry of the catalogue: what it is called, what it predicts, how it is simulated.
 #[derive(Debug)]
 pub struct Effect {
@@ -85,6 +96,8 @@ pub struct Effect {
     pub family: Family,
     /// Channel at which it acts, counted from zero; of the inputs, for sensors of the outputs.
     pub channel: usize,
+    /// What the machine must have.
+    pub needs: Needs,
     /// What it is, in a sentence.
     pub meaning: &'static str,
     /// Its parameters; amplitudes first.
@@ -99,6 +112,14 @@ pub struct Effect {
 }
 
 impl Effect {
+    /// Whether a machine has what the effect acts on.
+    pub fn suits(&self, base: &Base) -> bool {
+        match self.needs {
+            Needs::Nothing => true,
+            Needs::TwoChannels => base.channels() > 1,
+            Needs::Table => base.is_table(),
+        }
+    }
     /// Whether the effect exists with these values, in the order of its parameters.
     pub fn allows(&self, values: &[f64]) -> bool {
         let fits = |(v, p): (&f64, &EffectParameter)| {

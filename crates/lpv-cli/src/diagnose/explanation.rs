@@ -62,8 +62,8 @@ impl Explanation {
     /// The machine on a bundle, whose geometry says where its motors are.
     ///
     /// # Errors
-    /// [`PipelineError::Structure`] for a bundle without the geometry of the base, an effect that the catalogue does not know, or
-    /// one with a parameter out of its range;
+    /// [`PipelineError::Structure`] for a bundle without the geometry of the base, an effect that the catalogue does not know, one
+    /// that the base cannot have, or one with a parameter out of its range;
     /// [`PipelineError::Channels`].
     pub fn machine(&self, model: &Model, bundle: &Bundle) -> Result<Explained, PipelineError> {
         let base = match self.base {
@@ -89,6 +89,12 @@ impl Explanation {
                 let effect = named(&found.effect).ok_or(PipelineError::Structure {
                     problem: "the model has an effect that the catalogue of this version does not know; diagnose the bundle again",
                 })?;
+                if !effect.suits(&base) {
+                    return Err(PipelineError::Structure {
+                        problem: "an effect of the model acts on what its base does not have (masses and couplings of an xy-table, or a second \
+                                  motor); take it out of the file or diagnose the bundle again",
+                    });
+                }
                 let value = |name: &str| {
                     found
                         .parameters

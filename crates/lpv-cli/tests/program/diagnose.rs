@@ -227,6 +227,13 @@ fn a_model_of_a_file_is_the_base() {
     std::fs::write(desk.path("wrong.json"), file.to_string()).unwrap();
     let said = desk.refused("validate wrong.json after");
     assert!(said.contains("out of its range"), "{said}");
+    // A mass, which only the table has.
+    let effect = &mut file["explanation"]["effects"][0];
+    effect["effect"] = "payload".into();
+    effect["parameters"] = serde_json::json!({"mass": {"value": 1.0, "unit": "kg"}, "inertia": {"value": 0.1, "unit": "kg m^2"}});
+    std::fs::write(desk.path("wrong.json"), file.to_string()).unwrap();
+    let said = desk.refused("validate wrong.json after");
+    assert!(said.contains("its base does not have"), "{said}");
     // What is looked for anew is found again.
     let again = desk.done("diagnose after --model found/model.json -o again");
     assert!(

@@ -1,12 +1,13 @@
 //! The sensor reads a point away from the assumed one.
 
 use crate::base::Pair;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "abbe-offset",
     family: Family::Sensor,
     channel: 0,
+    needs: Needs::TwoChannels,
     meaning: "sensor of the translation that reads a point away from the assumed one",
     parameters: &[EffectParameter {
         name: "offset",
@@ -14,13 +15,7 @@ pub(super) static EFFECT: Effect = Effect {
         scale: Scale::Linear,
     }],
     extends: None,
-    starts: |screen| {
-        if screen.base.channels() > 1 {
-            vec![vec![0.0]]
-        } else {
-            vec![]
-        }
-    },
+    starts: |_| vec![vec![0.0]],
     block: |v, _| Box::new(Abbe(v[0])),
 };
 

@@ -1,12 +1,13 @@
 //! First-order lag of the amplifier.
 
-use crate::effect::{Block, Effect, EffectParameter, Family, Path, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Needs, Path, Scale};
 use num_complex::Complex64 as C64;
 
 pub(super) static EFFECT: Effect = Effect {
     name: "actuator-lag",
     family: Family::Timing,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "first-order lag between commanded and actual forces of the motors",
     parameters: &[EffectParameter {
         name: "time_constant",

@@ -1,12 +1,13 @@
 //! Force that grows less than proportionally.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "actuator-saturation",
     family: Family::Actuator,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "force that grows less than proportionally with the command",
     parameters: &[EffectParameter {
         name: "softness",

@@ -1,12 +1,13 @@
 //! A cable or hose between machine and ground.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "cable-stiffness",
     family: Family::PositionForce,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "spring to ground at each end of the beam, from a cable or hose",
     parameters: &[
         EffectParameter {

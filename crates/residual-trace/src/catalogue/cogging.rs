@@ -1,7 +1,7 @@
 //! Force periodic in the position of a motor.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 use crate::screen::Trial;
 use std::f64::consts::TAU;
 
@@ -9,6 +9,7 @@ pub(super) static EFFECT: Effect = Effect {
     name: "cogging",
     family: Family::PositionForce,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "force periodic in the position of each motor",
     parameters: &[
         EffectParameter {

@@ -1,12 +1,13 @@
 //! Constant force against the direction of motion.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "coulomb-friction",
     family: Family::Friction,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "constant force of the guides against the direction of motion",
     parameters: &[
         EffectParameter {

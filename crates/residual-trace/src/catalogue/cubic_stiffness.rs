@@ -1,12 +1,13 @@
 //! A coupling that stiffens with deflection.
 
 use crate::base::Forces;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "cubic-stiffness",
     family: Family::Structure,
     channel: 0,
+    needs: Needs::Table,
     meaning: "coupling between beam and carriage that stiffens with its deflection",
     parameters: &[EffectParameter {
         name: "cubic",
@@ -14,13 +15,7 @@ pub(super) static EFFECT: Effect = Effect {
         scale: Scale::Linear,
     }],
     extends: None,
-    starts: |screen| {
-        if screen.base.is_table() {
-            vec![vec![0.0]]
-        } else {
-            vec![]
-        }
-    },
+    starts: |_| vec![vec![0.0]],
     block: |v, _| Box::new(Cubic(v[0])),
 };
 

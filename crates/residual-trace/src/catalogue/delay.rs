@@ -1,12 +1,13 @@
 //! Commands that come late.
 
-use crate::effect::{Block, Effect, EffectParameter, Family, Path, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Needs, Path, Scale};
 use num_complex::Complex64 as C64;
 
 pub(super) static EFFECT: Effect = Effect {
     name: "delay",
     family: Family::Timing,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "pure delay of the commands, of any part of a sample",
     parameters: &[EffectParameter {
         name: "time",

@@ -1,12 +1,13 @@
 //! Viscous friction that differs by direction.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "direction-dependent-friction",
     family: Family::Friction,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "viscous friction of the guides that is so much more forward, and so much less backward",
     parameters: &[EffectParameter {
         name: "viscous_forward_more",

@@ -1,7 +1,7 @@
 //! A resonance that the model does not have.
 
 use crate::base::Forces;
-use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Path, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Needs, Path, Scale};
 use crate::screen::Screen;
 use num_complex::Complex64 as C64;
 use std::f64::consts::TAU;
@@ -10,6 +10,7 @@ pub(super) static EFFECT: Effect = Effect {
     name: "extra-mode",
     family: Family::Structure,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "mass on the load that swings on a spring",
     parameters: &[
         EffectParameter {

@@ -1,12 +1,13 @@
 //! Presliding friction.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Needs, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "hysteresis",
     family: Family::Friction,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "friction that builds up over a presliding distance (Dahl)",
     parameters: &[
         EffectParameter {

@@ -1,12 +1,13 @@
 //! Left and right motors with different force constants.
 
 use crate::base::Forces;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "motor-asymmetry",
     family: Family::Actuator,
     channel: 0,
+    needs: Needs::TwoChannels,
     meaning: "left and right motors with different force constants",
     parameters: &[EffectParameter {
         name: "difference",
@@ -14,13 +15,7 @@ pub(super) static EFFECT: Effect = Effect {
         scale: Scale::Linear,
     }],
     extends: None,
-    starts: |screen| {
-        if screen.base.channels() > 1 {
-            vec![vec![0.0]]
-        } else {
-            vec![]
-        }
-    },
+    starts: |_| vec![vec![0.0]],
     block: |v, _| Box::new(Asymmetry(v[0])),
 };
 

@@ -1,12 +1,13 @@
 //! A mass or inertia that differs from the one identified.
 
 use crate::base::Base;
-use crate::effect::{Block, Effect, EffectParameter, Family, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Needs, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "payload",
     family: Family::Structure,
     channel: 0,
+    needs: Needs::Table,
     meaning: "mass and inertia of the load that differ from those identified",
     parameters: &[
         EffectParameter {
@@ -21,13 +22,7 @@ pub(super) static EFFECT: Effect = Effect {
         },
     ],
     extends: None,
-    starts: |screen| {
-        if screen.base.is_table() {
-            vec![vec![0.0; 2]]
-        } else {
-            vec![]
-        }
-    },
+    starts: |_| vec![vec![0.0; 2]],
     block: |v, _| {
         Box::new(Payload {
             mass: v[0],

@@ -1,7 +1,7 @@
 //! Force at a fixed frequency in time.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 use crate::screen::Trial;
 use std::f64::consts::TAU;
 
@@ -9,6 +9,7 @@ pub(super) static EFFECT: Effect = Effect {
     name: "periodic-disturbance",
     family: Family::Disturbance,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "force at a fixed frequency in time, counted from the start of a record",
     parameters: &[
         EffectParameter {

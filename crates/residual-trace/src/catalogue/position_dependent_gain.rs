@@ -1,12 +1,13 @@
 //! Force constant that varies along the stroke.
 
 use crate::base::Forces;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "position-dependent-gain",
     family: Family::Actuator,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "force constant of the motors that varies along the stroke",
     parameters: &[
         EffectParameter {

@@ -1,12 +1,13 @@
 //! Finite resolution.
 
-use crate::effect::{Block, Effect, EffectParameter, Family, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Needs, Scale};
 use crate::track::Track;
 
 pub(crate) static EFFECT: Effect = Effect {
     name: "quantization",
     family: Family::Sensor,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "finite resolution of the sensors",
     parameters: &[
         EffectParameter {

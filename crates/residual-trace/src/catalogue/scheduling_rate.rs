@@ -1,12 +1,13 @@
 //! Forces that depend on how fast the scheduling moves.
 
 use crate::base::Forces;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "scheduling-rate",
     family: Family::Scheduling,
     channel: 0,
+    needs: Needs::TwoChannels,
     meaning: "forces on the load from the rate of the scheduling times its own motion (Coriolis)",
     parameters: &[
         EffectParameter {
@@ -21,13 +22,7 @@ pub(super) static EFFECT: Effect = Effect {
         },
     ],
     extends: None,
-    starts: |screen| {
-        if screen.base.channels() > 1 {
-            vec![vec![0.0; 2]]
-        } else {
-            vec![]
-        }
-    },
+    starts: |_| vec![vec![0.0; 2]],
     block: |v, _| {
         Box::new(Rate {
             force: v[0],

@@ -1,12 +1,13 @@
 //! Dynamics that also vary with another measured signal.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "second-scheduling",
     family: Family::Scheduling,
     channel: 0,
+    needs: Needs::Table,
     meaning: "couplings whose stiffness follows a second measured signal",
     parameters: &[
         EffectParameter {
@@ -22,7 +23,7 @@ pub(super) static EFFECT: Effect = Effect {
     ],
     extends: None,
     starts: |screen| {
-        if screen.base.is_table() && screen.auxiliaries() > 0 {
+        if screen.auxiliaries() > 0 {
             vec![vec![0.0; 2]]
         } else {
             vec![]

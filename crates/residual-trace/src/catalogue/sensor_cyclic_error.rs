@@ -1,7 +1,7 @@
 //! Interferometer error periodic in the measured position.
 
 use crate::base::Pair;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 use crate::screen::Trial;
 use std::f64::consts::TAU;
 
@@ -9,6 +9,7 @@ pub(super) static EFFECT: Effect = Effect {
     name: "sensor-cyclic-error",
     family: Family::Sensor,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "error of a sensor that is periodic in the measured position",
     parameters: &[
         EffectParameter {

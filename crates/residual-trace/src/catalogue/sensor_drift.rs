@@ -1,12 +1,13 @@
 //! Slow change in time.
 
 use crate::base::Pair;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "sensor-drift",
     family: Family::Sensor,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "slow change of a sensor in time, from the start of a record",
     parameters: &[
         EffectParameter {

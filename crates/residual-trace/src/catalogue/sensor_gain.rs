@@ -1,13 +1,14 @@
 //! Scale error.
 
 use crate::base::Pair;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Path, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Path, Scale};
 use num_complex::Complex64 as C64;
 
 pub(super) static EFFECT: Effect = Effect {
     name: "sensor-gain",
     family: Family::Sensor,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "scale error of a sensor",
     parameters: &[EffectParameter {
         name: "gain",

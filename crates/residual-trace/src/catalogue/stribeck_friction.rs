@@ -1,12 +1,13 @@
 //! Coulomb friction that is larger near zero speed.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Needs, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "stribeck-friction",
     family: Family::Friction,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "friction of the guides that is larger near zero speed",
     parameters: &[
         EffectParameter {

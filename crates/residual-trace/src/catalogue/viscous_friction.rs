@@ -1,12 +1,13 @@
 //! Force proportional to speed.
 
 use crate::base::{Base, Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "viscous-friction",
     family: Family::Friction,
     channel: 0,
+    needs: Needs::Nothing,
     meaning: "force of the guides proportional to speed",
     parameters: &[EffectParameter {
         name: "coefficient",

@@ -33,7 +33,7 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
     let taken: Vec<&str> = now.model.effects.iter().map(|(e, _)| e.name).collect();
     let mut found: Vec<Candidate> = CATALOGUE
         .iter()
-        .filter(|e| !taken.contains(&e.name))
+        .filter(|e| e.suits(base) && !taken.contains(&e.name))
         .flat_map(|e| (e.starts)(&screen).into_iter().map(|v| (*e, v)))
         .collect::<Vec<_>>()
         .into_par_iter()

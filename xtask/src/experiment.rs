@@ -138,28 +138,31 @@ impl Bench {
             noise: Noise::Off,
             ..ExperimentSettings::default()
         };
-        let runs = self
-            .positions
-            .par_iter()
-            .map(|&p| {
-                let settings = ExperimentSettings {
-                    periods: self.size.periods,
-                    seed: self.seed,
-                    ..ExperimentSettings::default()
-                };
-                let found = self.estimate(p, settings, &noisy)?;
-                let truth = self.truth(p, found.estimate.frf().frequencies_hz())?;
-                let perfect = self.estimate(p, noise_free, &clean)?;
-                let run = Run::new(found, &truth, perfect.estimate.frf())?;
-                progress.inc(1);
-                Ok(run)
-            })
-            .collect::<Result<Vec<Run>, TaskError>>()?;
+        let at = |p: &f64| -> Result<Run, TaskError> {
+            let settings = ExperimentSettings {
+                periods: self.size.periods,
+                seed: self.seed,
+                ..ExperimentSettings::default()
+            };
+            let (found, perfect) = rayon::join(
+                || self.estimate(*p, settings, &noisy),
+                || self.estimate(*p, noise_free, &clean),
+            );
+            let (found, perfect) = (found?, perfect?);
+            let truth = self.truth(*p, found.estimate.frf().frequencies_hz())?;
+            let run = Run::new(found, &truth, perfect.estimate.frf())?;
+            progress.inc(1);
+            Ok(run)
+        };
         let continuous = ExperimentSettings {
             loop_kind: LoopKind::Continuous,
             ..noise_free
         };
-        let held = self.estimate(self.positions[0], continuous, &clean)?;
+        let (runs, held) = rayon::join(
+            || self.positions.par_iter().map(at).collect::<Result<Vec<Run>, _>>(),
+            || self.estimate(self.positions[0], continuous, &clean),
+        );
+        let (runs, held) = (runs?, held?);
         let frequencies = held.estimate.frf().frequencies_hz();
         let errors = held
             .estimate
@@ -253,6 +256,9 @@ impl Run {
 
 /// Median; NaN of nothing.
 pub(crate) fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    let middle = values.len() / 2;
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

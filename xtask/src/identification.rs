@@ -4,7 +4,7 @@ use crate::TaskError;
 use crate::experiment::{Bench, median};
 use crate::size::{CHOSEN_FUNCTIONS, PAPER_GRID_DB, PAPER_TRUE_DB, TABLE_FUNCTIONS};
 use lfr_realize::{Realization, realize};
-use lpv_cli::validation::{FrozenError, channel_error, frozen_error};
+use lpv_cli::validation::{FrozenError, channel_error};
 use lpv_cli::{IdentifyConfig, PoleStage, Polish, choose_basis, fit_poles, regress_on};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Frf, FrfEstimate, WellPosedness};
@@ -172,20 +172,28 @@ impl TestGrid {
         })
     }
 
+    /// Relative error of every line, by test position.
+    fn errors(&self, responses: &[Frf]) -> Result<Vec<Vec<f64>>, TaskError> {
+        let pairs = responses.par_iter().zip(&self.truth);
+        Ok(pairs
+            .map(|(g, f)| g.relative_error(f))
+            .collect::<Result<_, _>>()?)
+    }
+
+    /// Of all positions, or of those that were measured or not, up to a frequency.
     fn part(
         &self,
-        responses: &[Frf],
+        errors: &[Vec<f64>],
         measured: Option<bool>,
         highest_hz: f64,
     ) -> Result<FrozenError, TaskError> {
-        let keep = |i: &usize| measured.is_none_or(|m| self.measured[*i] == m);
-        let pick = |all: &[Frf]| {
-            (0..all.len())
-                .filter(keep)
-                .map(|i| all[i].select(|_, f| f <= highest_hz))
-                .collect::<Vec<_>>()
-        };
-        Ok(frozen_error(&pick(responses), &pick(&self.truth))?)
+        let kept = (0..errors.len()).filter(|i| measured.is_none_or(|m| self.measured[*i] == m));
+        let lines = kept.enumerate().flat_map(|(index, i)| {
+            let lines = errors[i].iter().zip(&self.frequencies_hz);
+            lines.map(move |(error, f)| (*error, *f, index))
+        });
+        let part = FrozenError::of(lines.filter(|(_, f, _)| *f <= highest_hz));
+        Ok(part.ok_or("a part of the test grid is empty")?)
     }
 }
 
@@ -218,20 +226,21 @@ pub(crate) struct BandError {
 impl ObfError {
     fn new(model: &LpvObfModel, grid: &TestGrid) -> Result<Self, TaskError> {
         let responses = model.responses(&grid.positions, &grid.frequencies_hz)?;
-        let all = grid.part(&responses, None, f64::INFINITY)?;
-        let band = grid.part(&responses, None, BAND_HZ)?;
+        let errors = grid.errors(&responses)?;
+        let all = grid.part(&errors, None, f64::INFINITY)?;
+        let band = grid.part(&errors, None, BAND_HZ)?;
         Ok(Self {
             functions: model.fits().functions(),
             interpolation: model.interpolation().name(),
             strict_max_db: all.strict_max_db,
             median_db: all.median_db,
-            at_positions: grid.part(&responses, Some(true), f64::INFINITY)?,
-            between: grid.part(&responses, Some(false), f64::INFINITY)?,
+            at_positions: grid.part(&errors, Some(true), f64::INFINITY)?,
+            between: grid.part(&errors, Some(false), f64::INFINITY)?,
             band: BandError {
                 strict_max_db: band.strict_max_db,
                 median_db: band.median_db,
-                at_positions: grid.part(&responses, Some(true), BAND_HZ)?,
-                between: grid.part(&responses, Some(false), BAND_HZ)?,
+                at_positions: grid.part(&errors, Some(true), BAND_HZ)?,
+                between: grid.part(&errors, Some(false), BAND_HZ)?,
             },
         })
     }

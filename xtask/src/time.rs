@@ -4,9 +4,11 @@ use crate::TaskError;
 use crate::experiment::Bench;
 use crate::size::NOISE;
 use experiment_data::Controller;
-use lpv_cli::validation::{Frozen, closed_loop, open_loop, rms_error};
+use lpv_cli::PipelineError;
+use lpv_cli::validation::{Frozen, Run, closed_loop, open_loop, rms_error};
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{Discrete, Lfr, Purpose, Record, StateSpace};
+use rayon::prelude::*;
 use serde::Serialize;
 use xytable_plant::{
     Machine, MoveLimits, MovingExperiment, MovingSettings, Noise, Profile, Setpoint, Setpoints,
@@ -60,8 +62,8 @@ const SAMPLES: usize = 4000;
 struct SampledPlant<'a>(&'a Machine, Discrete);
 
 impl Frozen for SampledPlant<'_> {
-    fn at(&self, p: &[f64]) -> Result<StateSpace<Discrete>, lpv_cli::PipelineError> {
-        let refused = lpv_cli::PipelineError::Structure {
+    fn at(&self, p: &[f64]) -> Result<StateSpace<Discrete>, PipelineError> {
+        let refused = PipelineError::Structure {
             problem: "the scheduling record leaves the stroke of the machine",
         };
         self.0
@@ -74,9 +76,18 @@ pub(crate) fn validate(bench: &Bench, lfr: &Lfr<Discrete>) -> Result<TimeStage, 
     let controller = controller(bench);
     let (sweep, integration_error) = moving_record(bench)?;
     let still = still_record(bench)?;
-    let open = open_loop(lfr, &sweep, None)?.outputs;
-    let closed = closed_loop(lfr, &controller, &sweep, None)?.outputs;
     let plant = SampledPlant(&bench.machine, bench.clock);
+    let runs: [&(dyn Fn() -> Result<Run, PipelineError> + Sync); 5] = [
+        &|| open_loop(lfr, &sweep, None),
+        &|| closed_loop(lfr, &controller, &sweep, None),
+        &|| closed_loop(lfr, &controller, &still, None),
+        &|| open_loop(&plant, &sweep, None),
+        &|| closed_loop(&plant, &controller, &sweep, None),
+    ];
+    let runs = runs.par_iter().with_max_len(1).map(|run| Ok(run()?.outputs));
+    let outputs = runs.collect::<Result<Vec<_>, TaskError>>()?;
+    let [open, closed, stands, plant_open, plant_closed]: [DMatrix<f64>; 5] =
+        outputs.try_into().map_err(|_| "five simulations")?;
     let pair = |simulated: &DMatrix<f64>, record: &Record| TimeError::new(rms_error(simulated, record));
     let (o, c) = (pair(&open, &sweep), pair(&closed, &sweep));
     let two = |v: &[f64]| [v[0], v[1]];
@@ -85,9 +96,9 @@ pub(crate) fn validate(bench: &Bench, lfr: &Lfr<Discrete>) -> Result<TimeStage, 
         closed_loop_rms: two(&c.rms),
         open_loop_sweep_over_noise: two(&o.over_noise),
         closed_loop_over_noise: two(&c.over_noise),
-        closed_loop_constant_p: pair(&closed_loop(lfr, &controller, &still, None)?.outputs, &still),
-        plant_open_loop: pair(&open_loop(&plant, &sweep, None)?.outputs, &sweep),
-        plant_closed_loop: pair(&closed_loop(&plant, &controller, &sweep, None)?.outputs, &sweep),
+        closed_loop_constant_p: pair(&stands, &still),
+        plant_open_loop: pair(&plant_open, &sweep),
+        plant_closed_loop: pair(&plant_closed, &sweep),
         integration_error,
     };
     Ok(TimeStage {

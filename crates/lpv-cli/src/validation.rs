@@ -39,6 +39,32 @@ pub struct FrozenError {
     pub worst_response: usize,
 }
 
+impl FrozenError {
+    /// From relative errors, each with its frequency and the index of its response; none of none.
+    pub fn of(errors: impl Iterator<Item = (f64, f64, usize)>) -> Option<Self> {
+        let mut worst = (0.0, 0.0, 0);
+        let mut all: Vec<f64> = errors
+            .inspect(|e| {
+                if e.0 > worst.0 {
+                    worst = *e;
+                }
+            })
+            .map(|e| e.0)
+            .collect();
+        let middle = all.len() / 2;
+        if all.is_empty() {
+            return None;
+        }
+        let (_, median, _) = all.select_nth_unstable_by(middle, f64::total_cmp);
+        Some(Self {
+            strict_max_db: finite(decibel(worst.0)),
+            median_db: finite(decibel(*median)),
+            worst_frequency_hz: worst.1,
+            worst_response: worst.2,
+        })
+    }
+}
+
 /// Decibels of an amplitude ratio.
 pub fn decibel(ratio: f64) -> f64 {
     20.0 * ratio.log10()
@@ -49,29 +75,23 @@ pub fn decibel(ratio: f64) -> f64 {
 /// # Errors
 /// Different numbers of responses or lines; nothing to compare.
 pub fn frozen_error(model: &[Frf], truth: &[Frf]) -> Result<FrozenError, PipelineError> {
-    let mut all = Vec::new();
-    let mut worst = (0.0, 0.0, 0);
-    for (index, (g, f)) in model.iter().zip(truth).enumerate() {
-        let errors = g.relative_error(f)?;
-        for (k, &e) in errors.iter().enumerate() {
-            if e > worst.0 {
-                worst = (e, g.frequencies_hz()[k], index);
-            }
-        }
-        all.extend(errors);
+    let refuse = PipelineError::Structure {
+        problem: "frozen error: give as many responses of the model as of the truth, at least one",
+    };
+    if model.len() != truth.len() {
+        return Err(refuse);
     }
-    if all.is_empty() || model.len() != truth.len() {
-        return Err(PipelineError::Structure {
-            problem: "frozen error: give as many responses of the model as of the truth, at least one",
+    let errors = model.iter().zip(truth).map(|(g, f)| g.relative_error(f));
+    let errors = errors.collect::<Result<Vec<_>, _>>()?;
+    let lines = errors
+        .iter()
+        .zip(model)
+        .enumerate()
+        .flat_map(|(index, (errors, g))| {
+            let lines = errors.iter().zip(g.frequencies_hz());
+            lines.map(move |(error, f)| (*error, *f, index))
         });
-    }
-    all.sort_by(f64::total_cmp);
-    Ok(FrozenError {
-        strict_max_db: finite(decibel(worst.0)),
-        median_db: finite(decibel(all[all.len() / 2])),
-        worst_frequency_hz: worst.1,
-        worst_response: worst.2,
-    })
+    FrozenError::of(lines).ok_or(refuse)
 }
 
 /// Error by channel: largest and median of `|G_ij - F_ij| / ||F||_F` over lines and responses, in decibels; relative to the

@@ -119,7 +119,7 @@ impl Frf {
         &mut self.values[k * size..(k + 1) * size]
     }
     /// All values, line after line, to be written.
-    pub(crate) fn values_mut(&mut self) -> &mut [C64] {
+    pub fn values_mut(&mut self) -> &mut [C64] {
         &mut self.values
     }
     /// All values, line after line.

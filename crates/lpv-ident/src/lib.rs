@@ -45,6 +45,7 @@
 
 mod choose;
 mod error;
+mod expansion;
 mod interpolation;
 mod model;
 mod planes;

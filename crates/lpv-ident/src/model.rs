@@ -1,10 +1,12 @@
 //! The LPV-OBF model with the band that the noise leaves around its frozen responses.
 
+use crate::expansion::Expansion;
 use crate::interpolation::InterpolationOperator;
-use crate::regression::{LocalFits, expand};
+use crate::regression::LocalFits;
 use crate::{IdentError, Interpolation};
 use lpv_core::{Frf, MatrixFunction, SchedulingRange, SeriesExpansion, StateSpace};
 use nalgebra::{DMatrix, dmatrix};
+use rayon::prelude::*;
 
 /// Equation (13) with coefficient functions for every p of the range.
 #[derive(Debug, Clone)]
@@ -65,8 +67,7 @@ impl LpvObfModel {
     /// p outside the range; frequencies above Nyquist; a line at zero if there is a rigid body.
     pub fn response(&self, p: f64, frequencies_hz: &[f64]) -> Result<Frf, IdentError> {
         self.range.check(&[p])?;
-        let phi = self.fits.basis.frequency_response(frequencies_hz)?;
-        expand(&self.fits, &self.weights.evaluate(&[p]), &phi)
+        Expansion::new(&self.fits, frequencies_hz)?.response(self.weights.evaluate(&[p]))
     }
 
     /// The frozen responses at several p; the basis is evaluated once.
@@ -74,12 +75,12 @@ impl LpvObfModel {
     /// # Errors
     /// As [`LpvObfModel::response`].
     pub fn responses(&self, positions: &[f64], frequencies_hz: &[f64]) -> Result<Vec<Frf>, IdentError> {
-        let phi = self.fits.basis.frequency_response(frequencies_hz)?;
+        let expansion = Expansion::new(&self.fits, frequencies_hz)?;
         positions
-            .iter()
+            .par_iter()
             .map(|&p| {
                 self.range.check(&[p])?;
-                expand(&self.fits, &self.weights.evaluate(&[p]), &phi)
+                expansion.response(self.weights.evaluate(&[p]))
             })
             .collect()
     }

@@ -4,6 +4,7 @@ mod eliminate;
 mod gram;
 mod solve;
 
+use crate::expansion::Expansion;
 use crate::triangle::solve_upper;
 use crate::{CheckedRegression, IdentError, RigidTerm, Weighting};
 use eliminate::Regressors;
@@ -249,29 +250,6 @@ impl LocalFits {
     /// # Panics
     /// If there is no such position.
     pub fn response(&self, position: usize, frequencies_hz: &[f64]) -> Result<Frf, IdentError> {
-        let phi = self.basis.frequency_response(frequencies_hz)?;
-        expand(self, &self.fits[position].weights, &phi)
+        Expansion::new(self, frequencies_hz)?.response(self.fits[position].weights.clone())
     }
-}
-
-/// `sum_t c_t E_t phi_R + sum_i W_i phi_i` on the lines of `phi`.
-pub(crate) fn expand(fits: &LocalFits, weights: &DMatrix<f64>, phi: &Frf) -> Result<Frf, IdentError> {
-    let (ny, nu) = (fits.outputs, fits.inputs);
-    let mut frf = Frf::zeros(phi.frequencies_hz().to_vec(), ny, nu)?;
-    for k in 0..phi.len() {
-        let phi_k = phi.line_slice(k);
-        let line = frf.line_slice_mut(k);
-        for (i, &phi_i) in phi_k.iter().enumerate() {
-            for (entry, &w) in line.iter_mut().zip(weights.columns(i * nu, nu).iter()) {
-                *entry += phi_i * w;
-            }
-        }
-        if !fits.rigid_body.is_empty() {
-            let phi_r = rigid_response(fits.basis.clock(), phi.frequencies_hz()[k])?;
-            for (t, c) in fits.rigid_body.iter().zip(fits.gains.iter()) {
-                line[t.input * ny + t.output] += phi_r * *c;
-            }
-        }
-    }
-    Ok(frf)
 }

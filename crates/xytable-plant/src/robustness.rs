@@ -236,18 +236,17 @@ fn largest_sensitivity(
     frequencies_hz: &[f64],
 ) -> (f64, f64) {
     use lpv_core::Clock;
-    let (mut p, mut k) = (ResponseKernel::new(plant), ResponseKernel::new(controller));
-    let zero = Complex::new(0.0, 0.0);
-    let (mut pv, mut kv) = ([zero; 4], [zero; 4]);
+    let points: Vec<Complex<f64>> = frequencies_hz.iter().map(|&f| clock.point(f)).collect();
+    let loops = responses(plant, &points)
+        .into_iter()
+        .zip(responses(controller, &points));
     let mut worst = (0.0, 0.0);
-    for &f in frequencies_hz {
-        let z = clock.point(f);
+    for (loop_, &f) in loops.zip(frequencies_hz) {
         // A pole on the line means infinite loop gain: the sensitivity is zero there.
-        if p.evaluate(&[z], &mut pv).is_err() || k.evaluate(&[z], &mut kv).is_err() {
+        let (Some(p), Some(k)) = loop_ else {
             continue;
-        }
-        let loop_gain = Matrix2::from_column_slice(&pv) * Matrix2::from_column_slice(&kv);
-        let difference = Matrix2::identity() + loop_gain;
+        };
+        let difference = Matrix2::identity() + p * k;
         let s = difference
             .try_inverse()
             .map_or(f64::INFINITY, |s| spectral_norm(&s));
@@ -256,6 +255,24 @@ fn largest_sensitivity(
         }
     }
     worst
+}
+
+/// The response at each point; none at a pole.
+fn responses(system: &StateSpace<Discrete>, points: &[Complex<f64>]) -> Vec<Option<Matrix2<Complex<f64>>>> {
+    let mut kernel = ResponseKernel::new(system);
+    let mut values = vec![Complex::new(0.0, 0.0); 4 * points.len()];
+    let mut found = Vec::with_capacity(points.len());
+    while found.len() < points.len() {
+        let from = found.len();
+        let pole = kernel.evaluate(&points[from..], &mut values[4 * from..]).err();
+        let until = pole.map_or(points.len(), |pole| from + pole);
+        let matrices = values[4 * from..4 * until].chunks_exact(4);
+        found.extend(matrices.map(|v| Some(Matrix2::from_column_slice(v))));
+        if pole.is_some() {
+            found.push(None);
+        }
+    }
+    found
 }
 
 /// Largest singular value of a 2 x 2 matrix from its Frobenius norm and determinant.

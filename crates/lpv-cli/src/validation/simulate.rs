@@ -123,6 +123,13 @@ impl<'a, M: Frozen> Steps<'a, M> {
         let p = self.scheduling.column(k);
         self.model.step(p.as_slice(), self.nodes.after(k))
     }
+
+    /// Whether the model at sample `k` is that of the sample before.
+    fn stays(&self, k: usize) -> bool {
+        k > 0
+            && self.scheduling.column(k) == self.scheduling.column(k - 1)
+            && self.nodes.after(k) == self.nodes.after(k - 1)
+    }
 }
 
 fn run(
@@ -132,9 +139,9 @@ fn run(
     mut input: impl FnMut(usize, &[f64], &mut [f64]),
 ) -> Result<Run, PipelineError> {
     let steps = Steps::new(model, record);
-    let first = steps.at(0)?;
-    let (nu, ny) = (record.inputs.channels(), first.outputs());
-    if first.inputs() != nu || ny != record.outputs.channels() {
+    let mut frozen = steps.at(0)?;
+    let (nu, ny) = (record.inputs.channels(), frozen.outputs());
+    if frozen.inputs() != nu || ny != record.outputs.channels() {
         return Err(PipelineError::Structure {
             problem: "simulation: the record has another number of inputs or outputs than the model",
         });
@@ -143,14 +150,16 @@ fn run(
         Some((u, y)) => (u.clone(), y.clone()),
         None => (DVector::zeros(nu), DVector::zeros(ny)),
     };
-    let mut x = initial_state.map_or_else(|| DVector::zeros(first.states()), DVector::clone);
+    let mut x = initial_state.map_or_else(|| DVector::zeros(frozen.states()), DVector::clone);
     let mut u = DVector::zeros(nu);
     let mut run = Run {
         outputs: DMatrix::zeros(ny, record.len()),
         inputs: DMatrix::zeros(nu, record.len()),
     };
     for k in 0..record.len() {
-        let frozen = steps.at(k)?;
+        if !steps.stays(k) {
+            frozen = steps.at(k)?;
+        }
         let before = frozen.c() * &x + &output_offset;
         input(k, before.as_slice(), u.as_mut_slice());
         let effective = &u - &input_offset;

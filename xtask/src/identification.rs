@@ -406,8 +406,8 @@ fn table(
     estimates: &[FrfEstimate],
     grid: &TestGrid,
 ) -> Result<Vec<ObfError>, TaskError> {
-    let mut rows = Vec::new();
-    for &functions in &bench.size.functions {
+    debug_assert!(bench.size.functions.contains(&CHOSEN_FUNCTIONS));
+    let of_size = |&functions: &usize| -> Result<Vec<ObfError>, TaskError> {
         let config = IdentifyConfig {
             seed: bench.seed,
             polish: Polish::None,
@@ -415,14 +415,13 @@ fn table(
         };
         let basis = choose_basis(&stage.fits, &bench.positions, bench.clock, functions, &config)?;
         let fits = regress_on(estimates, &basis, 2, &config)?;
-        let of_size = candidates(&fits, bench.size.order)
+        candidates(&fits, bench.size.order)
             .par_iter()
             .map(|&kind| ObfError::new(&fits.interpolate(kind)?, grid))
-            .collect::<Result<Vec<_>, TaskError>>()?;
-        rows.extend(of_size);
-    }
-    debug_assert!(bench.size.functions.contains(&CHOSEN_FUNCTIONS));
-    Ok(rows)
+            .collect()
+    };
+    let rows = bench.size.functions.par_iter().with_max_len(1).map(of_size);
+    Ok(rows.collect::<Result<Vec<_>, _>>()?.concat())
 }
 
 /// Figures on the direct LFR.

@@ -33,14 +33,16 @@ pub(crate) fn run(options: &Reproduce) -> Result<bool, TaskError> {
         bar.set_message(message);
     };
     step("poles");
-    let (pole_stage, poles) = identification::poles(&bench, &measured_frf.estimates)?;
+    let (found, truth) = rayon::join(
+        || identification::poles(&bench, &measured_frf.estimates),
+        || Ok::<_, TaskError>((identification::continuum(&bench)?, TestGrid::new(&bench)?)),
+    );
+    let ((pole_stage, poles), (continuum, grid)) = (found?, truth?);
     clock.lap("poles");
     step("basis, Table I");
-    let continuum = identification::continuum(&bench)?;
     let table_one = identification::table_one(&bench, &pole_stage, &continuum)?;
     clock.lap("basis");
     step("LPV-OBF models");
-    let grid = TestGrid::new(&bench)?;
     let obf = identification::obf(&bench, &pole_stage, &measured_frf.estimates, &grid)?;
     clock.lap("obf");
     step("LFR");

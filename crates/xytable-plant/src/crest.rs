@@ -72,11 +72,12 @@ impl<'a> Synthesis<'a> {
         for (&line, value) in self.lines.iter().zip(out) {
             let v = self.spectrum[line];
             // A line that clipping has emptied keeps the phase that it had.
-            if v.norm() > 0.0 {
+            let size = v.norm_sqr().sqrt();
+            if size > 0.0 {
                 *value = if 2 * line == self.period {
                     nyquist(v)
                 } else {
-                    v / v.norm()
+                    v / size
                 };
             }
         }
@@ -136,7 +137,11 @@ pub(crate) fn reduce_crest(
         let before = phasors.clone();
         synthesis.phasors(&mut phasors)?;
         iterations += 1;
-        if before.iter().zip(&phasors).all(|(a, b)| (a - b).norm() < 1e-9) {
+        if before
+            .iter()
+            .zip(&phasors)
+            .all(|(a, b)| (a - b).norm_sqr() < 1e-18)
+        {
             stop = CrestStop::Stationary;
             break;
         }

@@ -15,11 +15,11 @@ use std::ops::{DivAssign, MulAssign, Range};
 ///
 /// With `D^-1 A D = Q H Q^T`, D diagonal such that rows and columns have like norms (powers of two, so that nothing is rounded), the
 /// response is `C D Q (z I - H)^-1 Q^T D^-1 B + D_u`, D_u the direct term; `z I - H` is solved by elimination between
-/// neighbouring rows with pivoting (Laub, IEEE TAC 26(2), 1981), for as many points at a time as a vector register of the
+/// neighbouring rows with pivoting \[laub1981\], for as many points at a time as a vector register of the
 /// machine has lanes. States that do not reach each other are solved for apart. Where the states are many times larger
-/// than B, near a pole, the solution is refined once or more with residuals of twice the precision (Higham, Accuracy and Stability
-/// of Numerical Algorithms, ch. 12), so that neither the reduction nor the elimination shows. No products and sums
-/// are fused but where that is exact: the result does not depend on the machine.
+/// than B, near a pole, the solution is refined once or more with residuals of twice the precision (\[higham2002\], ch. 12), so
+/// that neither the reduction nor the elimination shows. No products and sums are fused but where that is exact: the
+/// result does not depend on the machine.
 #[derive(Debug, Clone)]
 pub struct ResponseKernel {
     /// Balanced, and in parts.
@@ -120,8 +120,7 @@ fn components(a: &DMatrix<f64>) -> (Vec<usize>, Vec<Range<usize>>) {
     (order, parts)
 }
 
-/// Scales the states by powers of two until rows and columns of `a` have like norms (Parlett and Reinsch, Numerische Mathematik
-/// 13, 1969), or for as many sweeps as that may reasonably take.
+/// Scales the states by powers of two until rows and columns of `a` have like norms \[parlett1969\], or for as many sweeps as that may reasonably take.
 fn balance(Matrices { a, b, c }: &mut Matrices) {
     for _ in 0..20 {
         let mut settled = true;

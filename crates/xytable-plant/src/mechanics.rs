@@ -117,7 +117,7 @@ impl Mechanics {
     /// Under a held force x1 is a polynomial of degree two in time, and the rest is linear with that polynomial in its
     /// coefficients: with `x(t + s h) = sum_k X_k s^k`, the coefficients of a product with x1 are
     /// `(x1 g)_k = x1_0 g_k + x1_1 g_(k-1) + x1_2 g_(k-2)`, and the equations of motion (7), (8) give each X_k from the ones before.
-    /// The order follows the motion, as Jorba and Zou (Experimental Mathematics 14(1), 2005) let it.
+    /// The order follows the motion \[jorba2005\].
     #[inline]
     pub(crate) fn step(&self, x: &State, f_x: f64, u: [f64; 2], h: f64) -> Option<State> {
         let w = &self.inverse_masses;

@@ -12,7 +12,7 @@ const MOST: usize = 6;
 /// A correction that is so small a part of the states is the last.
 const LAST: f64 = 1e-15;
 
-/// Sums with what rounding took from them (Ogita, Rump and Oishi, SIAM J. Sci. Comput. 26(6), 2005).
+/// Sums with what rounding took from them \[ogita2005\].
 #[derive(Clone, Copy)]
 struct Twofold<S: Simd>([S::f64s; 2]);
 

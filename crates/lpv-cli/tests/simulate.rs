@@ -70,7 +70,7 @@ fn a_bundle_has_records_controller_and_geometry_that_fit_each_other() {
     assert_eq!(*heard.borrow(), all);
     assert_eq!((account.records, account.samples), (6, 4 * 384 + 2 * 400));
     assert!(
-        account.integration_error < 1e-9 && account.substeps >= 2,
+        account.integration_error < 1e-15 && account.substeps == 1,
         "{account:?}"
     );
 

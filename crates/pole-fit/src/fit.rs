@@ -25,11 +25,11 @@ pub struct PoleFit {
     pub pole_covariance: Vec<Matrix2<f64>>,
     /// How the fit went.
     pub account: Account,
-    recurrence: Recurrence,
-    alpha: DVector<f64>,
-    beta: DMatrix<f64>,
-    channels: (usize, usize),
-    clock: Discrete,
+    pub(crate) recurrence: Recurrence,
+    pub(crate) alpha: DVector<f64>,
+    pub(crate) beta: DMatrix<f64>,
+    pub(crate) channels: (usize, usize),
+    pub(crate) clock: Discrete,
     delay_samples: usize,
     rigid_body_hz: f64,
 }
@@ -289,19 +289,37 @@ impl PoleFit {
         let mut frf = Frf::zeros(frequencies_hz.to_vec(), n_y, n_u)?;
         for (k, &frequency_hz) in frequencies_hz.iter().enumerate() {
             let z = self.clock.point(frequency_hz);
-            let p = self.recurrence.values(z);
-            let a: C64 = p.iter().zip(self.alpha.iter()).map(|(p, a)| p * *a).sum();
-            let fixed = (z - 1.0).powu(self.fixed_integrators as u32);
-            let factor = (a * fixed * z.powu(self.delay_samples as u32)).inv();
-            if !factor.is_finite() {
-                return Err(CoreError::PoleOnLine { frequency_hz });
-            }
-            for (value, beta) in frf.line_slice_mut(k).iter_mut().zip(self.beta.column_iter()) {
-                let b: C64 = p.iter().zip(beta.iter()).map(|(p, b)| p * *b).sum();
-                *value = b * factor;
+            let delay = z.powu(self.delay_samples as u32);
+            for (value, g) in frf.line_slice_mut(k).iter_mut().zip(self.values(z)) {
+                *value = g / delay;
+                if !value.is_finite() {
+                    return Err(CoreError::PoleOnLine { frequency_hz });
+                }
             }
         }
         Ok(frf)
+    }
+
+    /// `B` at a point, a value a channel, column-major.
+    pub(crate) fn numerators(&self, z: C64) -> Vec<C64> {
+        self.sums(&self.recurrence.values(z))
+    }
+
+    fn sums(&self, p: &[C64]) -> Vec<C64> {
+        let of = |beta: &[f64]| p.iter().zip(beta).map(|(p, b)| p * *b).sum();
+        self.beta
+            .as_slice()
+            .chunks_exact(self.beta.nrows())
+            .map(of)
+            .collect()
+    }
+
+    /// `B / ((z-1)^m a)` at a point, a value a channel, column-major.
+    pub(crate) fn values(&self, z: C64) -> Vec<C64> {
+        let p = self.recurrence.values(z);
+        let a: C64 = p.iter().zip(self.alpha.iter()).map(|(p, a)| p * *a).sum();
+        let factor = (a * (z - 1.0).powu(self.fixed_integrators as u32)).inv();
+        self.sums(&p).into_iter().map(|b| b * factor).collect()
     }
 
     /// A state space of `B / ((z-1)^m a)` with `order * min(n_y, n_u)` states, minimal only if all residues have full

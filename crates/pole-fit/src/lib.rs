@@ -71,6 +71,7 @@ mod fit;
 mod hermitian;
 mod model;
 mod moments;
+mod parallel;
 mod realise;
 mod scan;
 mod search;

@@ -1,22 +1,18 @@
 //! An LPV fit of frozen responses, judged between its positions.
 
 use super::{C64, Failure, Run, rows_of, warped, write};
-use lfr_realize::{FrozenData, GrowSettings, LocalSettings, RefineSettings, grow, local_model};
 use lpv_benches::Bench;
-use lpv_core::{Continuous, DeltaBlock, Frf, FrfEstimate};
-use pole_fit::{Integrators, PoleFitSettings, Weighting, fit};
+use lpv_core::{Frf, FrfEstimate};
+use lpv_ident::{Interpolation, interpolate_models};
+use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, Weighting, fit};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
 use std::path::Path;
 
 const POSITIONS: usize = 9;
 const LINES: usize = 401;
-const DELTAS: usize = 4;
-/// Lines of a position that the LFR is fitted to.
-const FEW: usize = 24;
-/// Rms residual at which the fit ends, relative.
-const TARGET: f64 = 3e-4;
 /// Noise of an entry, relative: without any, vector fitting does not converge.
 const NOISE: f64 = 1e-4;
 
@@ -64,51 +60,29 @@ pub(super) fn export(folder: &Path) -> Result<(), Failure> {
     write(folder, "frf", all.iter().flat_map(rows_of))
 }
 
-/// A small LFR: poles of the middle position, then growth on few lines of all.
+/// A pole fit of each position, and cubic splines through their matrices.
 pub(super) fn ours() -> Result<Run, Failure> {
     let bench = Bench::new()?;
     let lines = bench.lines_hz(LINES);
-    let responses: Vec<(Vec<f64>, Frf)> = grid(&bench)
+    let estimates: Vec<(f64, FrfEstimate)> = grid(&bench)
         .into_iter()
         .zip(measured(&bench)?)
-        .map(|(p, frf)| (vec![p], frf))
-        .collect();
-    let centre = FrfEstimate::with_unit_covariance(responses[POSITIONS / 2].1.clone(), None)?;
-    let pole_settings = PoleFitSettings::new(6)
+        .map(|(p, frf)| Ok((p, FrfEstimate::with_unit_covariance(frf, Some(p))?)))
+        .collect::<Result<_, Failure>>()?;
+    let settings = PoleFitSettings::new(6)
         .integrators(Integrators::Fixed(2))
+        .numerator(NumeratorDegree::StrictlyProper)
         .weighting(Weighting::Relative)
         .check()?;
-    let deltas = vec![DeltaBlock {
-        parameter: 0,
-        repetitions: DELTAS,
-    }];
-    let local_settings = LocalSettings::new().check()?;
-    let grow_settings = GrowSettings::new()
-        .target(TARGET)
-        .refine(RefineSettings::new().target(TARGET))
-        .check()?;
     Ok(Box::new(move || {
-        let data = FrozenData::relative(bench.clock, &responses)?.thinned(FEW);
-        let poles = fit(&centre, bench.clock, &pole_settings)?.flexible_poles();
-        let middle = data.subset(|p| p[0] == 0.0)?;
-        let local = local_model(Continuous, &middle, &poles, &local_settings)?;
-        let range = bench.machine.scheduling_range()?;
-        let grown = grow(
-            &local.flexible,
-            local.gamma.as_ref(),
-            &data,
-            &deltas,
-            &range,
-            &grow_settings,
-        )?;
+        let local = estimates.par_iter().map(|(p, estimate)| -> Result<_, Failure> {
+            Ok((*p, fit(estimate, bench.clock, &settings)?.parallel_form()?))
+        });
+        let local: Vec<_> = local.collect::<Result<_, _>>()?;
+        let model = interpolate_models(&local, Interpolation::Spline)?;
         let mut all = Vec::new();
         for p in between(&bench) {
-            let sampled = grown
-                .refined
-                .candidate
-                .frozen(&[p])?
-                .zero_order_hold(bench.clock)?;
-            all.extend(rows_of(&sampled.frequency_response(&lines)?));
+            all.extend(rows_of(&model.frozen(&[p])?.frequency_response(&lines)?));
         }
         Ok(all)
     }))

@@ -289,8 +289,13 @@ impl Problem<'_> {
                 Some(columns) => columns,
                 None => {
                     fresh = true;
-                    let rough = self.rough(&model).ok_or_else(diverges)?;
-                    self.columns(&model, (Grain::Rough, &rough), 0..own, &mut steps)
+                    // Few parts of a sample may diverge where more do not.
+                    let rough = self.rough(&model);
+                    let around = match &rough {
+                        Some(rough) => (Grain::Rough, rough.as_slice()),
+                        None => (Grain::Fine, residual.as_slice()),
+                    };
+                    self.columns(&model, around, 0..own, &mut steps)
                         .ok_or_else(diverges)?
                 }
             };

@@ -23,22 +23,18 @@ fn through_loop(
     seed: usize,
     size: Pair,
 ) -> Result<Vec<Vec<Pair>>, TraceError> {
-    let run = |noise: Option<&[Pair]>| {
-        let blocks = model.blocks();
-        let found = simulate_in(
-            track.coarse(),
-            &model.base,
-            &blocks,
-            Some(controller),
-            track,
-            noise,
-            &mut (),
-        );
-        found.ok_or_else(|| TraceError::Diverges {
-            record: track.name.clone(),
-        })
+    let run = |parts: usize, noise: Option<&[Pair]>| {
+        let (base, blocks) = (&model.base, model.blocks());
+        simulate_in(parts, base, &blocks, Some(controller), track, noise, &mut ())
     };
-    let without = run(None)?;
+    let diverges = || TraceError::Diverges {
+        record: track.name.clone(),
+    };
+    // Few parts of a sample are enough for differences, but may diverge where more do not.
+    let (parts, without) = [track.coarse(), track.fine()]
+        .into_iter()
+        .find_map(|parts| Some((parts, run(parts, None)?)))
+        .ok_or_else(diverges)?;
     (0..DRAWS)
         .into_par_iter()
         .map(|draw| {
@@ -48,7 +44,7 @@ fn through_loop(
                 size * x
             };
             let noise: Vec<Pair> = (0..track.samples).map(|_| size.map(&mut draw)).collect();
-            let with = run(Some(&noise))?;
+            let with = run(parts, Some(&noise)).ok_or_else(diverges)?;
             let gap = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
             Ok(with.outputs.iter().zip(&without.outputs).map(gap).collect())
         })

@@ -1,4 +1,5 @@
-//! Two effects at once, of which the larger hides what the other is.
+//! An axis that is simulated by hand: two effects of which the larger hides what the other is, and motion so damped that few
+//! parts of a sample do not integrate it.
 
 // Helpers of tests fail the test when something is wrong, as the tests themselves do.
 #![allow(clippy::unwrap_used)]
@@ -99,4 +100,29 @@ fn what_passed_for_a_simpler_effect_is_chosen_again() {
     let gained: f64 = found.added.iter().map(|a| a.gain_db).sum();
     let fell = 10.0 * (found.before.cost / found.after.cost).log10();
     assert!((gained - fell).abs() < 0.5, "{gained} dB of {fell}");
+}
+
+/// Half as many parts of a sample, which serve for differences, diverge at this damping; those of the track do not.
+#[test]
+fn a_machine_that_few_parts_of_a_sample_cannot_integrate() {
+    let controller = Controller {
+        reference_numerator: vec![vec![3e5, -2.9e5]],
+        feedback_numerator: vec![vec![3e5, -2.9e5]],
+        denominator: vec![vec![1.0]],
+        limit: None,
+    };
+    let record = |name: &str, rate: f64| record(name, rate, &controller, |_, v| -7500.0 * v);
+    let found = trace(&Case {
+        base: &Base::Axis(Axis::new(10.0, 7400.0, 0.0)),
+        prior: None,
+        free: None,
+        controller: &controller.start().unwrap(),
+        noise: [NOISE, 0.0],
+        fitted: &[record("slow", 0.7), record("faster", 1.9)],
+        judged: &[record("between", 1.3)],
+    })
+    .unwrap();
+    assert_eq!(found.verdict, Verdict::NothingMissing);
+    let viscous = found.model.base.parameters()[1].value;
+    assert!((viscous - 7500.0).abs() < 4.0 * found.deviations[1], "{viscous}");
 }

@@ -177,9 +177,12 @@ fn parts(z: C64) -> [f64; 2] {
 
 /// Line after line, row after row.
 fn rows_of(frf: &Frf) -> Vec<f64> {
+    let (ny, nu) = (frf.outputs(), frf.inputs());
     let mut all = Vec::with_capacity(2 * frf.values().len());
-    for k in 0..frf.len() {
-        all.extend(frf.line(k).transpose().iter().copied().flat_map(parts));
+    for line in frf.values().chunks_exact(ny * nu) {
+        for i in 0..ny {
+            all.extend(line.iter().skip(i).step_by(ny).copied().flat_map(parts));
+        }
     }
     all
 }

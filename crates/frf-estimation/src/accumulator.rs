@@ -1,10 +1,13 @@
 //! Periods in, one at a time; averages and scatter kept.
 
-use crate::moments::Moments;
+use crate::moments::{Means, Scatter, TOGETHER};
 use crate::periodic::{Averages, PeriodicEstimate};
-use crate::spectra::{Spectra, sum};
+use crate::spectra::{Spectra, equal, sum};
 use crate::{CheckedSettings, FrfError, SkipRule};
 use lpv_core::PeriodBlock;
+use num_complex::Complex;
+
+type C64 = Complex<f64>;
 
 /// Shape of the experiments at one scheduling position.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,55 +72,63 @@ impl Layout {
 pub(crate) struct Experiment {
     next_period: usize,
     /// Outputs, then inputs.
-    pub(crate) moments: Moments,
+    pub(crate) signals: Means,
     /// First period of the references, to see whether the others repeat it.
     first_reference: Vec<f64>,
-    pub(crate) reference: Moments,
+    pub(crate) reference: Means,
     reference_repeats: bool,
     pub(crate) reference_moves: bool,
 }
 
 impl Experiment {
-    /// Averages the references; a period that repeats the first one exactly costs a comparison, not a transform.
+    /// Whether the references are those of the first period, as all before were.
+    fn repeats(&self, references: &[Vec<f64>]) -> bool {
+        let first = |length: usize| self.first_reference.chunks_exact(length.max(1));
+        let same = |length: usize| first(length).zip(references).all(|(a, b)| equal(a, b));
+        self.reference_repeats
+            && !self.first_reference.is_empty()
+            && references.first().is_some_and(|r| same(r.len()))
+    }
+
+    /// Averages the references; a period that [repeats](Self::repeats) the first one costs no transform. `used` periods
+    /// were taken, this one included.
     fn push_reference(
         &mut self,
-        references: &[Vec<f64>],
+        (references, sums): (&[Vec<f64>], &[f64]),
         spectra: &mut Spectra,
-        planes: &mut [f64],
-        (lines, used): (usize, usize),
+        buffer: &mut [C64],
+        used: usize,
     ) -> Result<(), FrfError> {
-        let size = 2 * references.len() * lines;
+        let size = buffer.len() / references.len();
         if self.first_reference.is_empty() {
             self.first_reference = references.concat();
             self.reference_moves = references.iter().any(|s| s.iter().any(|v| *v != s[0]));
-        } else {
+        } else if self.reference_repeats {
+            // The periods before this one were alike and stand for one entry so far: give each its weight.
             let first = self.first_reference.chunks_exact(references[0].len());
-            let repeats = first.clone().zip(references).all(|(a, b)| a == b);
-            if repeats && self.reference_repeats {
-                return Ok(());
+            for (signal, out) in first.zip(buffer.chunks_exact_mut(size)) {
+                spectra.transform(signal, sum(signal), out)?;
             }
-            if self.reference_repeats {
-                // The periods before this one were alike and stand for one entry so far: give each its weight.
-                spectra.planes(first, lines, planes)?;
-                for _ in 2..used {
-                    self.reference.push(&planes[..size]);
-                }
-                self.reference_repeats = false;
-                self.reference_moves = true;
-            }
+            (2..used).for_each(|_| self.reference.push(buffer));
+            self.reference_repeats = false;
+            self.reference_moves = true;
         }
-        spectra.planes(references.iter().map(Vec::as_slice), lines, planes)?;
-        self.reference.push(&planes[..size]);
+        for ((signal, sum), out) in references.iter().zip(sums).zip(buffer.chunks_exact_mut(size)) {
+            spectra.transform(signal, *sum, out)?;
+        }
+        self.reference.push(buffer);
         Ok(())
     }
 }
 
 /// Streaming estimator for the experiments at one scheduling position.
 ///
-/// Experiments may be interleaved in any order; the periods of an experiment come in order. Memory does not grow with
-/// the number of periods: `n_z (n_z + 2) + n_r (n_r + 2)` numbers a line and experiment, `n_z = n_y + n_u`, and `8 n_z` a
-/// line for periods that are taken up together; so it helps to push those of one experiment in a row. The transform of a
-/// reference that repeats exactly is computed once an experiment, and skipped periods are not transformed at all.
+/// Experiments may be interleaved in any order; the periods of an experiment come in order. The order changes the covariance
+/// by rounding, nothing else. Memory does not grow with
+/// the number of periods: `2 (n_z + 2 n_r)` numbers a line and experiment, `n_z = n_y + n_u`, `n_z^2` a line for the scatter of
+/// all experiments, and `8 n_z` a line for periods that are taken up together; so it helps to push those of one experiment
+/// in a row. The transform of a reference that repeats exactly is computed once an experiment, and skipped periods are not
+/// transformed at all.
 pub struct PeriodicAccumulator {
     layout: Layout,
     settings: CheckedSettings,
@@ -126,16 +137,15 @@ pub struct PeriodicAccumulator {
     lines: usize,
     spectra: Option<Spectra>,
     /// Spectra of periods that wait, all of one experiment.
-    planes: Vec<f64>,
+    spectra_waiting: Vec<C64>,
     waiting: usize,
     waiting_of: usize,
-    references: Vec<f64>,
+    references: Vec<C64>,
+    /// Sums of the signals of a period: outputs, inputs, references.
+    sums: Vec<f64>,
+    scatter: Scatter,
     experiments: Vec<Option<Experiment>>,
 }
-
-/// Periods that are taken up together: what is kept of an experiment is larger than the caches, and read and written once for
-/// all of them.
-const TOGETHER: usize = 4;
 
 impl std::fmt::Debug for PeriodicAccumulator {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -175,10 +185,12 @@ impl PeriodicAccumulator {
             skip,
             lines,
             spectra: None,
-            planes: Vec::new(),
+            spectra_waiting: Vec::new(),
             waiting: 0,
             waiting_of: 0,
             references: Vec::new(),
+            sums: Vec::new(),
+            scatter: Scatter::new(layout.outputs + layout.inputs, lines),
             experiments: (0..layout.experiments).map(|_| None).collect(),
         })
     }
@@ -189,7 +201,7 @@ impl PeriodicAccumulator {
     /// [`FrfError::UnknownExperiment`], [`FrfError::PeriodOrder`], [`FrfError::BlockShape`], [`FrfError::NotFinite`];
     /// the accumulator is then as it was before.
     pub fn push(&mut self, block: &PeriodBlock<'_>) -> Result<(), FrfError> {
-        self.check(block)?;
+        let repeats = self.check(block)?;
         let Layout {
             period,
             outputs,
@@ -204,9 +216,9 @@ impl PeriodicAccumulator {
         }
         let experiment = self.experiments[block.experiment].get_or_insert_with(|| Experiment {
             next_period: 0,
-            moments: Moments::new(nz, lines),
+            signals: Means::new(nz, lines),
             first_reference: Vec::new(),
-            reference: Moments::new(references, lines),
+            reference: Means::new(references, lines),
             reference_repeats: true,
             reference_moves: false,
         });
@@ -215,16 +227,24 @@ impl PeriodicAccumulator {
             return Ok(());
         }
         let spectra = self.spectra.get_or_insert_with(|| Spectra::new(period));
-        let size = 2 * nz * lines;
-        self.planes.resize(TOGETHER * size, 0.0);
-        let channels = block.outputs.iter().chain(block.inputs).map(Vec::as_slice);
-        spectra.planes(channels, lines, &mut self.planes[self.waiting * size..])?;
+        let size = Spectra::size(period);
+        self.spectra_waiting
+            .resize(TOGETHER * nz * size, C64::new(0.0, 0.0));
+        let free = self
+            .spectra_waiting
+            .chunks_exact_mut(size)
+            .skip(self.waiting * nz);
+        let signals = block.outputs.iter().chain(block.inputs);
+        for ((signal, sum), out) in signals.zip(&self.sums).zip(free) {
+            spectra.transform(signal, *sum, out)?;
+        }
         self.waiting += 1;
         experiment.next_period += 1;
-        if references > 0 {
-            self.references.resize(2 * references * lines, 0.0);
+        if references > 0 && !repeats {
+            self.references.resize(references * size, C64::new(0.0, 0.0));
             let used = experiment.next_period - self.skip;
-            experiment.push_reference(block.references, spectra, &mut self.references, (lines, used))?;
+            let signals = (block.references, &self.sums[nz..]);
+            experiment.push_reference(signals, spectra, &mut self.references, used)?;
         }
         if self.waiting == TOGETHER {
             self.take_up();
@@ -234,9 +254,11 @@ impl PeriodicAccumulator {
 
     /// Takes up the periods that wait.
     fn take_up(&mut self) {
-        let size = 2 * (self.layout.outputs + self.layout.inputs) * self.lines;
+        let nz = self.layout.outputs + self.layout.inputs;
+        let size = self.waiting * nz * Spectra::size(self.layout.period);
         if let Some(experiment) = &mut self.experiments[self.waiting_of] {
-            experiment.moments.push(&self.planes[..self.waiting * size]);
+            let spectra = &self.spectra_waiting[..size];
+            self.scatter.push(&mut experiment.signals, spectra, self.waiting);
         }
         self.waiting = 0;
     }
@@ -250,7 +272,7 @@ impl PeriodicAccumulator {
         self.take_up();
         let mut experiments = Vec::with_capacity(self.experiments.len());
         for (experiment, data) in self.experiments.into_iter().enumerate() {
-            let used = data.as_ref().map_or(0, |d| d.moments.count());
+            let used = data.as_ref().map_or(0, |d| d.signals.count());
             match data {
                 Some(data) if used >= 2 => experiments.push(data),
                 _ => {
@@ -268,12 +290,14 @@ impl PeriodicAccumulator {
             position: self.position,
             skipped: self.skip,
             lines: self.lines,
+            scatter: &self.scatter,
             experiments: &experiments,
         }
         .estimate()
     }
 
-    fn check(&self, block: &PeriodBlock<'_>) -> Result<(), FrfError> {
+    /// Sums of the signals; whether the references repeat those before, and then they have none.
+    fn check(&mut self, block: &PeriodBlock<'_>) -> Result<bool, FrfError> {
         let experiment = block.experiment;
         let Some(slot) = self.experiments.get(experiment) else {
             return Err(FrfError::UnknownExperiment {
@@ -299,19 +323,28 @@ impl PeriodicAccumulator {
                 block.references,
             ),
         ];
+        self.sums.clear();
+        let mut repeats = false;
         for (what, count, expected, channels) in groups {
             shape(experiment, count, expected, channels.len())?;
-            for (channel, samples) in channels.iter().enumerate() {
+            for samples in channels {
                 shape(
                     experiment,
                     "samples of the period",
                     self.layout.period,
                     samples.len(),
                 )?;
-                finite(experiment, what, channel, samples)?;
+            }
+            // What equals what was finite before is finite.
+            repeats = what == "reference" && slot.as_ref().is_some_and(|e| e.repeats(channels));
+            if repeats {
+                break;
+            }
+            for (channel, samples) in channels.iter().enumerate() {
+                self.sums.push(finite(experiment, what, channel, samples)?);
             }
         }
-        Ok(())
+        Ok(repeats)
     }
 }
 
@@ -332,18 +365,20 @@ pub(crate) fn shape(
     })
 }
 
+/// Sum of the samples, all of which are finite.
 pub(crate) fn finite(
     experiment: usize,
     what: &'static str,
     channel: usize,
     samples: &[f64],
-) -> Result<(), FrfError> {
+) -> Result<f64, FrfError> {
     // A sum with something in it that is not finite is not finite either.
-    if sum(samples).is_finite() {
-        return Ok(());
+    let all = sum(samples);
+    if all.is_finite() {
+        return Ok(all);
     }
     match samples.iter().position(|v| !v.is_finite()) {
-        None => Ok(()),
+        None => Ok(all),
         Some(sample) => Err(FrfError::NotFinite {
             experiment,
             what,

@@ -94,7 +94,7 @@ pub(crate) fn detect(
             let power = averages
                 .experiments
                 .iter()
-                .map(|e| e.moments.mean(i, k - 1).norm_sqr());
+                .map(|e| e.signals.at(i, k - 1).norm_sqr());
             *s += power.sum::<f64>() / (ne * excited.len() as f64);
         }
     }

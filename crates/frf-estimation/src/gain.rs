@@ -38,94 +38,106 @@ impl GainKernel {
     /// numbers agree. Returns the condition number `||A||_F ||A^-1||_F / n_u` of `A = U X^H` with rows and columns
     /// scaled to unit length, which is 1 for orthogonal experiments whatever the units; infinite where `A` is singular.
     pub(crate) fn compute(&mut self, u: &[C64], x: Option<&[C64]>) -> f64 {
-        let (n, ne) = (self.inputs, self.experiments);
+        // The usual sizes as constants, so that their loops are unrolled.
+        match (self.inputs, self.experiments) {
+            (1, 1) => self.compute_of(1, 1, u, x),
+            (2, 2) => self.compute_of(2, 2, u, x),
+            (n, ne) => self.compute_of(n, ne, u, x),
+        }
+    }
+
+    #[inline(always)]
+    fn compute_of(&mut self, n: usize, ne: usize, u: &[C64], x: Option<&[C64]>) -> f64 {
         let square = x.is_none() && n == ne;
-        let x = x.unwrap_or(u);
+        let u = &u[..n * ne];
+        let x = &x.unwrap_or(u)[..n * ne];
+        let work = &mut self.work[..2 * n * n];
+        let gain = &mut self.gain[..ne * n];
         for i in 0..n {
             for j in 0..n {
-                self.work[i * 2 * n + j] = if square {
+                work[i * 2 * n + j] = if square {
                     u[j * n + i]
                 } else {
                     (0..ne).map(|e| u[e * n + i] * x[e * n + j].conj()).sum()
                 };
             }
         }
-        let condition = self.invert();
+        let condition = invert(work, &mut self.rows[..n], &mut self.columns[..n]);
         if !condition.is_finite() {
             return f64::INFINITY;
         }
         for j in 0..n {
             for e in 0..ne {
-                self.gain[j * ne + e] = if square {
-                    self.work[e * 2 * n + n + j]
+                gain[j * ne + e] = if square {
+                    work[e * 2 * n + n + j]
                 } else {
                     (0..n)
-                        .map(|i| x[e * n + i].conj() * self.work[i * 2 * n + n + j])
+                        .map(|i| x[e * n + i].conj() * work[i * 2 * n + n + j])
                         .sum()
                 };
             }
         }
         condition
     }
-
-    /// Gauss-Jordan elimination with row pivots on the scaled matrix. Returns its condition number.
-    fn invert(&mut self) -> f64 {
-        let n = self.inputs;
-        let w = 2 * n;
-        for i in 0..n {
-            let length = norm(self.work[i * w..i * w + n].iter());
-            self.rows[i] = 1.0 / length;
-            for j in 0..n {
-                self.work[i * w + j] *= self.rows[i];
-                self.work[i * w + n + j] = if i == j { C64::new(1.0, 0.0) } else { ZERO };
-            }
-        }
-        for j in 0..n {
-            let length = norm((0..n).map(|i| &self.work[i * w + j]));
-            self.columns[j] = 1.0 / length;
-            for i in 0..n {
-                self.work[i * w + j] *= self.columns[j];
-            }
-        }
-        // Every column has length one now.
-        let size = (n as f64).sqrt();
-        for k in 0..n {
-            let pivot = (k..n).fold(k, |best, i| {
-                if self.work[i * w + k].norm_sqr() > self.work[best * w + k].norm_sqr() {
-                    i
-                } else {
-                    best
-                }
-            });
-            for j in 0..w {
-                self.work.swap(k * w + j, pivot * w + j);
-            }
-            let inverse = self.work[k * w + k].inv();
-            for j in 0..w {
-                self.work[k * w + j] *= inverse;
-            }
-            for i in (0..n).filter(|&i| i != k) {
-                let factor = self.work[i * w + k];
-                for j in 0..w {
-                    let above = self.work[k * w + j];
-                    self.work[i * w + j] -= factor * above;
-                }
-            }
-        }
-        let inverse_size = (0..n)
-            .map(|i| norm(self.work[i * w + n..(i + 1) * w].iter()).powi(2))
-            .sum::<f64>()
-            .sqrt();
-        // A = Dr^-1 As Dc^-1, hence A^-1 = Dc As^-1 Dr.
-        for i in 0..n {
-            for j in 0..n {
-                self.work[i * w + n + j] *= self.columns[i] * self.rows[j];
-            }
-        }
-        size * inverse_size / n as f64
-    }
 }
 
+/// Gauss-Jordan elimination with row pivots on the scaled matrix, left of `work`; its inverse is then on the right. Returns
+/// its condition number.
+#[inline(always)]
+fn invert(work: &mut [C64], rows: &mut [f64], columns: &mut [f64]) -> f64 {
+    let n = rows.len();
+    let w = 2 * n;
+    for i in 0..n {
+        let length = norm(work[i * w..i * w + n].iter());
+        rows[i] = 1.0 / length;
+        for j in 0..n {
+            work[i * w + j] *= rows[i];
+            work[i * w + n + j] = if i == j { C64::new(1.0, 0.0) } else { ZERO };
+        }
+    }
+    for j in 0..n {
+        let length = norm((0..n).map(|i| &work[i * w + j]));
+        columns[j] = 1.0 / length;
+        for i in 0..n {
+            work[i * w + j] *= columns[j];
+        }
+    }
+    // Every column has length one now.
+    let size = (n as f64).sqrt();
+    for k in 0..n {
+        let pivot = (k..n).fold(k, |best, i| {
+            if work[i * w + k].norm_sqr() > work[best * w + k].norm_sqr() {
+                i
+            } else {
+                best
+            }
+        });
+        for j in 0..w {
+            work.swap(k * w + j, pivot * w + j);
+        }
+        let inverse = work[k * w + k].inv();
+        for j in 0..w {
+            work[k * w + j] *= inverse;
+        }
+        for i in (0..n).filter(|&i| i != k) {
+            let factor = work[i * w + k];
+            for j in 0..w {
+                let above = work[k * w + j];
+                work[i * w + j] -= factor * above;
+            }
+        }
+    }
+    let inverse_size = norm((0..n).flat_map(|i| &work[i * w + n..(i + 1) * w]));
+    // A = Dr^-1 As Dc^-1, hence A^-1 = Dc As^-1 Dr.
+    for i in 0..n {
+        for j in 0..n {
+            work[i * w + n + j] *= columns[i] * rows[j];
+        }
+    }
+    size * inverse_size / n as f64
+}
+
+#[inline(always)]
 fn norm<'a>(values: impl Iterator<Item = &'a C64>) -> f64 {
     values.map(C64::norm_sqr).sum::<f64>().sqrt()
 }
@@ -148,7 +160,18 @@ pub(crate) fn add_residual_covariance(
     scale: f64,
     out: &mut [C64],
 ) {
+    // The usual sizes as constants, so that their loops are unrolled.
+    match (ny, nu) {
+        (1, 1) => add_residual_covariance_of(c, f, 1, 1, scale, out),
+        (2, 2) => add_residual_covariance_of(c, f, 2, 2, scale, out),
+        _ => add_residual_covariance_of(c, f, ny, nu, scale, out),
+    }
+}
+
+#[inline(always)]
+fn add_residual_covariance_of(c: &[C64], f: &[C64], ny: usize, nu: usize, scale: f64, out: &mut [C64]) {
     let nz = ny + nu;
+    let (c, f, out) = (&c[..nz * nz], &f[..ny * nu], &mut out[..ny * ny]);
     let at = |i: usize, j: usize| c[j * nz + i];
     for i in 0..ny {
         for k in 0..ny {

@@ -1,4 +1,4 @@
-//! Running mean and scatter of complex vectors over all lines (Welford's update).
+//! Running means of complex vectors over all lines, and the scatter about them (Welford's update).
 //!
 //! The noise is some 1e-4 of the signal. A sum of squares would lose eight of sixteen digits to the signal; the update
 //! on deviations from the running mean loses none.
@@ -8,28 +8,82 @@ use pulp::{Simd, WithSimd};
 
 type C64 = Complex<f64>;
 
-/// Lines worked on at once, so that the deviations stay in the fastest cache.
-const CHUNK: usize = 256;
+/// Observations that are taken up together: what is kept is larger than the caches, and read and written once for all of
+/// them.
+pub(crate) const TOGETHER: usize = 4;
 
-/// Mean and scatter `sum_m (Z_m - mean)(Z_m - mean)^H` of `channels` spectra over `lines` lines.
-///
-/// Real and imaginary parts stand in planes of their own, one plane a channel or pair, so that the loops over lines
-/// vectorise.
+/// Lines worked on at once, so that the deviations stay in the fastest cache.
+const CHUNK: usize = 64;
+
+/// One real or imaginary part of the lines worked on.
+type Part = [f64; CHUNK];
+
+/// Mean of `channels` spectra over `lines` lines, a plane of real parts and one of imaginary parts a channel. Observations are
+/// spectra of some size each, channel after channel, with the lines from index 1 on.
 #[derive(Debug, Clone)]
-pub(crate) struct Moments {
+pub(crate) struct Means {
     channels: usize,
     lines: usize,
     count: usize,
-    mean: Vec<f64>,
+    planes: Vec<f64>,
+}
+
+impl Means {
+    pub(crate) fn new(channels: usize, lines: usize) -> Self {
+        Self {
+            channels,
+            lines,
+            count: 0,
+            planes: vec![0.0; 2 * channels * lines],
+        }
+    }
+
+    /// Observations so far.
+    pub(crate) fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Takes one observation, of which nothing but the mean is kept.
+    pub(crate) fn push(&mut self, spectra: &[C64]) {
+        self.count += 1;
+        let inverse = 1.0 / self.count as f64;
+        let size = (spectra.len() / self.channels.max(1)).max(1);
+        let means = self.planes.chunks_exact_mut(2 * self.lines.max(1));
+        for (z, mean) in spectra.chunks_exact(size).zip(means) {
+            let (re, im) = mean.split_at_mut(self.lines);
+            for ((z, re), im) in z[1..].iter().zip(re).zip(im) {
+                *re += (z.re - *re) * inverse;
+                *im += (z.im - *im) * inverse;
+            }
+        }
+    }
+
+    /// That of one channel at line `l` (from 0).
+    pub(crate) fn at(&self, channel: usize, l: usize) -> C64 {
+        let at = 2 * channel * self.lines + l;
+        C64::new(self.planes[at], self.planes[at + self.lines])
+    }
+}
+
+/// Scatter `sum_m (Z_m - mean)(Z_m - mean)^H` of spectra about the mean of their experiment, over all lines and summed over
+/// the experiments.
+#[derive(Debug, Clone)]
+pub(crate) struct Scatter {
+    channels: usize,
+    /// Lines of a plane: whole chunks.
+    stride: usize,
     /// Planes of the pairs `(i, j)`, `i <= j`: real part and, off the diagonal, imaginary part.
-    scatter: Vec<f64>,
-    deviation: Vec<f64>,
+    planes: Vec<f64>,
+    /// Of the lines worked on, by channel and observation: real and imaginary part.
+    deviations: Vec<[Part; 2]>,
 }
 
 /// Observations to be added, in the registers of one kind of machine.
 struct Observations<'a> {
-    sums: &'a mut Moments,
-    planes: &'a [f64],
+    scatter: &'a mut Scatter,
+    mean: &'a mut Means,
+    spectra: &'a [C64],
+    count: usize,
 }
 
 impl WithSimd for Observations<'_> {
@@ -37,117 +91,138 @@ impl WithSimd for Observations<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _simd: S) {
-        self.sums.add(self.planes);
+        let Self {
+            scatter,
+            mean,
+            spectra,
+            count,
+        } = self;
+        match count {
+            1 => scatter.add::<1>(mean, spectra),
+            2 => scatter.add::<2>(mean, spectra),
+            3 => scatter.add::<3>(mean, spectra),
+            TOGETHER => scatter.add::<TOGETHER>(mean, spectra),
+            _ => (),
+        }
     }
 }
 
-impl Moments {
+impl Scatter {
     pub(crate) fn new(channels: usize, lines: usize) -> Self {
+        let stride = lines.next_multiple_of(CHUNK);
         Self {
             channels,
-            lines,
-            count: 0,
-            mean: vec![0.0; 2 * channels * lines],
-            scatter: vec![0.0; channels * channels * lines],
-            deviation: vec![0.0; 2 * channels * CHUNK],
+            stride,
+            planes: vec![0.0; channels * channels * stride],
+            deviations: vec![[[0.0; CHUNK]; 2]; TOGETHER * channels],
         }
     }
 
-    pub(crate) fn count(&self) -> usize {
-        self.count
-    }
-
-    /// Takes observations, one after the other: of each the planes `re, im` of channel 0, then of channel 1, and so on. What is kept
-    /// is read and written once for all of them.
-    pub(crate) fn push(&mut self, planes: &[f64]) {
-        pulp::Arch::new().dispatch(Observations { sums: self, planes });
+    /// Takes `count` observations of one experiment, at most [`TOGETHER`], one after the other; its mean goes along.
+    pub(crate) fn push(&mut self, mean: &mut Means, spectra: &[C64], count: usize) {
+        pulp::Arch::new().dispatch(Observations {
+            scatter: self,
+            mean,
+            spectra,
+            count,
+        });
     }
 
     #[inline(always)]
-    fn add(&mut self, planes: &[f64]) {
-        let size = (2 * self.channels * self.lines).max(1);
-        let before = self.count;
-        for start in (0..self.lines).step_by(CHUNK) {
-            for (m, planes) in planes.chunks_exact(size).enumerate() {
-                self.add_chunk(planes, start, before + m + 1);
+    fn add<const COUNT: usize>(&mut self, mean: &mut Means, spectra: &[C64]) {
+        // Step of the mean, and what the square of a deviation from it counts.
+        let steps: [f64; COUNT] = std::array::from_fn(|m| 1.0 / (mean.count + m + 1) as f64);
+        let roots = steps.map(|step| (1.0 - step).sqrt());
+        let lines = mean.lines;
+        let size = spectra.len() / (COUNT * self.channels);
+        for start in (0..lines).step_by(CHUNK) {
+            let width = CHUNK.min(lines - start);
+            for channel in 0..self.channels {
+                let plane = &mut mean.planes[2 * channel * lines..][..2 * lines];
+                let (re, im) = plane.split_at_mut(lines);
+                let (re, im) = (&mut re[start..start + width], &mut im[start..start + width]);
+                for m in 0..COUNT {
+                    let from = (m * self.channels + channel) * size + 1 + start;
+                    let z = &spectra[from..from + width];
+                    let [a, b] = &mut self.deviations[channel * TOGETHER + m];
+                    let (step, root) = (steps[m], roots[m]);
+                    for l in 0..width {
+                        let (x, y) = (z[l].re - re[l], z[l].im - im[l]);
+                        re[l] += step * x;
+                        im[l] += step * y;
+                        a[l] = root * x;
+                        b[l] = root * y;
+                    }
+                    // Lines beyond the last one have no deviation.
+                    a[width..].fill(0.0);
+                    b[width..].fill(0.0);
+                }
             }
+            self.add_products::<COUNT>(start);
         }
-        self.count += planes.len() / size;
+        mean.count += COUNT;
     }
 
-    /// Lines from `start` of the observation that makes `count`.
+    /// Products of the deviations of the chunk at `start`.
     #[inline(always)]
-    fn add_chunk(&mut self, planes: &[f64], start: usize, count: usize) {
-        let inverse = 1.0 / count as f64;
-        let weight = 1.0 - inverse;
-        let lines = self.lines;
-        let width = CHUNK.min(lines - start);
-        for plane in 0..2 * self.channels {
-            let range = plane * lines + start..plane * lines + start + width;
-            let z = &planes[range.clone()];
-            let mean = &mut self.mean[range];
-            let d = &mut self.deviation[plane * CHUNK..plane * CHUNK + width];
-            for ((d, m), z) in d.iter_mut().zip(mean).zip(z) {
-                *d = z - *m;
-                *m += *d * inverse;
-            }
-        }
-        if count == 1 {
-            return;
-        }
-        let part = |c: usize, p: usize| {
-            let at = (2 * c + p) * CHUNK;
-            &self.deviation[at..at + width]
+    fn add_products<const COUNT: usize>(&mut self, start: usize) {
+        let of = |channel: usize| -> [&[Part; 2]; COUNT] {
+            std::array::from_fn(|m| &self.deviations[channel * TOGETHER + m])
         };
+        let stride = self.stride;
         let mut plane = 0;
         for i in 0..self.channels {
-            let (ar, ai) = (part(i, 0), part(i, 1));
-            let at = plane * lines + start;
-            for ((s, a), b) in self.scatter[at..at + width].iter_mut().zip(ar).zip(ai) {
-                *s += weight * (a * a + b * b);
+            let a = of(i);
+            let sums = &mut self.planes[plane * stride + start..][..CHUNK];
+            for l in 0..CHUNK {
+                let mut sum = sums[l];
+                for [re, im] in a {
+                    sum += re[l] * re[l] + im[l] * im[l];
+                }
+                sums[l] = sum;
             }
             plane += 1;
             for j in i + 1..self.channels {
-                let (br, bi) = (part(j, 0), part(j, 1));
-                let at = plane * lines + start;
-                let (re, im) = self.scatter[at..at + lines + width].split_at_mut(lines);
-                for l in 0..width {
-                    re[l] += weight * (ar[l] * br[l] + ai[l] * bi[l]);
-                    im[l] += weight * (ai[l] * br[l] - ar[l] * bi[l]);
+                let b = of(j);
+                let (real, imaginary) = self.planes[plane * stride + start..].split_at_mut(stride);
+                let (real, imaginary) = (&mut real[..CHUNK], &mut imaginary[..CHUNK]);
+                for l in 0..CHUNK {
+                    let (mut x, mut y) = (real[l], imaginary[l]);
+                    for m in 0..COUNT {
+                        let ([ar, ai], [br, bi]) = (a[m], b[m]);
+                        x += ar[l] * br[l] + ai[l] * bi[l];
+                        y += ai[l] * br[l] - ar[l] * bi[l];
+                    }
+                    real[l] = x;
+                    imaginary[l] = y;
                 }
                 plane += 2;
             }
         }
     }
 
-    /// Mean of one channel at line `l` (from 0).
-    pub(crate) fn mean(&self, channel: usize, l: usize) -> C64 {
-        let at = 2 * channel * self.lines + l;
-        C64::new(self.mean[at], self.mean[at + self.lines])
-    }
-
-    /// Adds the scatter of line `l` to a Hermitian `channels x channels` matrix, column-major.
-    pub(crate) fn add_scatter(&self, l: usize, out: &mut [C64]) {
+    /// That of line `l` (from 0), a Hermitian `channels x channels` matrix, column-major.
+    pub(crate) fn at(&self, l: usize, out: &mut [C64]) {
         let n = self.channels;
         let mut at = l;
         for i in 0..n {
-            out[i * n + i].re += self.scatter[at];
-            at += self.lines;
+            out[i * n + i] = C64::new(self.planes[at], 0.0);
+            at += self.stride;
             for j in i + 1..n {
-                let s = C64::new(self.scatter[at], self.scatter[at + self.lines]);
-                out[j * n + i] += s;
-                out[i * n + j] += s.conj();
-                at += 2 * self.lines;
+                let s = C64::new(self.planes[at], self.planes[at + self.stride]);
+                out[j * n + i] = s;
+                out[i * n + j] = s.conj();
+                at += 2 * self.stride;
             }
         }
     }
 
-    /// Scatter of one channel at line `l`.
-    pub(crate) fn scatter_diagonal(&self, channel: usize, l: usize) -> f64 {
+    /// That of one channel at line `l`.
+    pub(crate) fn diagonal(&self, channel: usize, l: usize) -> f64 {
         // Rows of the upper triangle before this one: one real plane and two for each entry right of the diagonal.
         let n = self.channels;
         let before: usize = (0..channel).map(|i| 1 + 2 * (n - 1 - i)).sum();
-        self.scatter[before * self.lines + l]
+        self.planes[before * self.stride + l]
     }
 }
 
@@ -158,44 +233,84 @@ mod tests {
     #[test]
     fn matches_two_pass_formula_under_a_large_offset() {
         // Three observations by hand: z = 1e6 + {0, 3, 6}, w = 1e6 j + {j, 0, -j}.
-        let mut m = Moments::new(2, 1);
-        for (a, b) in [(0.0, 1.0), (3.0, 0.0), (6.0, -1.0)] {
-            m.push(&[1e6 + a, 0.0, 0.0, 1e6 + b]);
+        let zero = C64::new(0.0, 0.0);
+        let z = |(a, b): (f64, f64)| [zero, C64::new(1e6 + a, 0.0), zero, C64::new(0.0, 1e6 + b)];
+        let all = [(0.0, 1.0), (3.0, 0.0), (6.0, -1.0)].map(z);
+        // One after the other, or taken up together.
+        for parts in [vec![1, 1, 1], vec![3], vec![1, 2]] {
+            let (mut mean, mut scatter) = (Means::new(2, 1), Scatter::new(2, 1));
+            let mut left = &all[..];
+            for part in parts {
+                scatter.push(&mut mean, left[..part].as_flattened(), part);
+                left = &left[part..];
+            }
+            assert_eq!(mean.count(), 3);
+            assert!((mean.at(0, 0) - (1e6 + 3.0)).norm() < 1e-9);
+            assert!((mean.at(1, 0) - C64::new(0.0, 1e6)).norm() < 1e-9);
+            let mut s = [C64::new(0.0, 0.0); 4];
+            scatter.at(0, &mut s);
+            // sum (z - mean) conj(w - mean) = (-3)(-j) + 0 + (3)(j) = 6j.
+            let expected = [
+                C64::new(18.0, 0.0),
+                C64::new(0.0, -6.0),
+                C64::new(0.0, 6.0),
+                C64::new(2.0, 0.0),
+            ];
+            for (a, b) in s.iter().zip(expected) {
+                assert!((a - b).norm() < 1e-9, "{a} {b}");
+            }
+            assert!((scatter.diagonal(1, 0) - 2.0).abs() < 1e-9);
         }
-        assert_eq!(m.mean(0, 0), C64::new(1e6 + 3.0, 0.0));
-        assert_eq!(m.mean(1, 0), C64::new(0.0, 1e6));
-        let mut s = [C64::new(0.0, 0.0); 4];
-        m.add_scatter(0, &mut s);
-        // sum (z - mean) conj(w - mean) = (-3)(-j) + 0 + (3)(j) = 6j.
-        let expected = [
-            C64::new(18.0, 0.0),
-            C64::new(0.0, -6.0),
-            C64::new(0.0, 6.0),
-            C64::new(2.0, 0.0),
-        ];
-        for (a, b) in s.iter().zip(expected) {
-            assert!((a - b).norm() < 1e-9, "{a} {b}");
-        }
-        assert!((m.scatter_diagonal(1, 0) - 2.0).abs() < 1e-9);
     }
 
     #[test]
-    fn planes_beyond_one_chunk_are_alike() {
+    fn experiments_scatter_about_their_own_means() {
+        let mut scatter = Scatter::new(1, 1);
+        for offset in [0.0, 1e3] {
+            let mut mean = Means::new(1, 1);
+            let z = [0.0, offset - 1.0, 0.0, offset + 1.0].map(C64::from);
+            scatter.push(&mut mean, &z, 2);
+            assert_eq!(mean.at(0, 0), C64::new(offset, 0.0));
+        }
+        assert!((scatter.diagonal(0, 0) - 4.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn lines_beyond_one_chunk_are_alike() {
         let lines = 2 * CHUNK + 3;
-        let mut m = Moments::new(3, lines);
+        let (mut mean, mut scatter) = (Means::new(3, lines), Scatter::new(3, lines));
         for k in 0..4 {
-            let planes: Vec<f64> = (0..6 * lines)
-                .map(|i| ((i / lines * 7 + k * 3) % 5) as f64)
+            let value = |i: usize| ((i / (lines + 1) * 7 + k * 3) % 5) as f64;
+            let spectra: Vec<C64> = (0..3 * (lines + 1))
+                .map(|i| C64::new(value(i), 2.0 - value(i)))
                 .collect();
-            m.push(&planes);
+            scatter.push(&mut mean, &spectra, 1);
         }
         let mut first = [C64::new(0.0, 0.0); 9];
-        m.add_scatter(0, &mut first);
+        scatter.at(0, &mut first);
         for l in 1..lines {
             let mut s = [C64::new(0.0, 0.0); 9];
-            m.add_scatter(l, &mut s);
+            scatter.at(l, &mut s);
             assert_eq!(s, first);
         }
         assert!(first[0].re > 0.0);
+    }
+
+    #[test]
+    fn a_mean_alone() {
+        let mut mean = Means::new(1, 2);
+        for k in 0..3 {
+            let zero = C64::new(0.0, 0.0);
+            mean.push(&[
+                zero,
+                C64::new(f64::from(k), 1.0),
+                C64::new(0.0, f64::from(-k)),
+                zero,
+            ]);
+        }
+        assert_eq!(
+            (mean.at(0, 0), mean.at(0, 1)),
+            (C64::new(1.0, 1.0), C64::new(0.0, -1.0))
+        );
     }
 }

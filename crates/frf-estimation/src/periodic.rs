@@ -3,6 +3,7 @@
 use crate::accumulator::{Experiment, Layout};
 use crate::detection::{self, DetectionLines};
 use crate::gain::{GainKernel, add_residual_covariance, response};
+use crate::moments::Scatter;
 use crate::realisations::{self, RealisationDistortion};
 use crate::selection;
 use crate::{CovarianceSource, FrfError, Instrument, PeriodicSettings};
@@ -82,6 +83,8 @@ pub(crate) struct Averages<'a> {
     pub(crate) skipped: usize,
     /// Lines 1 to this are kept.
     pub(crate) lines: usize,
+    /// Of outputs and inputs, over all experiments.
+    pub(crate) scatter: &'a Scatter,
     pub(crate) experiments: &'a [Experiment],
 }
 
@@ -97,8 +100,8 @@ impl Averages<'_> {
         let selection = selection::select(self, instrument)?;
         let excited = selection.lines;
         let frequencies_hz: Vec<f64> = excited.iter().map(|&k| self.layout.frequency_hz(k)).collect();
-        let mut frf = Frf::zeros(frequencies_hz.clone(), ny, nu)?;
-        let mut direct = frf.clone();
+        let mut values = vec![ZERO; excited.len() * ny * nu];
+        let mut direct = values.clone();
         let mut c_v = vec![ZERO; excited.len() * ny * ny];
         let mut s = vec![ZERO; excited.len() * nu * nu];
         let mut by_line = Vec::with_capacity(excited.len());
@@ -121,15 +124,16 @@ impl Averages<'_> {
             if condition.is_infinite() {
                 return Err(singular(condition));
             }
-            response(y, kernel.gain(), ny, ne, direct.line_slice_mut(l));
-            let f = frf.line_slice_mut(l);
+            let own = l * ny * nu..(l + 1) * ny * nu;
+            let (f, plain) = (&mut values[own.clone()], &mut direct[own]);
+            response(y, kernel.gain(), ny, ne, plain);
             if instrument == Instrument::References {
                 condition = kernel.compute(u, Some(r));
                 if condition <= self.settings.max_condition {
                     response(y, kernel.gain(), ny, ne, f);
                 }
             } else {
-                f.copy_from_slice(direct.line_slice(l));
+                f.copy_from_slice(plain);
             }
             if condition.is_nan() || condition > self.settings.max_condition {
                 return Err(singular(condition));
@@ -162,26 +166,21 @@ impl Averages<'_> {
             }
             smoothed.distortion
         });
+        let frf = Frf::new(frequencies_hz.clone(), ny, nu, values)?;
         let detection = detection::detect(self, &excited, &selection.quiet, &frf);
         let condition = worst(&by_line, &excited, &frequencies_hz);
         Ok(PeriodicEstimate {
             noise_floor: self.noise_floor(&selection.quiet),
             output_snr: self.snr(&excited, 0..ny),
             input_snr: self.snr(&excited, ny..ny + nu),
-            estimate: FrfEstimate::new(
-                Frf::new(frequencies_hz, ny, nu, frf.values().to_vec())?,
-                c_v,
-                s,
-                degrees,
-                self.position,
-            )?,
-            direct: Frf::new(direct.frequencies_hz().to_vec(), ny, nu, direct.values().to_vec())?,
+            estimate: FrfEstimate::new(frf, c_v, s, degrees, self.position)?,
+            direct: Frf::new(frequencies_hz, ny, nu, direct)?,
             instrument,
             excited_lines: excited,
             periods_used: self
                 .experiments
                 .iter()
-                .map(|e| e.moments.count())
+                .map(|e| e.signals.count())
                 .min()
                 .unwrap_or(0),
             periods_skipped: self.skipped,
@@ -224,18 +223,17 @@ impl Averages<'_> {
             ..
         } = self.layout;
         let l = k - 1;
-        scratch.scatter.fill(ZERO);
+        self.scatter.at(l, &mut scratch.scatter);
         for (e, data) in self.experiments.iter().enumerate() {
             for i in 0..ny {
-                scratch.spectra.y[e * ny + i] = data.moments.mean(i, l);
+                scratch.spectra.y[e * ny + i] = data.signals.at(i, l);
             }
             for i in 0..nu {
-                scratch.spectra.u[e * nu + i] = data.moments.mean(ny + i, l);
+                scratch.spectra.u[e * nu + i] = data.signals.at(ny + i, l);
             }
             for i in 0..nr {
-                scratch.spectra.r[e * nr + i] = data.reference.mean(i, l);
+                scratch.spectra.r[e * nr + i] = data.reference.at(i, l);
             }
-            data.moments.add_scatter(l, &mut scratch.scatter);
         }
     }
 
@@ -243,7 +241,7 @@ impl Averages<'_> {
     /// `sum (M_e - 1)` degrees of freedom. `C_V = C / M` with `M` the harmonic mean of the `M_e`; the ratios `M / M_e`
     /// enter `S = G^H diag(M / M_e) G`, so unequal numbers of periods are exact.
     pub(crate) fn weights(&self) -> Weights {
-        let counts = || self.experiments.iter().map(|e| e.moments.count() as f64);
+        let counts = || self.experiments.iter().map(|e| e.signals.count() as f64);
         let degrees_of_freedom: f64 = counts().map(|m| m - 1.0).sum();
         let mean = self.experiments.len() as f64 / counts().map(|m| 1.0 / m).sum::<f64>();
         Weights {
@@ -256,14 +254,14 @@ impl Averages<'_> {
     /// Ratio of signal power to noise power in the averaged channels, both summed over experiments.
     pub(crate) fn snr(&self, lines: &[usize], channels: std::ops::Range<usize>) -> Vec<f64> {
         let mut snr = Vec::with_capacity(lines.len() * channels.len());
+        // The mean of experiment e has the covariance C / M_e.
+        let counts = self.experiments.iter().map(|e| e.signals.count() as f64);
+        let share = counts.map(|m| 1.0 / m).sum::<f64>() / self.weights().degrees_of_freedom;
         for &k in lines {
             for c in channels.clone() {
-                let (mut signal, mut noise) = (0.0, 0.0);
-                for e in self.experiments {
-                    let m = e.moments.count() as f64;
-                    signal += e.moments.mean(c, k - 1).norm_sqr();
-                    noise += e.moments.scatter_diagonal(c, k - 1) / (m * (m - 1.0));
-                }
+                let means = self.experiments.iter().map(|e| e.signals.at(c, k - 1));
+                let signal: f64 = means.map(|x| x.norm_sqr()).sum();
+                let noise = share * self.scatter.diagonal(c, k - 1);
                 snr.push(if signal == 0.0 { 0.0 } else { signal / noise });
             }
         }
@@ -281,9 +279,7 @@ impl Averages<'_> {
             let mut values = Vec::with_capacity(lines.len() * channels.len());
             for &k in lines {
                 for c in channels.clone() {
-                    let scatter = |e: &Experiment| e.moments.scatter_diagonal(c, k - 1);
-                    let sum: f64 = self.experiments.iter().map(scatter).sum();
-                    values.push((sum / degrees).sqrt());
+                    values.push((self.scatter.diagonal(c, k - 1) / degrees).sqrt());
                 }
             }
             values

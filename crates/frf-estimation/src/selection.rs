@@ -76,8 +76,8 @@ fn levels(averages: &Averages<'_>, instrument: Instrument) -> Vec<f64> {
     for c in channels {
         let power = |l: usize| {
             let means = averages.experiments.iter().map(|e| match instrument {
-                Instrument::References => e.reference.mean(c, l),
-                _ => e.moments.mean(c, l),
+                Instrument::References => e.reference.at(c, l),
+                _ => e.signals.at(c, l),
             });
             means.map(|x| x.norm_sqr()).sum::<f64>()
         };

@@ -6,12 +6,13 @@ use pulp::{Simd, WithSimd};
 use realfft::{RealFftPlanner, RealToComplex};
 use std::sync::Arc;
 
+type C64 = Complex<f64>;
+
 /// Transforms signals of one length: `X_k = (1/N) sum_t x(t) exp(-2 pi j k t / N)`.
 pub(crate) struct Spectra {
     plan: Arc<dyn RealToComplex<f64>>,
     input: Vec<f64>,
-    output: Vec<Complex<f64>>,
-    scratch: Vec<Complex<f64>>,
+    scratch: Vec<C64>,
 }
 
 impl Spectra {
@@ -19,7 +20,6 @@ impl Spectra {
         let plan = RealFftPlanner::new().plan_fft_forward(length);
         Self {
             input: plan.make_input_vec(),
-            output: plan.make_output_vec(),
             scratch: plan.make_scratch_vec(),
             plan,
         }
@@ -30,36 +30,28 @@ impl Spectra {
         length.saturating_sub(1) / 2
     }
 
-    /// Writes lines `1..=lines` of the channels' spectra, one plane of real and one of imaginary parts a channel.
-    pub(crate) fn planes<'a>(
-        &mut self,
-        channels: impl Iterator<Item = &'a [f64]>,
-        lines: usize,
-        planes: &mut [f64],
-    ) -> Result<(), FrfError> {
-        for (signal, plane) in channels.zip(planes.chunks_exact_mut(2 * lines)) {
-            let (re, im) = plane.split_at_mut(lines);
-            self.transform(signal, re, im)?;
-        }
-        Ok(())
+    /// Length of a spectrum: zero, the lines, and Nyquist where there is one.
+    pub(crate) fn size(length: usize) -> usize {
+        length / 2 + 1
     }
 
-    /// Writes lines `1..=re.len()` of the spectrum, real and imaginary parts apart.
-    fn transform(&mut self, signal: &[f64], re: &mut [f64], im: &mut [f64]) -> Result<(), FrfError> {
+    /// Writes the spectrum of a signal whose samples add up to `sum`, of its [size](Self::size).
+    pub(crate) fn transform(&mut self, signal: &[f64], sum: f64, out: &mut [C64]) -> Result<(), FrfError> {
         let scale = 1.0 / signal.len() as f64;
         // A constant offset is removed by hand: its leakage is zero in theory, and rounding of a large offset would
         // raise the noise of every line.
-        let mean = sum(signal) * scale;
+        let mean = sum * scale;
         if self.input.len() != signal.len() {
             return Err(realfft::FftError::InputBuffer(self.input.len(), signal.len()).into());
         }
-        for (b, s) in self.input.iter_mut().zip(signal) {
-            *b = s - mean;
-        }
+        pulp::Arch::new().dispatch(Centre {
+            signal,
+            mean,
+            scale,
+            out: &mut self.input,
+        });
         self.plan
-            .process_with_scratch(&mut self.input, &mut self.output, &mut self.scratch)?;
-        let lines = &self.output[1..];
-        pulp::Arch::new().dispatch(Split { lines, scale, re, im });
+            .process_with_scratch(&mut self.input, out, &mut self.scratch)?;
         Ok(())
     }
 }
@@ -69,22 +61,26 @@ pub(crate) fn sum(signal: &[f64]) -> f64 {
     pulp::Arch::new().dispatch(Sum(signal))
 }
 
-/// Numbers times a factor, real and imaginary parts apart.
-struct Split<'a> {
-    lines: &'a [Complex<f64>],
-    scale: f64,
-    re: &'a mut [f64],
-    im: &'a mut [f64],
+/// Whether two signals are equal, sample by sample.
+pub(crate) fn equal(a: &[f64], b: &[f64]) -> bool {
+    a.len() == b.len() && pulp::Arch::new().dispatch(Equal(a, b))
 }
 
-impl WithSimd for Split<'_> {
+/// A signal without its mean, times a factor.
+struct Centre<'a> {
+    signal: &'a [f64],
+    mean: f64,
+    scale: f64,
+    out: &'a mut [f64],
+}
+
+impl WithSimd for Centre<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _simd: S) {
-        for ((r, i), x) in self.re.iter_mut().zip(self.im).zip(self.lines) {
-            *r = x.re * self.scale;
-            *i = x.im * self.scale;
+        for (out, value) in self.out.iter_mut().zip(self.signal) {
+            *out = (value - self.mean) * self.scale;
         }
     }
 }
@@ -110,5 +106,22 @@ impl WithSimd for Sum<'_> {
         let [a, b, c, d] = sums;
         let all = simd.add_f64s(simd.add_f64s(a, b), simd.add_f64s(c, d));
         simd.reduce_sum_f64s(all) + last.iter().sum::<f64>()
+    }
+}
+
+/// Samples that are compared before a difference is looked for.
+const COMPARED: usize = 512;
+
+struct Equal<'a>(&'a [f64], &'a [f64]);
+
+impl WithSimd for Equal<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) -> bool {
+        let parts = self.0.chunks(COMPARED).zip(self.1.chunks(COMPARED));
+        parts
+            .map(|(a, b)| a.iter().zip(b).fold(false, |other, (a, b)| other | (a != b)))
+            .all(|other| !other)
     }
 }

@@ -3,7 +3,7 @@
 use super::{HalfWidth, LocalSettings, Regressor};
 use crate::FrfError;
 use crate::records::{check_alike, mismatch};
-use crate::spectra::Spectra;
+use crate::spectra::{Spectra, sum};
 use lpv_core::{Clock, Discrete, Record};
 use num_complex::Complex;
 
@@ -84,11 +84,10 @@ impl LocalData {
             return Ok(data);
         }
         let mut spectra = Spectra::new(length);
-        let mut plane = vec![0.0; 2 * lines];
+        let mut spectrum = vec![C64::new(0.0, 0.0); Spectra::size(length)];
         let mut append = |samples: &[f64], to: &mut Vec<C64>| {
-            spectra.planes(std::iter::once(samples), lines, &mut plane)?;
-            let (re, im) = plane.split_at(lines);
-            to.extend(re.iter().zip(im).map(|(&re, &im)| C64::new(re, im)));
+            spectra.transform(samples, sum(samples), &mut spectrum)?;
+            to.extend_from_slice(&spectrum[1..=lines]);
             Ok::<(), FrfError>(())
         };
         for record in records {

@@ -2,7 +2,7 @@
 
 use crate::moments::{Means, Scatter, TOGETHER};
 use crate::periodic::{Averages, PeriodicEstimate};
-use crate::spectra::{Spectra, equal, sum};
+use crate::spectra::{Spectra, equal, mean, sum};
 use crate::{CheckedSettings, FrfError, SkipRule};
 use lpv_core::PeriodBlock;
 use num_complex::Complex;
@@ -73,6 +73,8 @@ pub(crate) struct Experiment {
     next_period: usize,
     /// Outputs, then inputs.
     pub(crate) signals: Means,
+    /// Means of their last period over time.
+    offsets: Vec<f64>,
     /// First period of the references, to see whether the others repeat it.
     first_reference: Vec<f64>,
     pub(crate) reference: Means,
@@ -94,7 +96,7 @@ impl Experiment {
     /// were taken, this one included.
     fn push_reference(
         &mut self,
-        (references, sums): (&[Vec<f64>], &[f64]),
+        references: &[Vec<f64>],
         spectra: &mut Spectra,
         buffer: &mut [C64],
         used: usize,
@@ -107,14 +109,14 @@ impl Experiment {
             // The periods before this one were alike and stand for one entry so far: give each its weight.
             let first = self.first_reference.chunks_exact(references[0].len());
             for (signal, out) in first.zip(buffer.chunks_exact_mut(size)) {
-                spectra.transform(signal, sum(signal), out)?;
+                spectra.transform(signal, mean(signal), out)?;
             }
             (2..used).for_each(|_| self.reference.push(buffer));
             self.reference_repeats = false;
             self.reference_moves = true;
         }
-        for ((signal, sum), out) in references.iter().zip(sums).zip(buffer.chunks_exact_mut(size)) {
-            spectra.transform(signal, *sum, out)?;
+        for (signal, out) in references.iter().zip(buffer.chunks_exact_mut(size)) {
+            spectra.transform(signal, mean(signal), out)?;
         }
         self.reference.push(buffer);
         Ok(())
@@ -141,8 +143,6 @@ pub struct PeriodicAccumulator {
     waiting: usize,
     waiting_of: usize,
     references: Vec<C64>,
-    /// Sums of the signals of a period: outputs, inputs, references.
-    sums: Vec<f64>,
     scatter: Scatter,
     experiments: Vec<Option<Experiment>>,
 }
@@ -189,7 +189,6 @@ impl PeriodicAccumulator {
             waiting: 0,
             waiting_of: 0,
             references: Vec::new(),
-            sums: Vec::new(),
             scatter: Scatter::new(layout.outputs + layout.inputs, lines),
             experiments: (0..layout.experiments).map(|_| None).collect(),
         })
@@ -217,12 +216,14 @@ impl PeriodicAccumulator {
         let experiment = self.experiments[block.experiment].get_or_insert_with(|| Experiment {
             next_period: 0,
             signals: Means::new(nz, lines),
+            offsets: Vec::new(),
             first_reference: Vec::new(),
             reference: Means::new(references, lines),
             reference_repeats: true,
             reference_moves: false,
         });
         if block.period < self.skip {
+            channels_finite(block)?;
             experiment.next_period += 1;
             return Ok(());
         }
@@ -234,17 +235,24 @@ impl PeriodicAccumulator {
             .spectra_waiting
             .chunks_exact_mut(size)
             .skip(self.waiting * nz);
-        let signals = block.outputs.iter().chain(block.inputs);
-        for ((signal, sum), out) in signals.zip(&self.sums).zip(free) {
-            spectra.transform(signal, *sum, out)?;
+        let signals = || block.outputs.iter().chain(block.inputs);
+        if experiment.offsets.is_empty() {
+            experiment.offsets = signals().map(|s| mean(s)).collect();
+        }
+        for ((signal, offset), out) in signals().zip(&mut experiment.offsets).zip(free) {
+            *offset += spectra.transform(signal, *offset, out)?;
+        }
+        if !experiment.offsets.iter().all(|o| o.is_finite()) {
+            // Finite numbers may be too large to be added up: that is for the end to tell.
+            experiment.offsets.clear();
+            channels_finite(block)?;
         }
         self.waiting += 1;
         experiment.next_period += 1;
         if references > 0 && !repeats {
             self.references.resize(references * size, C64::new(0.0, 0.0));
             let used = experiment.next_period - self.skip;
-            let signals = (block.references, &self.sums[nz..]);
-            experiment.push_reference(signals, spectra, &mut self.references, used)?;
+            experiment.push_reference(block.references, spectra, &mut self.references, used)?;
         }
         if self.waiting == TOGETHER {
             self.take_up();
@@ -296,8 +304,8 @@ impl PeriodicAccumulator {
         .estimate()
     }
 
-    /// Sums of the signals; whether the references repeat those before, and then they have none.
-    fn check(&mut self, block: &PeriodBlock<'_>) -> Result<bool, FrfError> {
+    /// Whether the references repeat those before. Outputs and inputs may yet hold what is not finite.
+    fn check(&self, block: &PeriodBlock<'_>) -> Result<bool, FrfError> {
         let experiment = block.experiment;
         let Some(slot) = self.experiments.get(experiment) else {
             return Err(FrfError::UnknownExperiment {
@@ -314,18 +322,11 @@ impl PeriodicAccumulator {
             });
         }
         let groups = [
-            ("output", "number of outputs", self.layout.outputs, block.outputs),
-            ("input", "number of inputs", self.layout.inputs, block.inputs),
-            (
-                "reference",
-                "number of references",
-                self.layout.references,
-                block.references,
-            ),
+            ("number of outputs", self.layout.outputs, block.outputs),
+            ("number of inputs", self.layout.inputs, block.inputs),
+            ("number of references", self.layout.references, block.references),
         ];
-        self.sums.clear();
-        let mut repeats = false;
-        for (what, count, expected, channels) in groups {
+        for (count, expected, channels) in groups {
             shape(experiment, count, expected, channels.len())?;
             for samples in channels {
                 shape(
@@ -335,17 +336,25 @@ impl PeriodicAccumulator {
                     samples.len(),
                 )?;
             }
-            // What equals what was finite before is finite.
-            repeats = what == "reference" && slot.as_ref().is_some_and(|e| e.repeats(channels));
-            if repeats {
-                break;
-            }
-            for (channel, samples) in channels.iter().enumerate() {
-                self.sums.push(finite(experiment, what, channel, samples)?);
-            }
+        }
+        // What equals what was finite before is finite.
+        let repeats = slot.as_ref().is_some_and(|e| e.repeats(block.references));
+        if !repeats {
+            all_finite(experiment, "reference", block.references)?;
         }
         Ok(repeats)
     }
+}
+
+/// Outputs and inputs are finite.
+fn channels_finite(block: &PeriodBlock<'_>) -> Result<(), FrfError> {
+    all_finite(block.experiment, "output", block.outputs)?;
+    all_finite(block.experiment, "input", block.inputs)
+}
+
+fn all_finite(experiment: usize, what: &'static str, channels: &[Vec<f64>]) -> Result<(), FrfError> {
+    let mut all = channels.iter().enumerate();
+    all.try_for_each(|(channel, samples)| finite(experiment, what, channel, samples))
 }
 
 pub(crate) fn shape(
@@ -365,20 +374,18 @@ pub(crate) fn shape(
     })
 }
 
-/// Sum of the samples, all of which are finite.
 pub(crate) fn finite(
     experiment: usize,
     what: &'static str,
     channel: usize,
     samples: &[f64],
-) -> Result<f64, FrfError> {
+) -> Result<(), FrfError> {
     // A sum with something in it that is not finite is not finite either.
-    let all = sum(samples);
-    if all.is_finite() {
-        return Ok(all);
+    if sum(samples).is_finite() {
+        return Ok(());
     }
     match samples.iter().position(|v| !v.is_finite()) {
-        None => Ok(all),
+        None => Ok(()),
         Some(sample) => Err(FrfError::NotFinite {
             experiment,
             what,

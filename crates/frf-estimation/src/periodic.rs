@@ -19,7 +19,7 @@ const ZERO: C64 = C64::new(0.0, 0.0);
 pub struct PeriodicEstimate {
     /// Equation (15) where references are the instruments, else (14), with covariance, excited lines only.
     pub estimate: FrfEstimate,
-    /// Equation (14), `Y U^-1`; least squares where there are more experiments than inputs. Biased in closed loop.
+    /// Equation (14), `Y U^-1`; least squares where there are more experiments than inputs, and then biased in closed loop.
     pub direct: Frf,
     /// The instrument that was used; never `Auto`.
     pub instrument: Instrument,
@@ -120,23 +120,25 @@ impl Averages<'_> {
                 frequency_hz: frequencies_hz[l],
                 condition,
             };
-            let mut condition = kernel.compute(u, None);
-            if condition.is_infinite() {
-                return Err(singular(condition));
-            }
             let own = l * ny * nu..(l + 1) * ny * nu;
             let (f, plain) = (&mut values[own.clone()], &mut direct[own]);
-            response(y, kernel.gain(), ny, ne, plain);
-            if instrument == Instrument::References {
-                condition = kernel.compute(u, Some(r));
-                if condition <= self.settings.max_condition {
-                    response(y, kernel.gain(), ny, ne, f);
+            // With as many experiments as inputs the instruments cancel.
+            let differ = instrument == Instrument::References && ne > nu;
+            if differ {
+                let condition = kernel.compute(u, None);
+                if condition.is_infinite() {
+                    return Err(singular(condition));
                 }
-            } else {
-                f.copy_from_slice(plain);
+                response(y, kernel.gain(), ny, ne, plain);
             }
+            let instruments = (instrument == Instrument::References).then_some(r.as_slice());
+            let condition = kernel.compute(u, instruments);
             if condition.is_nan() || condition > self.settings.max_condition {
                 return Err(singular(condition));
+            }
+            response(y, kernel.gain(), ny, ne, f);
+            if !differ {
+                plain.copy_from_slice(f);
             }
             by_line.push(condition);
             let c_line = &mut c_v[l * ny * ny..(l + 1) * ny * ny];

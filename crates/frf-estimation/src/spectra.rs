@@ -35,25 +35,35 @@ impl Spectra {
         length / 2 + 1
     }
 
-    /// Writes the spectrum of a signal whose samples add up to `sum`, of its [size](Self::size).
-    pub(crate) fn transform(&mut self, signal: &[f64], sum: f64, out: &mut [C64]) -> Result<(), FrfError> {
-        let scale = 1.0 / signal.len() as f64;
-        // A constant offset is removed by hand: its leakage is zero in theory, and rounding of a large offset would
-        // raise the noise of every line.
-        let mean = sum * scale;
+    /// Writes the spectrum of a signal, of its [size](Self::size), and gives what its mean is above `offset`; this is not
+    /// finite if a sample is not.
+    ///
+    /// An offset is removed by hand: its leakage is zero in theory, and rounding of a large one would raise the noise of
+    /// every line. The mean of a period before will do.
+    pub(crate) fn transform(
+        &mut self,
+        signal: &[f64],
+        offset: f64,
+        out: &mut [C64],
+    ) -> Result<f64, FrfError> {
         if self.input.len() != signal.len() {
             return Err(realfft::FftError::InputBuffer(self.input.len(), signal.len()).into());
         }
-        pulp::Arch::new().dispatch(Centre {
+        let above = pulp::Arch::new().dispatch(Centre {
             signal,
-            mean,
-            scale,
+            offset,
+            scale: 1.0 / signal.len() as f64,
             out: &mut self.input,
         });
         self.plan
             .process_with_scratch(&mut self.input, out, &mut self.scratch)?;
-        Ok(())
+        Ok(above)
     }
+}
+
+/// Mean of a signal.
+pub(crate) fn mean(signal: &[f64]) -> f64 {
+    sum(signal) / signal.len() as f64
 }
 
 /// Sum of a signal, many lanes at once.
@@ -66,22 +76,42 @@ pub(crate) fn equal(a: &[f64], b: &[f64]) -> bool {
     a.len() == b.len() && pulp::Arch::new().dispatch(Equal(a, b))
 }
 
-/// A signal without its mean, times a factor.
+/// A signal without an offset, times a factor, and its sum.
 struct Centre<'a> {
     signal: &'a [f64],
-    mean: f64,
+    offset: f64,
     scale: f64,
     out: &'a mut [f64],
 }
 
 impl WithSimd for Centre<'_> {
-    type Output = ();
+    type Output = f64;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) {
-        for (out, value) in self.out.iter_mut().zip(self.signal) {
-            *out = (value - self.mean) * self.scale;
+    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+        let (offset, scale) = (simd.splat_f64s(self.offset), simd.splat_f64s(self.scale));
+        let (wide, last) = S::as_simd_f64s(self.signal);
+        let (wide_out, last_out) = S::as_mut_simd_f64s(self.out);
+        let mut sums = [simd.splat_f64s(0.0); 4];
+        let (fours, rest) = wide.as_chunks::<4>();
+        let (fours_out, rest_out) = wide_out.as_chunks_mut::<4>();
+        for (values, out) in fours.iter().zip(fours_out) {
+            for i in 0..4 {
+                out[i] = simd.mul_f64s(simd.sub_f64s(values[i], offset), scale);
+                sums[i] = simd.add_f64s(sums[i], out[i]);
+            }
         }
+        for (value, out) in rest.iter().zip(rest_out) {
+            *out = simd.mul_f64s(simd.sub_f64s(*value, offset), scale);
+            sums[0] = simd.add_f64s(sums[0], *out);
+        }
+        let [a, b, c, d] = sums;
+        let mut sum = simd.reduce_sum_f64s(simd.add_f64s(simd.add_f64s(a, b), simd.add_f64s(c, d)));
+        for (value, out) in last.iter().zip(last_out) {
+            *out = (value - self.offset) * self.scale;
+            sum += *out;
+        }
+        sum
     }
 }
 

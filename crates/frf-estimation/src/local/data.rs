@@ -3,7 +3,7 @@
 use super::{HalfWidth, LocalSettings, Regressor};
 use crate::FrfError;
 use crate::records::{check_alike, mismatch};
-use crate::spectra::{Spectra, sum};
+use crate::spectra::{Spectra, mean};
 use lpv_core::{Clock, Discrete, Record};
 use num_complex::Complex;
 
@@ -86,7 +86,7 @@ impl LocalData {
         let mut spectra = Spectra::new(length);
         let mut spectrum = vec![C64::new(0.0, 0.0); Spectra::size(length)];
         let mut append = |samples: &[f64], to: &mut Vec<C64>| {
-            spectra.transform(samples, sum(samples), &mut spectrum)?;
+            spectra.transform(samples, mean(samples), &mut spectrum)?;
             to.extend_from_slice(&spectrum[1..=lines]);
             Ok::<(), FrfError>(())
         };

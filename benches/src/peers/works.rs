@@ -181,7 +181,9 @@ fn rows_of(frf: &Frf) -> Vec<f64> {
     let mut all = Vec::with_capacity(2 * frf.values().len());
     for line in frf.values().chunks_exact(ny * nu) {
         for i in 0..ny {
-            all.extend(line.iter().skip(i).step_by(ny).copied().flat_map(parts));
+            for value in line[i..].iter().step_by(ny) {
+                all.extend_from_slice(&parts(*value));
+            }
         }
     }
     all

@@ -255,16 +255,18 @@ impl Averages<'_> {
 
     /// Ratio of signal power to noise power in the averaged channels, both summed over experiments.
     pub(crate) fn snr(&self, lines: &[usize], channels: std::ops::Range<usize>) -> Vec<f64> {
-        let mut snr = Vec::with_capacity(lines.len() * channels.len());
+        let count = channels.len();
+        let mut snr = vec![0.0; lines.len() * count];
         // The mean of experiment e has the covariance C / M_e.
         let counts = self.experiments.iter().map(|e| e.signals.count() as f64);
         let share = counts.map(|m| 1.0 / m).sum::<f64>() / self.weights().degrees_of_freedom;
-        for &k in lines {
-            for c in channels.clone() {
+        for (at, c) in channels.enumerate() {
+            for (&k, snr) in lines.iter().zip(snr[at..].iter_mut().step_by(count)) {
                 let means = self.experiments.iter().map(|e| e.signals.at(c, k - 1));
                 let signal: f64 = means.map(|x| x.norm_sqr()).sum();
-                let noise = share * self.scatter.diagonal(c, k - 1);
-                snr.push(if signal == 0.0 { 0.0 } else { signal / noise });
+                if signal > 0.0 {
+                    *snr = signal / (share * self.scatter.diagonal(c, k - 1));
+                }
             }
         }
         snr

@@ -9,7 +9,8 @@
 //! has frozen responses near the estimates, at and between the positions. [`regress`] solves the weighted linear least
 //! squares problem over all positions with `c` in common, [`LocalFits::leave_one_out`] says which interpolation the
 //! samples `W_i(p_q)` support, [`LocalFits::interpolate`] builds the model, and [`LpvObfModel::response_deviation`]
-//! carries the covariance of the data to every frozen response.
+//! carries the covariance of the data to every frozen response. Where models of the positions are at hand in coordinates
+//! that go along with p, [`interpolate_models`] joins them instead: it needs fewer positions where poles move far.
 //!
 //! # Words
 //! - *position*: a constant value of the scheduling variable p at which an experiment was made.

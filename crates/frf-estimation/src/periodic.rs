@@ -260,8 +260,8 @@ impl Averages<'_> {
         // The mean of experiment e has the covariance C / M_e.
         let counts = self.experiments.iter().map(|e| e.signals.count() as f64);
         let share = counts.map(|m| 1.0 / m).sum::<f64>() / self.weights().degrees_of_freedom;
-        for (at, c) in channels.enumerate() {
-            for (&k, snr) in lines.iter().zip(snr[at..].iter_mut().step_by(count)) {
+        for (&k, row) in lines.iter().zip(snr.chunks_exact_mut(count.max(1))) {
+            for (snr, c) in row.iter_mut().zip(channels.clone()) {
                 let means = self.experiments.iter().map(|e| e.signals.at(c, k - 1));
                 let signal: f64 = means.map(|x| x.norm_sqr()).sum();
                 if signal > 0.0 {

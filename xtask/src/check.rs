@@ -18,13 +18,12 @@ enum Tolerance {
 
 /// The first rule whose name is part of a figure's path applies. Another processor may round differently, so nothing
 /// is compared bit by bit.
-const RULES: [(&str, Tolerance); 12] = [
+const RULES: [(&str, Tolerance); 11] = [
     ("seconds", Tolerance::Free),
     ("peak_rss", Tolerance::Free),
     ("worst_frequency_hz", Tolerance::Free),
     ("worst_response", Tolerance::Free),
     ("noise_free_max_rel", Tolerance::Factor(10.0)),
-    ("classical_difference", Tolerance::Factor(100.0)),
     ("direct_max_rel", Tolerance::Factor(100.0)),
     ("integration_error", Tolerance::Factor(10.0)),
     ("coverage95", Tolerance::Absolute(0.002)),

@@ -47,8 +47,6 @@ pub(crate) struct FrfAccount {
     pub(crate) median_rel: f64,
     /// Median of the error in the band of the flexible modes, 1 to 3.
     pub(crate) median_rel_modes: f64,
-    /// Largest relative difference between (14) and (15): they agree to rounding for two experiments and two inputs.
-    pub(crate) classical_difference: f64,
     /// Lines a position.
     pub(crate) lines: usize,
     /// Largest condition number of U R^H.
@@ -186,7 +184,6 @@ impl Bench {
                     })
                     .collect(),
             ),
-            classical_difference: largest(|r| r.classical),
             lines: runs[0].estimate.frf().len(),
             worst_condition: largest(|r| r.condition),
             crest_factor: self.multisine.crest_factor(),
@@ -215,7 +212,6 @@ struct Run {
     estimate: FrfEstimate,
     errors: Vec<(f64, f64)>,
     noise_free: f64,
-    classical: f64,
     condition: f64,
     inside: usize,
     counted: usize,
@@ -245,7 +241,6 @@ impl Run {
         Ok(Self {
             errors,
             noise_free: largest(noise_free.relative_error(truth)?),
-            classical: largest(found.direct.relative_error(frf)?),
             condition: found.condition.worst,
             inside,
             counted,

@@ -125,12 +125,11 @@ impl Experiment {
 
 /// Streaming estimator for the experiments at one scheduling position.
 ///
-/// Experiments may be interleaved in any order; the periods of an experiment come in order. The order changes the covariance
-/// by rounding, nothing else. Memory does not grow with
-/// the number of periods: `2 (n_z + 2 n_r)` numbers a line and experiment, `n_z = n_y + n_u`, `n_z^2` a line for the scatter of
-/// all experiments, and `8 n_z` a line for periods that are taken up together; so it helps to push those of one experiment
-/// in a row. The transform of a reference that repeats exactly is computed once an experiment, and skipped periods are not
-/// transformed at all.
+/// Experiments may be interleaved in any order; the periods of an experiment come in order. The order changes the scatter,
+/// and what follows from it, by rounding. Memory does not grow with the number of periods: `2 (n_z + 2 n_r)` numbers a line
+/// and experiment, `n_z = n_y + n_u`, `n_z^2` a line for the scatter of all experiments, and `8 n_z` a line for periods that
+/// are taken up together; so it helps to push those of one experiment in a row. The transform of a reference that repeats
+/// exactly is computed once an experiment, and skipped periods are not transformed at all.
 pub struct PeriodicAccumulator {
     layout: Layout,
     settings: CheckedSettings,
@@ -143,7 +142,7 @@ pub struct PeriodicAccumulator {
     waiting: usize,
     waiting_of: usize,
     references: Vec<C64>,
-    scatter: Scatter,
+    scatter: Option<Scatter>,
     experiments: Vec<Option<Experiment>>,
 }
 
@@ -189,7 +188,7 @@ impl PeriodicAccumulator {
             waiting: 0,
             waiting_of: 0,
             references: Vec::new(),
-            scatter: Scatter::new(layout.outputs + layout.inputs, lines),
+            scatter: None,
             experiments: (0..layout.experiments).map(|_| None).collect(),
         })
     }
@@ -266,7 +265,8 @@ impl PeriodicAccumulator {
         let size = self.waiting * nz * Spectra::size(self.layout.period);
         if let Some(experiment) = &mut self.experiments[self.waiting_of] {
             let spectra = &self.spectra_waiting[..size];
-            self.scatter.push(&mut experiment.signals, spectra, self.waiting);
+            let scatter = self.scatter.get_or_insert_with(|| Scatter::new(nz, self.lines));
+            scatter.push(&mut experiment.signals, spectra, self.waiting);
         }
         self.waiting = 0;
     }
@@ -292,13 +292,16 @@ impl PeriodicAccumulator {
                 }
             }
         }
+        // There are periods, so there is a scatter.
+        let nz = self.layout.outputs + self.layout.inputs;
+        let scatter = self.scatter.unwrap_or_else(|| Scatter::new(nz, self.lines));
         Averages {
             layout: self.layout,
             settings: self.settings.get(),
             position: self.position,
             skipped: self.skip,
             lines: self.lines,
-            scatter: &self.scatter,
+            scatter: &scatter,
             experiments: &experiments,
         }
         .estimate()

@@ -2,7 +2,8 @@
 //!
 //! Every section is driven by one input and has the denominator `(z-1)^2 + d1 (z-1) + d0` with the states
 //! `u / den` and `(z-1) u / den`. For a pair of poles `l, l*` these are `d1 = 2 Re(1 - l)` and `d0 = |1 - l|^2`: smooth
-//! functions of the pair, also where it becomes two real poles. Fixed integrators are a chain of `(z-1)^-k`.
+//! functions of the pair, also where it becomes two real poles; and so are the weights of the states, since both residues
+//! are divided by the same distance of the poles. Fixed integrators are a chain of `(z-1)^-k`.
 
 use crate::PoleFit;
 use lpv_core::{CoreError, StateSpace};
@@ -50,16 +51,16 @@ impl Section {
 }
 
 impl PoleFit {
-    /// The fitted model as sections of one or two poles side by side, one copy an input: `order * n_u` states, the fixed
-    /// integrators first, then the poles in their order. The delay of the settings is not part of it.
+    /// The fitted model as sections side by side, one copy an input: `order * n_u` states. The fixed integrators come
+    /// first, then pairs: complex ones, and real poles two by two as they follow each other, last a real pole that is left
+    /// over. The delay of the settings is not part of it.
     ///
-    /// Its matrices vary smoothly with the poles as long as these keep their order, so that models of several positions
-    /// can be interpolated entry by entry. Where coordinates do not matter, [`PoleFit::state_space`] is better
-    /// conditioned.
+    /// Its matrices vary smoothly with the poles as long as these keep their order and each stays real or complex, and
+    /// where a pair with an even number of real poles before it becomes real: then models of several positions can be
+    /// interpolated entry by entry. Where coordinates do not matter, [`PoleFit::state_space`] is better conditioned.
     ///
     /// # Errors
-    /// [`CoreError::NotFinite`] where two poles coincide: their residues do not exist. An integrator that was not fixed
-    /// is such a case, up to rounding.
+    /// [`CoreError::NotFinite`] where two poles are equal: their residues do not exist.
     pub fn parallel_form(&self) -> Result<StateSpace<lpv_core::Discrete>, CoreError> {
         let (n_y, n_u) = self.channels;
         let m = self.fixed_integrators;
@@ -104,7 +105,8 @@ impl PoleFit {
                     c[(output, first + k)] = coefficient(n_y * input + output, m - k);
                 }
             }
-            for output in 0..n_y {
+            // What is strictly proper has no direct term, not even of rounding.
+            for output in (0..n_y).filter(|_| self.beta.nrows() > n) {
                 d[(output, input)] = coefficient(n_y * input + output, 0);
             }
             let mut at = first + m;
@@ -140,9 +142,22 @@ impl PoleFit {
         sections
     }
 
-    /// `B / ((z-1)^m a')` at a simple root of the denominator, a value a channel.
+    /// `B / ((z-1)^m a')` at a simple root of the denominator, a value a channel. The slope is that of the product of the
+    /// roots: what rounding adds to a distance then cancels between the two poles of a section.
     fn residues(&self, pole: C64) -> Vec<C64> {
-        let (_, slope) = self.recurrence.value_and_slope(&self.alpha, pole);
+        let n = self.alpha.len() - 1;
+        let below: f64 = (0..n).map(|j| self.recurrence.h[(j + 1, j)]).product();
+        let leading = self.alpha[n] * self.recurrence.constant / below;
+        let others = self.poles[self.fixed_integrators..]
+            .iter()
+            .filter(|p| **p != pole);
+        let mut count = 1;
+        let slope = others.fold(C64::from(leading), |product, other| {
+            count += 1;
+            product * (pole - other)
+        });
+        // A double pole is not among its others.
+        let slope = if count == n { slope } else { C64::from(0.0) };
         let factor = (slope * (pole - 1.0).powu(self.fixed_integrators as u32)).inv();
         self.numerators(pole).into_iter().map(|b| b * factor).collect()
     }
@@ -231,6 +246,25 @@ mod tests {
         assert!((form.c()[(0, 1)] - 2.0).abs() < 1e-10);
         assert!((form.c()[(0, 0)] - 2.0 * (r * gap.conj()).re).abs() < 1e-10);
         assert!((form.d()[(0, 0)] - 0.05).abs() < 1e-10);
+    }
+
+    /// Also where two poles nearly coincide, with a direct term or without.
+    #[test]
+    fn nearly_double_poles_keep_the_response() {
+        for square in [1e-4, 1e-6, 1e-8, 1e-10, 1e-12, -1e-8, -1e-12_f64] {
+            let root = C64::new(square, 0.0).sqrt();
+            let mut poles = vec![C64::from_polar(0.97, 0.9), 0.7 + root];
+            if square > 0.0 {
+                poles.push(0.7 - root);
+            }
+            let (found, lines) = fitted(&poles, 0);
+            let form = found.parallel_form().unwrap().frequency_response(&lines).unwrap();
+            let exact = found.response(&lines).unwrap();
+            for k in 0..lines.len() {
+                let (error, size) = ((form.line(k) - exact.line(k)).norm(), exact.line(k).norm());
+                assert!(error < 1e-8 * size, "{square:e}, line {k}: {error:e} of {size:e}");
+            }
+        }
     }
 
     /// A pair becomes two real poles: the matrices stay close to each other.

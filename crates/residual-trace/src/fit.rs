@@ -126,9 +126,10 @@ impl Problem<'_> {
         self.whitened(self.errors(model)?, model)
     }
 
-    /// The same from a coarse integration: for small differences only.
+    /// The same from a coarse integration, or a fine one where that diverges: for small differences only.
     pub(crate) fn rough(&self, model: &Explained) -> Option<Vec<f64>> {
-        self.whitened(self.errors_in(Track::coarse, model)?, model)
+        let coarse = self.errors_in(Track::coarse, model);
+        self.whitened(coarse.or_else(|| self.errors(model))?, model)
     }
 
     fn whitened(&self, errors: Vec<Vec<Pair>>, model: &Explained) -> Option<Vec<f64>> {
@@ -289,13 +290,8 @@ impl Problem<'_> {
                 Some(columns) => columns,
                 None => {
                     fresh = true;
-                    // Few parts of a sample may diverge where more do not.
-                    let rough = self.rough(&model);
-                    let around = match &rough {
-                        Some(rough) => (Grain::Rough, rough.as_slice()),
-                        None => (Grain::Fine, residual.as_slice()),
-                    };
-                    self.columns(&model, around, 0..own, &mut steps)
+                    let rough = self.rough(&model).ok_or_else(diverges)?;
+                    self.columns(&model, (Grain::Rough, &rough), 0..own, &mut steps)
                         .ok_or_else(diverges)?
                 }
             };

@@ -356,7 +356,7 @@ fn page(account: &Account) -> String {
         );
     }
     out += "\nFRF: what a period taken alone brings, and what is kept of it, in and out; four are taken together, so that less goes by than is \
-            counted. Regression: the sums of products themselves, two fifths of the time, run at the speed of the matrix product; the \
+            counted. Regression: the sums of products themselves, two fifths of the time, run at half the speed of the matrix product; the \
             correction by what the equations leave takes three tenths, weights from the covariances the rest. Without the correction the \
             result would lose twice as many digits to the condition of the functions.\n\
             \n## Growth\n\nA transform of N samples takes N log N operations: from 2^10 to 2^18 that alone is an exponent of 1.11; what is kept of an \

@@ -9,6 +9,7 @@ use crate::PoleFitError;
 use lpv_core::linalg::eigenvalues;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
+use pulp::{Simd, WithSimd};
 
 type C64 = Complex<f64>;
 const ZERO: C64 = C64::new(0.0, 0.0);
@@ -225,27 +226,44 @@ impl Basis {
     }
 }
 
-/// Eight partial sums: the order of additions is fixed, and the compiler may use vector registers.
+/// Eight partial sums: the order of additions is fixed, whatever the registers of the machine.
 pub(crate) fn dot(x: &[f64], y: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    let (x8, y8) = (x.chunks_exact(8), y.chunks_exact(8));
-    let tail: f64 = x8
-        .remainder()
-        .iter()
-        .zip(y8.remainder())
-        .map(|(a, b)| a * b)
-        .sum();
-    for (a, b) in x8.zip(y8) {
-        for i in 0..8 {
-            sums[i] += a[i] * b[i];
+    pulp::Arch::new().dispatch(Dot(x, y))
+}
+
+struct Dot<'a>(&'a [f64], &'a [f64]);
+
+impl WithSimd for Dot<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) -> f64 {
+        let mut sums = [0.0; 8];
+        let ((x8, x), (y8, y)) = (self.0.as_chunks::<8>(), self.1.as_chunks::<8>());
+        for (a, b) in x8.iter().zip(y8) {
+            for i in 0..8 {
+                sums[i] += a[i] * b[i];
+            }
         }
+        let tail: f64 = x.iter().zip(y).map(|(a, b)| a * b).sum();
+        sums.iter().sum::<f64>() + tail
     }
-    sums.iter().sum::<f64>() + tail
 }
 
 fn axpy(factor: f64, x: &[f64], y: &mut [f64]) {
-    for (y, x) in y.iter_mut().zip(x) {
-        *y += factor * x;
+    pulp::Arch::new().dispatch(Axpy(factor, x, y));
+}
+
+struct Axpy<'a>(f64, &'a [f64], &'a mut [f64]);
+
+impl WithSimd for Axpy<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        for (y, x) in self.2.iter_mut().zip(self.1) {
+            *y += self.0 * x;
+        }
     }
 }
 

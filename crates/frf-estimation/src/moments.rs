@@ -98,11 +98,13 @@ impl WithSimd for Observations<'_> {
             count,
         } = self;
         match count {
-            1 => scatter.add::<1>(mean, spectra),
-            2 => scatter.add::<2>(mean, spectra),
-            3 => scatter.add::<3>(mean, spectra),
+            0 => (),
             TOGETHER => scatter.add::<TOGETHER>(mean, spectra),
-            _ => (),
+            // The rest of an experiment.
+            _ => {
+                let each = spectra.chunks_exact(spectra.len() / count);
+                each.for_each(|one| scatter.add::<1>(mean, one));
+            }
         }
     }
 }

@@ -159,14 +159,7 @@ fn check<K: Clock>(model: &Lfr<K>, reference: &Lfr<K>) -> Result<(), RealizeErro
         ),
     ];
     for (what, expected, found) in sizes {
-        if expected != found {
-            return Err(lpv_core::CoreError::Dimension {
-                what,
-                expected,
-                found,
-            }
-            .into());
-        }
+        lpv_core::linalg::dimension(what, expected, found)?;
     }
     for corner in [0, 1] {
         let p: Vec<f64> = reference.range().bounds().iter().map(|b| b[corner]).collect();

@@ -2,7 +2,7 @@
 
 use crate::RealizeError;
 use crate::frozen::{Closure, close};
-use lpv_core::linalg::from_blocks;
+use lpv_core::linalg::{dimension, from_blocks};
 use lpv_core::{Clock, CoreError, DeltaBlock, Lfr, LfrBlocks, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
 
@@ -97,23 +97,9 @@ impl<K: Clock> Candidate<K> {
     /// # Errors
     /// [`RealizeError::Core`] if the mask has another shape.
     pub fn with_free(self, free: DMatrix<bool>) -> Result<Self, RealizeError> {
-        for (what, expected, found) in [
-            ("candidate: rows of the mask", self.matrix.nrows(), free.nrows()),
-            (
-                "candidate: columns of the mask",
-                self.matrix.ncols(),
-                free.ncols(),
-            ),
-        ] {
-            if expected != found {
-                return Err(CoreError::Dimension {
-                    what,
-                    expected,
-                    found,
-                }
-                .into());
-            }
-        }
+        let (rows, columns) = self.matrix.shape();
+        dimension("candidate: rows of the mask", rows, free.nrows())?;
+        dimension("candidate: columns of the mask", columns, free.ncols())?;
         Ok(Self { free, ..self })
     }
 

@@ -1,8 +1,8 @@
 //! Free masses joined by springs and dampers: the structure of a machine that moves.
 
 use crate::{Candidate, Channel, FrozenData, RandomChannels, RealizeError};
-use lpv_core::linalg::eigenvalues;
-use lpv_core::{Continuous, CoreError, LfrBlocks, SchedulingRange, StateSpace};
+use lpv_core::linalg::{dimension, eigenvalues};
+use lpv_core::{Continuous, LfrBlocks, SchedulingRange, StateSpace};
 use nalgebra::{Complex, DMatrix, DVector};
 
 mod structure;
@@ -84,14 +84,7 @@ impl MechanicalForm {
             p: centre.clone(),
             problem,
         };
-        if scales.len() != ny {
-            return Err(CoreError::Dimension {
-                what: "scales of the outputs",
-                expected: ny,
-                found: scales.len(),
-            }
-            .into());
-        }
+        dimension("scales of the outputs", ny, scales.len())?;
         let (n, rigid) = (candidate.states(), 2 * ny);
         let m = candidate.matrix();
         let chain = (0..rigid.min(n))

@@ -2,6 +2,7 @@
 
 use crate::sampling::Sampling;
 use crate::{Candidate, Channel, RealizeError};
+use lpv_core::linalg::dimension;
 use lpv_core::{CoreError, DeltaBlock, LfrBlocks, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
 use rand::SeedableRng;
@@ -49,19 +50,8 @@ impl<K: Sampling> Candidate<K> {
         let (nf, nu, ny) = (local.states(), local.inputs(), local.outputs());
         let axes = gamma.map_or(0, |_| ny);
         if let Some(gamma) = gamma {
-            for (what, expected, found) in [
-                ("rigid body: rows of its gain", ny, gamma.nrows()),
-                ("rigid body: columns of its gain", nu, gamma.ncols()),
-            ] {
-                if expected != found {
-                    return Err(CoreError::Dimension {
-                        what,
-                        expected,
-                        found,
-                    }
-                    .into());
-                }
-            }
+            dimension("rigid body: rows of its gain", ny, gamma.nrows())?;
+            dimension("rigid body: columns of its gain", nu, gamma.ncols())?;
         }
         let (rigid_a, rigid_c) = local.clock().double_integrators(axes);
         let nr = rigid_a.nrows();

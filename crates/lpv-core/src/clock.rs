@@ -100,7 +100,10 @@ impl Clock for Discrete {
 }
 
 /// Refuses to join systems whose clocks differ by more than the rounding of a rate.
-pub(crate) fn same_clock<K: Clock>(first: K, second: K) -> Result<(), CoreError> {
+///
+/// # Errors
+/// [`CoreError::DifferentClocks`].
+pub fn same_clock<K: Clock>(first: K, second: K) -> Result<(), CoreError> {
     let (first_nyquist_hz, second_nyquist_hz) = (first.nyquist_hz(), second.nyquist_hz());
     // In continuous time both are infinite and their difference is NaN, which is not above anything.
     if (first_nyquist_hz - second_nyquist_hz).abs() > 1e-12 * first_nyquist_hz {

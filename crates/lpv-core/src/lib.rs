@@ -84,7 +84,7 @@ mod series;
 mod spline;
 mod star;
 
-pub use clock::{Clock, Continuous, Discrete};
+pub use clock::{Clock, Continuous, Discrete, same_clock};
 pub use error::CoreError;
 pub use frf::{Frf, FrfEstimate};
 pub use function::{BasisKind, FunctionBasis, MatrixFunction, matern52};

@@ -128,7 +128,11 @@ pub(crate) fn finite_vector(what: &'static str, vector: &DVector<f64>) -> Result
     }
 }
 
-pub(crate) fn dimension(what: &'static str, expected: usize, found: usize) -> Result<(), CoreError> {
+/// Refuses a number that is not the expected one.
+///
+/// # Errors
+/// [`CoreError::Dimension`].
+pub fn dimension(what: &'static str, expected: usize, found: usize) -> Result<(), CoreError> {
     if expected == found {
         Ok(())
     } else {

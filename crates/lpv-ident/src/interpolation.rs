@@ -1,6 +1,7 @@
 //! From samples of the coefficient functions to functions of p. Every kind is linear in the samples.
 
 use crate::IdentError;
+use lpv_core::linalg::dimension;
 use lpv_core::{BasisKind, FunctionBasis, MatrixFunction, SchedulingRange, matern52};
 use nalgebra::DMatrix;
 
@@ -200,15 +201,7 @@ impl InterpolationOperator {
     /// If the samples differ in number from the positions, or in shape from one another.
     pub fn apply(&self, samples: &[&DMatrix<f64>]) -> Result<MatrixFunction, IdentError> {
         let (rows, columns) = samples.first().map_or((0, 0), |m| m.shape());
-        if samples.len() != self.map.ncols() {
-            let what = "interpolation: samples";
-            return Err(lpv_core::CoreError::Dimension {
-                what,
-                expected: self.map.ncols(),
-                found: samples.len(),
-            }
-            .into());
-        }
+        dimension("interpolation: samples", self.map.ncols(), samples.len())?;
         let coefficients = self
             .map
             .row_iter()

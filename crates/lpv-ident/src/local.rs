@@ -1,7 +1,8 @@
 //! A model over a range from models at its positions.
 
 use crate::{IdentError, Interpolation};
-use lpv_core::{Clock, CoreError, Discrete, LpvStateSpace, SchedulingRange, StateSpace};
+use lpv_core::linalg::dimension;
+use lpv_core::{Discrete, LpvStateSpace, SchedulingRange, StateSpace, same_clock};
 use nalgebra::DMatrix;
 
 /// Interpolates the matrices of models at increasing positions, entry by entry: the local approach.
@@ -36,29 +37,10 @@ pub fn interpolate_models(
         }
         let sizes = |m: &StateSpace<Discrete>| (m.states(), m.outputs(), m.inputs());
         let (a, b) = (sizes(first), sizes(&pair[1].1));
-        for (what, expected, found) in [
-            ("interpolation of models: states", a.0, b.0),
-            ("interpolation of models: outputs", a.1, b.1),
-            ("interpolation of models: inputs", a.2, b.2),
-        ] {
-            if expected != found {
-                return Err(CoreError::Dimension {
-                    what,
-                    expected,
-                    found,
-                }
-                .into());
-            }
-        }
-        let (first_nyquist_hz, second_nyquist_hz) =
-            (first.clock().nyquist_hz(), pair[1].1.clock().nyquist_hz());
-        if (first_nyquist_hz - second_nyquist_hz).abs() > 1e-12 * first_nyquist_hz {
-            return Err(CoreError::DifferentClocks {
-                first_nyquist_hz,
-                second_nyquist_hz,
-            }
-            .into());
-        }
+        dimension("interpolation of models: states", a.0, b.0)?;
+        dimension("interpolation of models: outputs", a.1, b.1)?;
+        dimension("interpolation of models: inputs", a.2, b.2)?;
+        same_clock(first.clock(), pair[1].1.clock())?;
     }
     let positions: Vec<f64> = models.iter().map(|(p, _)| *p).collect();
     let operator = interpolation.operator(&positions)?;

@@ -6,8 +6,8 @@
 //! are divided by the same distance of the poles. Fixed integrators are a chain of `(z-1)^-k`.
 
 use crate::PoleFit;
-use lpv_core::{CoreError, StateSpace};
-use nalgebra::{DMatrix, Matrix2};
+use lpv_core::{CoreError, Discrete, StateSpace};
+use nalgebra::{DMatrix, dmatrix};
 use num_complex::Complex;
 
 type C64 = Complex<f64>;
@@ -31,16 +31,15 @@ impl Section {
         let gap = |i: usize| ONE - poles[i].0;
         let (a, weights) = if poles.len() == 1 {
             let weights = DMatrix::from_fn(channels, 1, |c, _| poles[0].1[c].re);
-            (DMatrix::from_element(1, 1, -gap(0).re), weights)
+            (dmatrix![-gap(0).re], weights)
         } else {
             // r / (x + g) + s / (x + h) with x = z - 1: (r + s) x + r h + s g over x^2 + (g + h) x + g h.
             let (g, h) = (gap(0), gap(1));
-            let companion = Matrix2::new(0.0, 1.0, -(g * h).re, -(g + h).re);
             let weights = DMatrix::from_fn(channels, 2, |c, state| {
                 let (r, s) = (poles[0].1[c], poles[1].1[c]);
                 if state == 0 { r * h + s * g } else { r + s }.re
             });
-            (DMatrix::from_fn(2, 2, |i, j| companion[(i, j)]), weights)
+            (dmatrix![0.0, 1.0; -(g * h).re, -(g + h).re], weights)
         };
         Self { a, weights, poles }
     }
@@ -61,7 +60,7 @@ impl PoleFit {
     ///
     /// # Errors
     /// [`CoreError::NotFinite`] where two poles are equal: their residues do not exist.
-    pub fn parallel_form(&self) -> Result<StateSpace<lpv_core::Discrete>, CoreError> {
+    pub fn parallel_form(&self) -> Result<StateSpace<Discrete>, CoreError> {
         let (n_y, n_u) = self.channels;
         let m = self.fixed_integrators;
         let sections = self.sections();
@@ -148,16 +147,13 @@ impl PoleFit {
         let n = self.alpha.len() - 1;
         let below: f64 = (0..n).map(|j| self.recurrence.h[(j + 1, j)]).product();
         let leading = self.alpha[n] * self.recurrence.constant / below;
-        let others = self.poles[self.fixed_integrators..]
+        let flexible = self.poles[self.fixed_integrators..].iter();
+        let others: Vec<&C64> = flexible.filter(|other| **other != pole).collect();
+        // A double pole has fewer others, and no slope.
+        let leading = if others.len() + 1 == n { leading } else { 0.0 };
+        let slope = others
             .iter()
-            .filter(|p| **p != pole);
-        let mut count = 1;
-        let slope = others.fold(C64::from(leading), |product, other| {
-            count += 1;
-            product * (pole - other)
-        });
-        // A double pole is not among its others.
-        let slope = if count == n { slope } else { C64::from(0.0) };
+            .fold(C64::from(leading), |product, other| product * (pole - *other));
         let factor = (slope * (pole - 1.0).powu(self.fixed_integrators as u32)).inv();
         self.numerators(pole).into_iter().map(|b| b * factor).collect()
     }

@@ -9,7 +9,7 @@ use lpv_core::{Purpose, Record, RecordKind, Signals};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
-use residual_trace::{Axis, Base, Case, Track, Verdict, trace};
+use residual_trace::{Axis, Base, Case, Trace, Track, Verdict, trace};
 
 const STEP: f64 = 0.01;
 const NOISE: f64 = 1e-5;
@@ -48,23 +48,22 @@ fn record(name: &str, rate: f64, controller: &Controller, force: impl Fn(f64, f6
     Track::new(&record, STEP, 4, None).unwrap()
 }
 
-/// Beside a cable that pulls hard, friction with a peak at low speed passes for Coulomb friction; once the cable is explained,
-/// it does not.
-#[test]
-fn what_passed_for_a_simpler_effect_is_chosen_again() {
-    let controller = Controller {
-        reference_numerator: vec![vec![3000.0, -2900.0]],
-        feedback_numerator: vec![vec![3000.0, -2900.0]],
+/// A proportional and differential controller, this much in the unit of its first gain.
+fn controller(gain: f64) -> Controller {
+    let numerator = || vec![vec![3000.0 * gain, -2900.0 * gain]];
+    Controller {
+        reference_numerator: numerator(),
+        feedback_numerator: numerator(),
         denominator: vec![vec![1.0]],
         limit: None,
-    };
-    let force = |x: f64, v: f64| {
-        let friction = (2.0 + 0.4 * (-(v / 0.01).powi(2)).exp()) * (v / 1e-3).tanh();
-        -friction - 12.0 * x - 2000.0 * x.powi(3)
-    };
-    let record = |name: &str, rate: f64| record(name, rate, &controller, force);
-    let found = trace(&Case {
-        base: &Base::Axis(Axis::new(10.0, 0.0, 0.0)),
+    }
+}
+
+/// What is found from three records of an axis with this force, where the model has no force but this damping.
+fn find(controller: &Controller, damping: f64, force: impl Fn(f64, f64) -> f64) -> Trace {
+    let record = |name: &str, rate: f64| record(name, rate, controller, &force);
+    trace(&Case {
+        base: &Base::Axis(Axis::new(10.0, damping, 0.0)),
         prior: None,
         free: None,
         controller: &controller.start().unwrap(),
@@ -72,7 +71,18 @@ fn what_passed_for_a_simpler_effect_is_chosen_again() {
         fitted: &[record("slow", 0.7), record("faster", 1.9)],
         judged: &[record("between", 1.3)],
     })
-    .unwrap();
+    .unwrap()
+}
+
+/// Beside a cable that pulls hard, friction with a peak at low speed passes for Coulomb friction; once the cable is explained,
+/// it does not.
+#[test]
+fn what_passed_for_a_simpler_effect_is_chosen_again() {
+    let force = |x: f64, v: f64| {
+        let friction = (2.0 + 0.4 * (-(v / 0.01).powi(2)).exp()) * (v / 1e-3).tanh();
+        -friction - 12.0 * x - 2000.0 * x.powi(3)
+    };
+    let found = find(&controller(1.0), 0.0, force);
     let names: Vec<&str> = found.added.iter().map(|a| a.effect.name).collect();
     assert_eq!(found.verdict, Verdict::Explained);
     assert_eq!(names.len(), 2, "{names:?}");
@@ -106,30 +116,13 @@ fn what_passed_for_a_simpler_effect_is_chosen_again() {
 /// hidden beside it is found all the same.
 #[test]
 fn a_machine_that_few_parts_of_a_sample_cannot_integrate() {
-    let controller = Controller {
-        reference_numerator: vec![vec![3e5, -2.9e5]],
-        feedback_numerator: vec![vec![3e5, -2.9e5]],
-        denominator: vec![vec![1.0]],
-        limit: None,
-    };
-    let find = |force: &dyn Fn(f64, f64) -> f64| {
-        let record = |name: &str, rate: f64| record(name, rate, &controller, |x, v| force(x, v) - 7500.0 * v);
-        trace(&Case {
-            base: &Base::Axis(Axis::new(10.0, 7400.0, 0.0)),
-            prior: None,
-            free: None,
-            controller: &controller.start().unwrap(),
-            noise: [NOISE, 0.0],
-            fitted: &[record("slow", 0.7), record("faster", 1.9)],
-            judged: &[record("between", 1.3)],
-        })
-        .unwrap()
-    };
-    let plain = find(&|_, _| 0.0);
+    let controller = controller(100.0);
+    let damped = |force: &dyn Fn(f64, f64) -> f64| find(&controller, 7400.0, |x, v| force(x, v) - 7500.0 * v);
+    let plain = damped(&|_, _| 0.0);
     assert_eq!(plain.verdict, Verdict::NothingMissing);
     let viscous = plain.model.base.parameters()[1].value;
     assert!((viscous - 7500.0).abs() < 4.0 * plain.deviations[1], "{viscous}");
-    let rubs = find(&|_, v| -20.0 * (v / 1e-3).tanh());
+    let rubs = damped(&|_, v| -20.0 * (v / 1e-3).tanh());
     let names: Vec<&str> = rubs.added.iter().map(|a| a.effect.name).collect();
     assert_eq!(names, ["coulomb-friction"]);
 }

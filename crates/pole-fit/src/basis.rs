@@ -6,10 +6,10 @@
 //! Trefethen, SIAM Review 63(2), 2021; for frequency responses Bultheel, Van Barel, 1995).
 
 use crate::PoleFitError;
+use crate::columns::{Columns, axpy, dot};
 use lpv_core::linalg::eigenvalues;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
-use pulp::{Simd, WithSimd};
 
 type C64 = Complex<f64>;
 const ZERO: C64 = C64::new(0.0, 0.0);
@@ -124,13 +124,12 @@ impl Recurrence {
     }
 }
 
-/// The polynomials on the lines: column `j` holds `q_j = sqrt(mu) p_j`, real parts and then imaginary parts.
+/// The polynomials on the lines: column `j` holds `q_j = sqrt(mu) p_j`.
 #[derive(Debug, Clone)]
 pub(crate) struct Basis {
     pub(crate) recurrence: Recurrence,
-    pub(crate) lines: usize,
     pub(crate) root_mu: Vec<f64>,
-    q: Vec<f64>,
+    pub(crate) q: Columns,
 }
 
 impl Basis {
@@ -146,10 +145,9 @@ impl Basis {
         q.extend_from_slice(&root_mu);
         q.resize(2 * lines, 0.0);
         let mut h = DMatrix::zeros(degree + 1, degree);
+        let mut next = vec![0.0; 2 * lines];
         for j in 0..degree {
-            let (done, _) = q.split_at((j + 1) * 2 * lines);
-            let (re, im) = done[j * 2 * lines..].split_at(lines);
-            let mut next = vec![0.0; 2 * lines];
+            let (re, im) = q[j * 2 * lines..].split_at(lines);
             let (next_re, next_im) = next.split_at_mut(lines);
             for k in 0..lines {
                 next_re[k] = re[k] * z[k].re - im[k] * z[k].im;
@@ -158,8 +156,7 @@ impl Basis {
             let before = dot(&next, &next).sqrt();
             // Twice is enough (Kahan, Parlett).
             for _ in 0..2 {
-                for i in 0..=j {
-                    let column = &done[i * 2 * lines..(i + 1) * 2 * lines];
+                for (i, column) in q.chunks_exact(2 * lines).enumerate() {
                     let projection = dot(column, &next);
                     h[(i, j)] += projection;
                     axpy(-projection, column, &mut next);
@@ -174,96 +171,29 @@ impl Basis {
         }
         Ok(Self {
             recurrence: Recurrence { constant: 1.0, h },
-            lines,
             root_mu,
-            q,
+            q: Columns::from_parts(lines, q),
         })
     }
 
-    /// Number of polynomials.
-    pub(crate) fn size(&self) -> usize {
-        self.q.len() / (2 * self.lines)
-    }
-    /// Real and imaginary parts of `q_j`.
-    pub(crate) fn column(&self, j: usize) -> (&[f64], &[f64]) {
-        self.q[j * 2 * self.lines..(j + 1) * 2 * self.lines].split_at(self.lines)
-    }
     /// `sum_j c_j p_j` on the lines.
     pub(crate) fn combine(&self, coefficients: &[f64]) -> Vec<C64> {
-        let mut sum = vec![0.0; 2 * self.lines];
-        for (c, column) in coefficients.iter().zip(self.q.chunks_exact(2 * self.lines)) {
-            axpy(*c, column, &mut sum);
-        }
-        let (re, im) = sum.split_at(self.lines);
-        (0..self.lines)
-            .map(|k| C64::new(re[k], im[k]) / self.root_mu[k])
-            .collect()
+        let mut sum = vec![0.0; 2 * self.root_mu.len()];
+        self.q.combine(coefficients, &mut sum);
+        let (re, im) = sum.split_at(self.root_mu.len());
+        let lines = re.iter().zip(im).zip(&self.root_mu);
+        lines.map(|((re, im), root)| C64::new(*re, *im) / *root).collect()
     }
-    /// `Re sum_k conj(p_j(z_k)) x_k` for `j` below `count`.
-    pub(crate) fn correlate(&self, count: usize, x: &[C64]) -> DVector<f64> {
-        let mut split = vec![0.0; 2 * self.lines];
-        let (re, im) = split.split_at_mut(self.lines);
-        for k in 0..self.lines {
-            re[k] = x[k].re / self.root_mu[k];
-            im[k] = x[k].im / self.root_mu[k];
-        }
-        DVector::from_iterator(
-            count,
-            self.q
-                .chunks_exact(2 * self.lines)
-                .take(count)
-                .map(|column| dot(column, &split)),
-        )
+
+    /// `Re sum_k conj(q_j) x_k` for `j` below `count`, of both parts of a column.
+    pub(crate) fn correlate(&self, count: usize, x: &[f64]) -> DVector<f64> {
+        DVector::from_fn(count, |j, _| dot(self.q.whole(j), x))
     }
+
     /// Coefficients of a polynomial of degree below `count` from its values on the lines.
     pub(crate) fn project(&self, count: usize, values: &[C64]) -> DVector<f64> {
-        let weighted: Vec<C64> = values
-            .iter()
-            .zip(&self.root_mu)
-            .map(|(v, r)| v * (r * r))
-            .collect();
-        self.correlate(count, &weighted)
-    }
-}
-
-/// Eight partial sums: the order of additions is fixed, whatever the registers of the machine.
-pub(crate) fn dot(x: &[f64], y: &[f64]) -> f64 {
-    pulp::Arch::new().dispatch(Dot(x, y))
-}
-
-struct Dot<'a>(&'a [f64], &'a [f64]);
-
-impl WithSimd for Dot<'_> {
-    type Output = f64;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) -> f64 {
-        let mut sums = [0.0; 8];
-        let ((x8, x), (y8, y)) = (self.0.as_chunks::<8>(), self.1.as_chunks::<8>());
-        for (a, b) in x8.iter().zip(y8) {
-            for i in 0..8 {
-                sums[i] += a[i] * b[i];
-            }
-        }
-        let tail: f64 = x.iter().zip(y).map(|(a, b)| a * b).sum();
-        sums.iter().sum::<f64>() + tail
-    }
-}
-
-fn axpy(factor: f64, x: &[f64], y: &mut [f64]) {
-    pulp::Arch::new().dispatch(Axpy(factor, x, y));
-}
-
-struct Axpy<'a>(f64, &'a [f64], &'a mut [f64]);
-
-impl WithSimd for Axpy<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) {
-        for (y, x) in self.2.iter_mut().zip(self.1) {
-            *y += self.0 * x;
-        }
+        let weighted: Vec<C64> = values.iter().zip(&self.root_mu).map(|(v, r)| v * r).collect();
+        self.correlate(count, Columns::single(&weighted).whole(0))
     }
 }
 

@@ -1,6 +1,7 @@
 //! The fit and its result.
 
 use crate::basis::Recurrence;
+use crate::columns::{Columns, dot};
 use crate::model::Setup;
 use crate::realise::realise;
 use crate::search::{StopReason, search};
@@ -118,16 +119,11 @@ pub(crate) fn fit_lines(
 ) -> Result<PoleFit, PoleFitError> {
     let set = settings.get();
     let m = settings.fixed_integrators();
-    let setup = Setup {
-        lines,
-        t: lines.z.iter().map(|z| (z - 1.0).powu(m as u32)).collect(),
-        order: set.order,
-        n_a: set.order - m + 1,
-        n_b: match set.numerator {
-            NumeratorDegree::Proper => set.order + 1,
-            NumeratorDegree::StrictlyProper => set.order,
-        },
+    let n_b = match set.numerator {
+        NumeratorDegree::Proper => set.order + 1,
+        NumeratorDegree::StrictlyProper => set.order,
     };
+    let setup = Setup::new(lines, set.order, m, n_b);
     if setup.equations() <= setup.unknowns() {
         return Err(PoleFitError::TooFewLines {
             order: set.order,
@@ -189,14 +185,13 @@ pub(crate) fn fit_lines(
 }
 
 /// Root mean square and maximum; lines where the response vanishes are measured by its mean.
-fn relative_error(lines: &Lines, residual: &[C64]) -> (f64, f64) {
-    let n_c = lines.channels();
-    let square = |x: &[C64]| x.iter().map(|v| v.norm_sqr()).sum::<f64>();
-    let mean = square(&lines.f) / lines.len() as f64;
+fn relative_error(lines: &Lines, residual: &Columns) -> (f64, f64) {
+    let square = |of: &Columns, k: usize| -> f64 { (0..of.count()).map(|c| of.at(k, c).norm_sqr()).sum() };
+    let mean = dot(lines.f.parts(), lines.f.parts()) / lines.len() as f64;
     let (mut sum, mut largest) = (0.0, 0.0f64);
-    for (r, f) in residual.chunks_exact(n_c).zip(lines.f.chunks_exact(n_c)) {
-        let size = square(f);
-        let error = square(r) / if size > 0.0 { size } else { mean };
+    for k in 0..lines.len() {
+        let size = square(&lines.f, k);
+        let error = square(residual, k) / if size > 0.0 { size } else { mean };
         sum += error;
         largest = largest.max(error);
     }

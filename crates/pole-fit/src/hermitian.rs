@@ -55,14 +55,9 @@ pub(crate) fn inverse_from_factor(n: usize, l: &[C64], scratch: &mut [C64], inve
 }
 
 /// Inverse of a Hermitian matrix with positive diagonal; where it is not positive definite, the inverse of its
-/// diagonal. The flag says whether the whole matrix was used.
-pub(crate) fn inverse_or_diagonal(
-    n: usize,
-    a: &[C64],
-    factor: &mut [C64],
-    scratch: &mut [C64],
-    inverse: &mut [C64],
-) -> bool {
+/// diagonal. The flag says whether the whole matrix was used. `work` holds at least two such matrices.
+pub(crate) fn inverse_or_diagonal(n: usize, a: &[C64], work: &mut [C64], inverse: &mut [C64]) -> bool {
+    let (factor, scratch) = work[..2 * n * n].split_at_mut(n * n);
     factor.copy_from_slice(a);
     if cholesky(n, factor) {
         inverse_from_factor(n, factor, scratch, inverse);
@@ -88,8 +83,7 @@ mod tests {
         let c = C64::new;
         let a = [c(2.0, 0.0), c(0.0, -1.0), c(0.0, 1.0), c(2.0, 0.0)];
         let mut inverse = [c(0.0, 0.0); 4];
-        let (mut f, mut s) = (a, a);
-        assert!(inverse_or_diagonal(2, &a, &mut f, &mut s, &mut inverse));
+        assert!(inverse_or_diagonal(2, &a, &mut [c(0.0, 0.0); 8], &mut inverse));
         let expected = [c(2.0, 0.0), c(0.0, 1.0), c(0.0, -1.0), c(2.0, 0.0)];
         for (x, e) in inverse.iter().zip(expected) {
             assert!((x - e / 3.0).norm() < 1e-15);
@@ -101,8 +95,7 @@ mod tests {
         let c = C64::new;
         let a = [c(1.0, 0.0), c(2.0, 0.0), c(2.0, 0.0), c(1.0, 0.0)];
         let mut inverse = [c(0.0, 0.0); 4];
-        let (mut f, mut s) = (a, a);
-        assert!(!inverse_or_diagonal(2, &a, &mut f, &mut s, &mut inverse));
+        assert!(!inverse_or_diagonal(2, &a, &mut [c(0.0, 0.0); 8], &mut inverse));
         assert_eq!(inverse[1], c(0.0, 0.0));
         assert_eq!(inverse[3], c(1.0, 0.0));
     }
@@ -112,10 +105,9 @@ mod tests {
         fn product_with_the_inverse_is_the_identity(n in 1usize..5, x in prop::collection::vec(-1.0..1.0f64, 50)) {
             let m = nalgebra::DMatrix::from_fn(n, n, |i, j| C64::new(x[2 * (i + 5 * j)], x[2 * (i + 5 * j) + 1]));
             let a = &m * m.adjoint() + nalgebra::DMatrix::identity(n, n).scale(0.1);
-            let mut f = vec![C64::new(0.0, 0.0); n * n];
-            let mut s = f.clone();
-            let mut inverse = f.clone();
-            prop_assert!(inverse_or_diagonal(n, a.as_slice(), &mut f, &mut s, &mut inverse));
+            let mut work = vec![C64::new(0.0, 0.0); 2 * n * n];
+            let mut inverse = vec![C64::new(0.0, 0.0); n * n];
+            prop_assert!(inverse_or_diagonal(n, a.as_slice(), &mut work, &mut inverse));
             let product = a * nalgebra::DMatrix::from_vec(n, n, inverse);
             let error = (product - nalgebra::DMatrix::identity(n, n)).norm();
             prop_assert!(error < 1e-11, "error {error:e}");

@@ -66,6 +66,7 @@
 //! ```
 
 mod basis;
+mod columns;
 mod error;
 mod fit;
 mod hermitian;

@@ -1,19 +1,11 @@
 //! Normal matrices from moments: every block of the Gauss-Newton matrix is a weighted sum over the lines of the same
 //! products `conj(q_i) q_j`, so that one product of two tall matrices gives them all.
 
-use crate::basis::Basis;
+use crate::columns::{Columns, blocks, each, wide};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 use nalgebra::DMatrix;
-
-/// `conj(q_i) q_j` for `i <= j`, one column of lines a pair.
-#[derive(Debug, Clone)]
-pub(crate) struct Products {
-    lines: usize,
-    pairs: usize,
-    re: Vec<f64>,
-    im: Vec<f64>,
-}
+use std::ops::Range;
 
 /// Sums over the lines: `re[pair, column]` of the real parts against real weights, `im` of the imaginary parts.
 #[derive(Debug)]
@@ -22,51 +14,27 @@ pub(crate) struct Moments {
     im: DMatrix<f64>,
 }
 
-impl Products {
-    pub(crate) fn new(basis: &Basis) -> Self {
-        let (lines, size) = (basis.lines, basis.size());
-        let pairs = size * (size + 1) / 2;
-        let mut re = vec![0.0; pairs * lines];
-        let mut im = vec![0.0; pairs * lines];
-        let mut pair = 0;
-        for j in 0..size {
-            let (c, d) = basis.column(j);
-            for i in 0..=j {
-                let (a, b) = basis.column(i);
-                let re = &mut re[pair * lines..(pair + 1) * lines];
-                let im = &mut im[pair * lines..(pair + 1) * lines];
-                for k in 0..lines {
-                    re[k] = a[k] * c[k] + b[k] * d[k];
-                    im[k] = a[k] * d[k] - b[k] * c[k];
-                }
-                pair += 1;
-            }
-        }
-        Self { lines, pairs, re, im }
-    }
-
-    /// Sums with real weights `real` and imaginary weights `imaginary`, one column of lines each.
-    pub(crate) fn sum(&self, real: &[f64], imaginary: &[f64]) -> Moments {
-        Moments {
-            re: self.product(&self.re, real),
-            im: self.product(&self.im, imaginary),
-        }
-    }
-
-    fn product(&self, left: &[f64], right: &[f64]) -> DMatrix<f64> {
-        let columns = right.len() / self.lines;
-        let mut out = DMatrix::zeros(self.pairs, columns);
-        if columns > 0 {
-            let left = MatRef::from_column_major_slice(left, self.lines, self.pairs);
-            let right = MatRef::from_column_major_slice(right, self.lines, columns);
-            let target = MatMut::from_column_major_slice_mut(out.as_mut_slice(), self.pairs, columns);
-            matmul(target, Accum::Replace, left.transpose(), right, 1.0, Par::Seq);
-        }
-        out
-    }
-}
-
 impl Moments {
+    /// Sums of the products of all `q` with real weights `real` and imaginary weights `imaginary`, a column each.
+    ///
+    /// The products are made anew for some lines at a time: that takes less time than to fetch them from memory.
+    pub(crate) fn new(q: &Columns, real: &[f64], imaginary: &[f64]) -> Self {
+        let lines = q.lines();
+        let pairs = q.count() * (q.count() + 1) / 2;
+        let mut re = DMatrix::zeros(pairs, real.len() / lines);
+        let mut im = DMatrix::zeros(pairs, imaginary.len() / lines);
+        let mut products = Vec::new();
+        for block in blocks(lines) {
+            let part = block.len() * pairs;
+            products.resize(2 * part, 0.0);
+            let (of_re, of_im) = products.split_at_mut(part);
+            multiply(q, &block, of_re, of_im);
+            add(&mut re, of_re, real, &block, lines);
+            add(&mut im, of_im, imaginary, &block, lines);
+        }
+        Self { re, im }
+    }
+
     /// `sum_k w_k Re(conj(q_i) q_j)` with the real weight in column `r`.
     pub(crate) fn real(&self, i: usize, j: usize, r: usize) -> f64 {
         self.re[(pair(i, j), r)]
@@ -76,6 +44,31 @@ impl Moments {
         let (re, im) = (self.re[(pair(i, j), r)], self.im[(pair(i, j), s)]);
         if i <= j { re - im } else { re + im }
     }
+}
+
+wide! {
+    /// `conj(q_i) q_j` for `i <= j`, one column of the block's lines a pair.
+    fn multiply(q: &'a Columns, block: &'a Range<usize>, re: &'a mut [f64], im: &'a mut [f64]) -> () {
+        let lines = block.len();
+        let mut pairs = re.chunks_exact_mut(lines).zip(im.chunks_exact_mut(lines));
+        for j in 0..q.count() {
+            for (i, to) in (0..=j).zip(&mut pairs) {
+                each(q.part(i, block), q.part(j, block), to, |[a, b], [c, d], _| [a * c + b * d, a * d - b * c]);
+            }
+        }
+    }
+}
+
+/// Adds the sums over the lines of a block.
+fn add(sums: &mut DMatrix<f64>, products: &[f64], weights: &[f64], block: &Range<usize>, lines: usize) {
+    let (pairs, columns) = sums.shape();
+    if columns == 0 {
+        return;
+    }
+    let products = MatRef::from_column_major_slice(products, block.len(), pairs);
+    let weights = MatRef::from_column_major_slice(weights, lines, columns).subrows(block.start, block.len());
+    let target = MatMut::from_column_major_slice_mut(sums.as_mut_slice(), pairs, columns);
+    matmul(target, Accum::Add, products.transpose(), weights, 1.0, Par::Seq);
 }
 
 fn pair(i: usize, j: usize) -> usize {

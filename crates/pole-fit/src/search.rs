@@ -2,7 +2,6 @@
 
 use crate::basis::Basis;
 use crate::model::{Point, Reduced, Setup};
-use crate::moments::Products;
 use crate::{CheckedPoleFitSettings, PoleFitError};
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use num_complex::Complex;
@@ -26,7 +25,6 @@ pub enum StopReason {
 /// Where the search ended, and the work it took.
 pub(crate) struct Found {
     pub(crate) basis: Basis,
-    pub(crate) products: Products,
     pub(crate) point: Point,
     pub(crate) stop: StopReason,
     pub(crate) start_iterations: usize,
@@ -50,15 +48,15 @@ pub(crate) fn search(setup: &Setup<'_>, settings: &CheckedPoleFitSettings) -> Re
 /// Sanathanan and Koerner with a fixed coefficient it has no bias from the noise.
 fn start(setup: &Setup<'_>, settings: &CheckedPoleFitSettings) -> Result<Found, PoleFitError> {
     let n = setup.lines.len();
+    let data = setup.data();
     let mut a = vec![Complex::new(1.0, 0.0); n];
     let mut best: Option<Found> = None;
     let mut factorisations = 0;
     let mut poor = 0;
     for pass in 0..=settings.get().start_iterations {
         let basis = setup.basis(&a)?;
-        let products = Products::new(&basis);
         let alpha = normalised(basis.project(setup.n_a, &a));
-        let point = match Point::new(setup, &basis, &products, alpha) {
+        let point = match Point::new(setup, &basis, alpha) {
             Ok(point) => point,
             Err(error) => match best {
                 Some(_) => break,
@@ -67,14 +65,14 @@ fn start(setup: &Setup<'_>, settings: &CheckedPoleFitSettings) -> Result<Found, 
         };
         factorisations += 1;
         let next = point
-            .reduce(setup, &basis, &products, &setup.lines.f)
-            .and_then(|reduced| total_least_squares(&reduced));
+            .reduce(setup, &basis, &data)
+            .and_then(|reduced| total_least_squares(&reduced))
+            .map(|alpha| basis.combine(alpha.as_slice()));
         let previous = best.as_ref().map_or(f64::INFINITY, |b| b.point.cost);
         if point.cost < previous {
             poor = if point.cost > 0.98 * previous { poor + 1 } else { 0 };
             best = Some(Found {
-                basis: basis.clone(),
-                products,
+                basis,
                 point,
                 stop: StopReason::IterationLimit,
                 start_iterations: pass,
@@ -85,7 +83,7 @@ fn start(setup: &Setup<'_>, settings: &CheckedPoleFitSettings) -> Result<Found, 
             poor += 1;
         }
         match next {
-            Some(alpha) if poor < 2 && setup.n_a > 1 => a = basis.combine(alpha.as_slice()),
+            Some(next) if poor < 2 && setup.n_a > 1 => a = next,
             _ => break,
         }
     }
@@ -141,7 +139,6 @@ fn refine(setup: &Setup<'_>, settings: &CheckedPoleFitSettings, found: Found) ->
     let set = settings.get();
     let Found {
         basis,
-        products,
         mut point,
         start_iterations,
         mut factorisations,
@@ -149,29 +146,17 @@ fn refine(setup: &Setup<'_>, settings: &CheckedPoleFitSettings, found: Found) ->
     } = found;
     let (mut iterations, mut lambda) = (0, 0.0);
     // Response squared and weighted: what the cost is when nothing is explained.
-    let all = {
-        let mut weighted = vec![Complex::new(0.0, 0.0); setup.lines.channels()];
-        let mut sum = 0.0;
-        for (k, f) in setup.lines.f.chunks_exact(weighted.len()).enumerate() {
-            setup.lines.apply_weight(k, f, &mut weighted);
-            sum += f
-                .iter()
-                .zip(&weighted)
-                .map(|(a, b)| (a.conj() * b).re)
-                .sum::<f64>();
-        }
-        sum
-    };
+    let all = setup.data().power();
     let free = setup.equations().saturating_sub(setup.unknowns()).max(1) as f64;
     let exact = |cost: f64| cost <= all * 1e-20;
     let stop = 'search: loop {
-        let model = point.model(setup.lines);
-        let Some(reduced) = point.reduce(setup, &basis, &products, &model) else {
+        let model = point.model(setup);
+        let Some(reduced) = point.reduce(setup, &basis, &model) else {
             break StopReason::NoDescent;
         };
         let q = tangent(&point.alpha);
         let r = q.tr_mul(&reduced.m) * &q;
-        let g = q.tr_mul(&point.gradient(setup, &basis));
+        let g = q.tr_mul(&point.gradient(setup, &basis, &model));
         loop {
             let raise = |lambda: f64| (lambda * 10.0f64).max(1e-4);
             let Some(step) = damped_step(&r, &g, lambda) else {
@@ -197,7 +182,7 @@ fn refine(setup: &Setup<'_>, settings: &CheckedPoleFitSettings, found: Found) ->
             iterations += 1;
             let length = step.norm();
             let alpha = normalised(&point.alpha + &q * step);
-            let trial = Point::new(setup, &basis, &products, alpha);
+            let trial = Point::new(setup, &basis, alpha);
             factorisations += 1;
             match trial {
                 Ok(trial) if trial.cost < point.cost => {
@@ -224,7 +209,6 @@ fn refine(setup: &Setup<'_>, settings: &CheckedPoleFitSettings, found: Found) ->
     };
     Ok(Found {
         basis,
-        products,
         point,
         stop,
         start_iterations,

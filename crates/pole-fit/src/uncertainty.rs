@@ -7,6 +7,7 @@
 //! factor `nu^2 / ((nu-p)^2 - 1)` on the covariance computed from the estimated weights.
 
 use crate::basis::Recurrence;
+use crate::columns::Columns;
 use crate::model::{Reduced, Setup};
 use crate::search::{Found, tangent};
 use crate::{PoleFitError, Weighting};
@@ -42,17 +43,17 @@ pub(crate) fn denominator_covariance(
             condition: 1.0,
         });
     }
-    let model = found.point.model(setup.lines);
+    let model = found.point.model(setup);
     let reduced = found
         .point
-        .reduce(setup, &found.basis, &found.products, &model)
+        .reduce(setup, &found.basis, &model)
         .ok_or_else(failed)?;
     let r = q.tr_mul(&reduced.m) * &q;
     let (inverse, condition) = scaled_inverse(&r).ok_or_else(failed)?;
     let covariance = match weighting {
         Weighting::Covariance => &inverse * 0.5,
         _ => {
-            let g = sandwich(setup, found, &reduced, &q, &model);
+            let g = sandwich(setup, found, &reduced, &q, &model.v);
             &inverse * g * &inverse * 0.5
         }
     };
@@ -85,50 +86,39 @@ fn scaled_inverse(r: &DMatrix<f64>) -> Option<(DMatrix<f64>, f64)> {
     Some((inverse, condition))
 }
 
-/// `Re sum_k Z^H Sigma Z` with `Z = K J` and `J` the Jacobian after the numerators are eliminated.
+/// `Re sum_k Z^H Sigma Z` with `Z = K J`, `K` diagonal, and `J` the Jacobian after the numerators are eliminated.
 fn sandwich(
     setup: &Setup<'_>,
     found: &Found,
     reduced: &Reduced,
     q: &DMatrix<f64>,
-    model: &[C64],
+    model: &Columns,
 ) -> DMatrix<f64> {
     let (lines, n_b) = (setup.lines, setup.n_b);
     let (n, n_c, n_f) = (lines.len(), lines.channels(), q.ncols());
     let elimination = &reduced.elimination * q;
-    let point = &found.point;
-    let mut jacobian = vec![ZERO; n * n_c * n_f];
+    let (of_basis, point) = (&found.basis.q, &found.point);
+    let mut z = Columns::zeros(n, n_c * n_f);
+    let mut sum = Columns::zeros(n, 2);
     for d in 0..n_f {
-        let direction = found.basis.combine(q.column(d).as_slice());
         for c in 0..n_c {
-            let column = elimination.column(d);
-            let numerator = found.basis.combine(&column.as_slice()[c * n_b..(c + 1) * n_b]);
+            let numerator = elimination.view((c * n_b, d), (n_b, 1)).into_owned();
+            of_basis.combine(q.column(d).as_slice(), sum.whole_mut(0));
+            of_basis.combine(numerator.as_slice(), sum.whole_mut(1));
             for k in 0..n {
-                jacobian[(k * n_f + d) * n_c + c] =
-                    model[k * n_c + c] * direction[k] / point.a[k] + numerator[k] * point.inverse[k];
+                let (over_a, over_ta) = (point.over_a.at(k, 0), point.over_ta.at(k, 0));
+                let jacobian = model.at(k, c) * sum.at(k, 0) * over_a + sum.at(k, 1) * over_ta;
+                z.set(k, d * n_c + c, jacobian * lines.weight(k, c));
             }
         }
     }
     let mut g = DMatrix::zeros(n_f, n_f);
-    let mut z = vec![ZERO; n_c * n_f];
-    let mut sigma_z = z.clone();
     let mut sigma = vec![ZERO; n_c * n_c];
     for k in 0..n {
         lines.covariance(k, &mut sigma);
-        for d in 0..n_f {
-            let range = d * n_c..(d + 1) * n_c;
-            let start = (k * n_f + d) * n_c;
-            lines.apply_weight(k, &jacobian[start..start + n_c], &mut z[range.clone()]);
-            for c in 0..n_c {
-                sigma_z[d * n_c + c] = (0..n_c).map(|e| sigma[e * n_c + c] * z[d * n_c + e]).sum();
-            }
-        }
-        for d in 0..n_f {
-            for e in 0..n_f {
-                let pairs = z[d * n_c..(d + 1) * n_c].iter().zip(&sigma_z[e * n_c..]);
-                g[(d, e)] += pairs.map(|(x, y)| x.re * y.re + x.im * y.im).sum::<f64>();
-            }
-        }
+        let z = DMatrix::from_fn(n_c, n_f, |c, d| z.at(k, d * n_c + c));
+        let sigma_z = DMatrix::from_column_slice(n_c, n_c, &sigma) * &z;
+        g += (z.adjoint() * sigma_z).map(|v| v.re);
     }
     g
 }
@@ -193,18 +183,13 @@ pub(crate) fn expected_cost(setup: &Setup<'_>, weighting: Weighting) -> (f64, f6
     }
     let size = lines.channels();
     let mut sigma = vec![ZERO; size * size];
-    let mut product = sigma.clone();
     let (mut mean, mut variance) = (0.0, 0.0);
     for k in 0..lines.len() {
         lines.covariance(k, &mut sigma);
         for d in 0..size {
-            let range = d * size..(d + 1) * size;
-            lines.apply_weight(k, &sigma[range.clone()], &mut product[range]);
-        }
-        for d in 0..size {
-            mean += product[d * size + d].re;
+            mean += lines.weight(k, d) * sigma[d * size + d].re;
             for c in 0..size {
-                variance += (product[d * size + c] * product[c * size + d]).re;
+                variance += lines.weight(k, c) * lines.weight(k, d) * sigma[d * size + c].norm_sqr();
             }
         }
     }

@@ -4,6 +4,7 @@
 //! `S = G^H G` follows `E[dF_ij conj dF_kl] = C_V[i,k] S[l,j]`, the matrix `S^T (x) C_V`, whose inverse is
 //! `K = conj(S^-1) (x) C_V^-1`.
 
+use crate::columns::{Columns, add_conjugate_product, add_product, blocks, real_product};
 use crate::hermitian::inverse_or_diagonal;
 use crate::{CheckedPoleFitSettings, PoleFitError, Weighting};
 use lpv_core::{Clock, CoreError, Discrete, FrfEstimate};
@@ -22,10 +23,12 @@ pub(crate) struct Lines {
     pub(crate) n_u: usize,
     pub(crate) frequencies_hz: Vec<f64>,
     pub(crate) z: Vec<C64>,
-    /// Response, line after line.
-    pub(crate) f: Vec<C64>,
-    /// Inverse covariance (the weight), `n_c x n_c` a line.
-    pub(crate) k: Vec<C64>,
+    /// Response, a column a channel.
+    pub(crate) f: Columns,
+    /// Diagonal of the inverse covariance `K` (the weight), channel after channel.
+    diagonal: Vec<f64>,
+    /// Entries of `K` above the diagonal, a column a pair of `coupled`.
+    pub(crate) coupling: Columns,
     /// `C_V` as used (smoothed, with its floor) and `S` (with its floor).
     c_v: Vec<C64>,
     s: Vec<C64>,
@@ -68,11 +71,13 @@ impl Lines {
         let (lower_hz, upper_hz) = set.band.unwrap_or((0.0, limit));
         let frequencies = frf.frequencies_hz();
         let fixed = settings.fixed_integrators() > 0;
-        let index: Vec<usize> = (0..frf.len())
+        let one = C64::new(1.0, 0.0);
+        let (index, z): (Vec<usize>, Vec<C64>) = (0..frf.len())
             .filter(|&k| (lower_hz..=upper_hz).contains(&frequencies[k]) || set.band.is_none())
+            .map(|k| (k, clock.point(frequencies[k])))
             // A fixed integrator makes the model infinite at z = 1, whatever the data say.
-            .filter(|&k| !(fixed && clock.point(frequencies[k]) == C64::new(1.0, 0.0)))
-            .collect();
+            .filter(|&(_, z)| !(fixed && z == one))
+            .unzip();
         if index.is_empty() {
             return Err(PoleFitError::EmptyBand {
                 lower_hz,
@@ -87,13 +92,14 @@ impl Lines {
                 problem: "above the Nyquist frequency of the clock",
             }));
         }
-        let z: Vec<C64> = index.iter().map(|&k| clock.point(frequencies[k])).collect();
-        let mut f = Vec::with_capacity(index.len() * n_y * n_u);
-        for (&k, z) in index.iter().zip(&z) {
+        let mut f = Columns::zeros(index.len(), n_y * n_u);
+        for (line, (&k, z)) in index.iter().zip(&z).enumerate() {
             let advance = z.powu(set.delay_samples as u32);
-            f.extend(frf.line_slice(k).iter().map(|v| v * advance));
+            for (c, v) in frf.line_slice(k).iter().enumerate() {
+                f.set(line, c, v * advance);
+            }
         }
-        if f.iter().all(|v| *v == ZERO) {
+        if f.parts().iter().all(|v| *v == 0.0) {
             return Err(PoleFitError::ZeroResponse);
         }
         let mut lines = Self {
@@ -102,7 +108,8 @@ impl Lines {
             frequencies_hz: index.iter().map(|&k| frequencies[k]).collect(),
             z,
             f,
-            k: Vec::new(),
+            diagonal: Vec::new(),
+            coupling: Columns::zeros(index.len(), 0),
             c_v: Vec::new(),
             s: Vec::new(),
             coupled: Vec::new(),
@@ -178,8 +185,7 @@ impl Lines {
                 *d = C64::new(d.re.max(0.0) + DIAGONAL_LIFT * mean, 0.0);
             }
             for i in 0..n {
-                let row = (0..m).map(|j| self.f[k * n * m + j * n + i].norm_sqr());
-                floors[k * n + i] = relative_floor.powi(2) * row.sum::<f64>() / (m as f64 * mean);
+                floors[k * n + i] = relative_floor.powi(2) * self.row_square(k, i) / (m as f64 * mean);
             }
         }
         let largest = floors.iter().copied().fold(0.0, f64::max);
@@ -193,77 +199,95 @@ impl Lines {
         }
     }
 
+    /// Sum of squares of the response of an output on a line, over the inputs.
+    fn row_square(&self, line: usize, output: usize) -> f64 {
+        let row = (0..self.n_u).map(|j| self.f.at(line, j * self.n_y + output));
+        row.map(|v| v.norm_sqr()).sum()
+    }
+
     fn weigh(&mut self, weighting: Weighting) {
-        let (n, m, n_c) = (self.n_y, self.n_u, self.channels());
-        self.k = vec![ZERO; self.len() * n_c * n_c];
-        let mut work = vec![vec![ZERO; n * n]; 3];
-        let mut work_s = vec![vec![ZERO; m * m]; 3];
-        let row_square = |f: &[C64], i: usize| (0..m).map(|j| f[j * n + i].norm_sqr()).sum::<f64>();
-        // A row that vanishes on a line must not get an infinite weight.
-        let rows: Vec<f64> = (0..n)
-            .map(|i| {
-                let total: f64 = self.f.chunks_exact(n_c).map(|f| row_square(f, i)).sum();
-                1e-12 * total / self.len() as f64
-            })
-            .collect();
-        for k in 0..self.len() {
-            let weight = &mut self.k[k * n_c * n_c..(k + 1) * n_c * n_c];
-            let c_v = &self.c_v[k * n * n..(k + 1) * n * n];
-            let s = &self.s[k * m * m..(k + 1) * m * m];
-            if weighting == Weighting::Covariance {
-                let [factor, scratch, c_inverse] = &mut work[..] else {
-                    return;
-                };
-                let [factor_s, scratch_s, s_inverse] = &mut work_s[..] else {
-                    return;
-                };
-                let whole = inverse_or_diagonal(n, c_v, factor, scratch, c_inverse);
-                let whole_s = inverse_or_diagonal(m, s, factor_s, scratch_s, s_inverse);
-                self.diagonal_fallbacks += usize::from(!(whole && whole_s));
-                for l in 0..m {
-                    for j in 0..m {
-                        let right = s_inverse[l * m + j].conj();
-                        for r in 0..n {
-                            for i in 0..n {
-                                weight[(l * n + r) * n_c + j * n + i] = right * c_inverse[r * n + i];
-                            }
-                        }
-                    }
-                }
-                continue;
-            }
-            let f = &self.f[k * n_c..(k + 1) * n_c];
-            for j in 0..m {
-                for i in 0..n {
+        self.diagonal = vec![0.0; self.len() * self.channels()];
+        if weighting == Weighting::Covariance {
+            self.weigh_by_covariance();
+            return;
+        }
+        let (n, m, lines) = (self.n_y, self.n_u, self.len());
+        for i in 0..n {
+            // A row that vanishes on a line must not get an infinite weight.
+            let total: f64 = (0..lines).map(|k| self.row_square(k, i)).sum();
+            let least = 1e-12 * total / lines as f64;
+            for k in 0..lines {
+                for j in 0..m {
                     let variance = match weighting {
                         Weighting::Covariance | Weighting::DiagonalCovariance => {
-                            c_v[i * n + i].re * s[j * m + j].re
+                            self.c_v[(k * n + i) * n + i].re * self.s[(k * m + j) * m + j].re
                         }
                         Weighting::Relative => {
-                            let square = row_square(f, i).max(rows[i]);
+                            let square = self.row_square(k, i).max(least);
                             // A row that is zero on all lines is fitted by zero, whatever its weight.
                             if square > 0.0 { square } else { 1.0 }
                         }
                         Weighting::Uniform => 1.0,
                     };
-                    let c = j * n + i;
-                    weight[c * n_c + c] = C64::new(1.0 / variance, 0.0);
+                    self.diagonal[(j * n + i) * lines + k] = 1.0 / variance;
                 }
             }
         }
     }
 
+    fn weigh_by_covariance(&mut self) {
+        let (n, m, lines) = (self.n_y, self.n_u, self.len());
+        let pairs: Vec<(usize, usize)> = (0..n * m).flat_map(|d| (0..d).map(move |c| (c, d))).collect();
+        let mut coupling = Columns::zeros(lines, pairs.len());
+        let mut work = vec![ZERO; 2 * n * n + 2 * m * m];
+        let (mut inverse, mut inverse_s) = (vec![ZERO; n * n], vec![ZERO; m * m]);
+        for k in 0..lines {
+            let (c_v, s) = (
+                &self.c_v[k * n * n..(k + 1) * n * n],
+                &self.s[k * m * m..(k + 1) * m * m],
+            );
+            let whole = inverse_or_diagonal(n, c_v, &mut work, &mut inverse);
+            let whole_s = inverse_or_diagonal(m, s, &mut work, &mut inverse_s);
+            self.diagonal_fallbacks += usize::from(!(whole && whole_s));
+            let entry =
+                |c: usize, d: usize| inverse_s[(d / n) * m + c / n].conj() * inverse[(d % n) * n + c % n];
+            for c in 0..n * m {
+                self.diagonal[c * lines + k] = entry(c, c).re;
+            }
+            for (s, &(c, d)) in pairs.iter().enumerate() {
+                coupling.set(k, s, entry(c, d));
+            }
+        }
+        let together = |s: &usize| coupling.whole(*s).iter().any(|v| *v != 0.0);
+        let kept: Vec<usize> = (0..pairs.len()).filter(together).collect();
+        self.coupled = kept.iter().map(|&s| pairs[s]).collect();
+        self.coupling = if kept.len() == pairs.len() {
+            coupling
+        } else {
+            let parts = kept.iter().flat_map(|&s| coupling.whole(s)).copied().collect();
+            Columns::from_parts(lines, parts)
+        };
+    }
+
+    /// Diagonal of the weight on all lines, channel after channel.
+    pub(crate) fn diagonal(&self) -> &[f64] {
+        &self.diagonal
+    }
+
+    /// The entry of a channel on a line.
+    pub(crate) fn weight(&self, line: usize, channel: usize) -> f64 {
+        self.diagonal[channel * self.len() + line]
+    }
+
     /// The weights and the weighted response must be finite numbers with room for a square.
     fn check_range(&self, index: &[usize]) -> Result<(), PoleFitError> {
-        let n_c = self.channels();
         let limit = f64::MAX.powf(0.4);
+        let good = |v: f64| v > 1.0 / limit && v < limit;
         for k in 0..self.len() {
-            let weight = &self.k[k * n_c * n_c..(k + 1) * n_c * n_c];
-            let diagonal = (0..n_c).map(|c| weight[c * n_c + c].re);
-            let f = self.f[k * n_c..(k + 1) * n_c].iter();
-            let good = |v: f64| v > 1.0 / limit && v < limit;
-            let square: f64 = diagonal.clone().zip(f).map(|(w, v)| w * v.norm_sqr()).sum();
-            if !(diagonal.clone().all(good) && square < limit) {
+            let of = |c: usize| (self.weight(k, c), self.f.at(k, c).norm_sqr());
+            let channels = (0..self.channels()).map(of);
+            let square: f64 = channels.clone().map(|(w, v)| w * v).sum();
+            if !(channels.clone().all(|(w, _)| good(w)) && square < limit) {
                 return Err(PoleFitError::Overflow {
                     what: "the weight of the response",
                     line: index[k],
@@ -275,39 +299,30 @@ impl Lines {
     }
 
     fn summarise(&mut self) {
-        let n_c = self.channels();
-        let at = |k: usize, c: usize, d: usize| self.k[k * n_c * n_c + d * n_c + c];
+        let (lines, channels) = (self.len() as f64, self.channels() as f64);
         let mut profile = vec![0.0; self.len()];
-        let mut coupled = Vec::new();
-        for d in 0..n_c {
-            for c in 0..d {
-                if (0..self.len()).any(|k| at(k, c, d) != ZERO) {
-                    coupled.push((c, d));
-                }
-            }
-            let mean = (0..self.len()).map(|k| at(k, d, d).re).sum::<f64>() / self.len() as f64;
-            for (k, p) in profile.iter_mut().enumerate() {
-                *p += at(k, d, d).re / (mean * n_c as f64);
+        for diagonal in self.diagonal.chunks_exact(self.len()) {
+            let mean = diagonal.iter().sum::<f64>() / lines;
+            for (p, d) in profile.iter_mut().zip(diagonal) {
+                *p += d / (mean * channels);
             }
         }
         self.profile = profile;
-        self.coupled = coupled;
     }
 
-    /// `y = K x` on line `k`.
-    pub(crate) fn apply_weight(&self, k: usize, x: &[C64], y: &mut [C64]) {
-        let n_c = self.channels();
-        let weight = &self.k[k * n_c * n_c..(k + 1) * n_c * n_c];
-        if self.coupled.is_empty() {
-            for c in 0..n_c {
-                y[c] = x[c] * weight[c * n_c + c].re;
+    /// `K x` on all lines, a column a channel.
+    pub(crate) fn weighted(&self, x: &Columns, out: &mut Columns) {
+        for block in blocks(self.len()) {
+            for c in 0..self.channels() {
+                let weight = &self.diagonal[c * self.len()..][block.clone()];
+                let ((re, im), (to_re, to_im)) = (x.part(c, &block), out.part_mut(c, &block));
+                real_product(weight, re, to_re);
+                real_product(weight, im, to_im);
             }
-            return;
-        }
-        y.fill(ZERO);
-        for (column, x) in weight.chunks_exact(n_c).zip(x) {
-            for (y, w) in y.iter_mut().zip(column) {
-                *y += w * x;
+            for (pair, &(c, d)) in self.coupled.iter().enumerate() {
+                let w = self.coupling.part(pair, &block);
+                add_product(w, x.part(d, &block), out.part_mut(c, &block));
+                add_conjugate_product(w, x.part(c, &block), out.part_mut(d, &block));
             }
         }
     }
@@ -338,6 +353,7 @@ mod tests {
     use nalgebra::DMatrix;
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
+    use std::cmp::Ordering;
 
     #[test]
     fn whitened_errors_have_unit_covariance() {
@@ -359,7 +375,15 @@ mod tests {
         let settings = PoleFitSettings::new(1).check().unwrap();
         let lines = Lines::new(&estimate, Discrete::new(1.0).unwrap(), &settings).unwrap();
         // K = L L^H: the whitened error is L^H vec(dF).
-        let mut factor = lines.k.clone();
+        let weight = DMatrix::from_fn(n * m, n * m, |c, d| {
+            let pair = |c, d| lines.coupled.iter().position(|p| *p == (c, d)).unwrap();
+            match c.cmp(&d) {
+                Ordering::Equal => C64::from(lines.weight(0, c)),
+                Ordering::Less => lines.coupling.at(0, pair(c, d)),
+                Ordering::Greater => lines.coupling.at(0, pair(d, c)).conj(),
+            }
+        });
+        let mut factor = weight.as_slice().to_vec();
         assert!(cholesky(n * m, &mut factor));
         let l = DMatrix::from_vec(n * m, n * m, factor).lower_triangle();
         let draws = 20_000;
@@ -375,7 +399,7 @@ mod tests {
         // And the stated covariance is the inverse of the weight.
         let mut sigma = vec![ZERO; 36];
         lines.covariance(0, &mut sigma);
-        let product = DMatrix::from_vec(6, 6, sigma) * DMatrix::from_vec(6, 6, lines.k.clone());
+        let product = DMatrix::from_vec(6, 6, sigma) * weight;
         assert!((product - DMatrix::identity(6, 6)).norm() < 1e-8);
     }
 
@@ -388,7 +412,7 @@ mod tests {
         let settings = PoleFitSettings::new(1).smoothing_lines(1).check().unwrap();
         let lines = Lines::new(&estimate, Discrete::new(1.0).unwrap(), &settings).unwrap();
         for (k, mean) in [1.5, 3.0, 4.0].into_iter().enumerate() {
-            assert!((lines.k[k].re * mean - 1.0).abs() < 1e-9);
+            assert!((lines.weight(k, 0) * mean - 1.0).abs() < 1e-9);
         }
         assert!((lines.degrees_of_freedom - 70.0 / 3.0).abs() < 1e-12);
     }

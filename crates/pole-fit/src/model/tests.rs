@@ -31,7 +31,7 @@ fn estimate(m: usize, error: f64) -> FrfEstimate {
     FrfEstimate::new(frf, c_v, s, f64::INFINITY, None).unwrap()
 }
 
-fn with_setup(m: usize, error: f64, check: impl Fn(&Setup<'_>, &Basis, &Products)) {
+fn with_setup(m: usize, error: f64, check: impl Fn(&Setup<'_>, &Basis)) {
     let settings = PoleFitSettings::new(4 + m)
         .integrators(Integrators::Fixed(m))
         .check()
@@ -40,31 +40,23 @@ fn with_setup(m: usize, error: f64, check: impl Fn(&Setup<'_>, &Basis, &Products
     let lines = Lines::new(&estimate(m, error), clock, &settings).unwrap();
     assert_eq!(lines.diagonal_fallbacks, 0);
     assert_eq!(lines.coupled.len(), 15);
-    let t = lines.z.iter().map(|z| (z - 1.0).powu(m as u32)).collect();
-    let setup = Setup {
-        lines: &lines,
-        t,
-        order: 4 + m,
-        n_a: 5,
-        n_b: 5 + m,
-    };
+    let setup = Setup::new(&lines, 4 + m, m, 5 + m);
     let basis = setup.basis(&vec![C64::new(1.0, 0.0); lines.len()]).unwrap();
-    let products = Products::new(&basis);
-    check(&setup, &basis, &products);
+    check(&setup, &basis);
 }
 
 #[test]
 fn gradient_meets_finite_differences() {
     for m in [0, 2] {
-        with_setup(m, 0.1, |setup, basis, products| {
+        with_setup(m, 0.1, |setup, basis| {
             let alpha = DVector::from_vec(vec![0.5, -0.3, 0.2, 0.7, 0.9]);
-            let point = Point::new(setup, basis, products, alpha.clone()).unwrap();
-            let gradient = point.gradient(setup, basis);
+            let point = Point::new(setup, basis, alpha.clone()).unwrap();
+            let gradient = point.gradient(setup, basis, &point.model(setup));
             for j in 0..5 {
                 let at = |h: f64| {
                     let mut moved = alpha.clone();
                     moved[j] += h;
-                    Point::new(setup, basis, products, moved).unwrap().cost
+                    Point::new(setup, basis, moved).unwrap().cost
                 };
                 let difference = (at(1e-5) - at(-1e-5)) / 2e-5;
                 let error = (2.0 * gradient[j] - difference).abs();
@@ -78,7 +70,7 @@ fn gradient_meets_finite_differences() {
 fn gauss_newton_matrix_meets_finite_differences_of_the_residual() {
     // At a residual of zero the change of the residual with re-optimised numerators is the reduced Jacobian.
     for m in [0, 1] {
-        with_setup(m, 0.0, |setup, basis, products| {
+        with_setup(m, 0.0, |setup, basis| {
             let lines = setup.lines;
             let truth: Vec<C64> = lines
                 .z
@@ -86,30 +78,27 @@ fn gauss_newton_matrix_meets_finite_differences_of_the_residual() {
                 .map(|z| (z * z - z * 1.6 + 0.9) * (z * z - z * 0.5 + 0.8))
                 .collect();
             let alpha = basis.project(5, &truth).normalize();
-            let point = Point::new(setup, basis, products, alpha.clone()).unwrap();
+            let point = Point::new(setup, basis, alpha.clone()).unwrap();
             assert!(point.cost < 1e-18, "cost {:e}", point.cost);
-            let reduced = point.reduce(setup, basis, products, &point.model(lines)).unwrap();
+            let reduced = point.reduce(setup, basis, &point.model(setup)).unwrap();
             let q = tangent(&alpha);
             assert!((q.tr_mul(&q) - DMatrix::identity(4, 4)).norm() < 1e-14);
             assert!(q.tr_mul(&alpha).norm() < 1e-14);
             let h = 1e-5;
-            let change = |d: usize| -> Vec<C64> {
+            let change = |d: usize| -> Columns {
                 let at = |h: f64| {
                     let moved = &alpha + q.column(d) * h;
-                    Point::new(setup, basis, products, moved).unwrap().residual
+                    Point::new(setup, basis, moved).unwrap().residual
                 };
-                let pairs = at(h).into_iter().zip(at(-h));
-                pairs.map(|(x, y)| (x - y) / (2.0 * h)).collect()
+                let (ahead, back) = (at(h), at(-h));
+                let pairs = ahead.parts().iter().zip(back.parts());
+                Columns::from_parts(lines.len(), pairs.map(|(x, y)| (x - y) / (2.0 * h)).collect())
             };
-            let changes: Vec<Vec<C64>> = (0..4).map(change).collect();
+            let changes: Vec<Columns> = (0..4).map(change).collect();
             let expected = DMatrix::from_fn(4, 4, |i, j| {
-                let mut weighted = vec![ZERO; 6];
-                let mut sum = 0.0;
-                for k in 0..lines.len() {
-                    lines.apply_weight(k, &changes[j][6 * k..6 * k + 6], &mut weighted);
-                    sum += inner(&changes[i][6 * k..6 * k + 6], &weighted);
-                }
-                sum
+                let mut weighted = changes[j].clone();
+                lines.weighted(&changes[j], &mut weighted);
+                dot(changes[i].parts(), weighted.parts())
             });
             let found = q.tr_mul(&reduced.m) * &q;
             let error = (&found - &expected).norm() / expected.norm();
@@ -120,16 +109,14 @@ fn gauss_newton_matrix_meets_finite_differences_of_the_residual() {
 
 #[test]
 fn numerators_leave_a_residual_without_projection() {
-    with_setup(1, 0.3, |setup, basis, products| {
+    with_setup(1, 0.3, |setup, basis| {
         let alpha = DVector::from_vec(vec![0.1, 0.2, -0.4, 0.3, 0.8]);
-        let point = Point::new(setup, basis, products, alpha).unwrap();
-        let weighted = point.weighted_residual(setup.lines);
+        let point = Point::new(setup, basis, alpha).unwrap();
         for c in 0..6 {
-            let x: Vec<C64> = (0..setup.lines.len())
-                .map(|k| point.inverse[k].conj() * weighted[6 * k + c])
-                .collect();
-            let scale: f64 = x.iter().map(|v| v.norm()).sum();
-            assert!(basis.correlate(setup.n_b, &x).amax() < 1e-12 * scale);
+            let mut x = Columns::zeros(setup.lines.len(), 1);
+            conjugate_product(point.over_ta.column(0), point.weighted.column(c), x.column_mut(0));
+            let scale: f64 = (0..setup.lines.len()).map(|k| x.at(k, 0).norm()).sum();
+            assert!(basis.correlate(setup.n_b, x.whole(0)).amax() < 1e-12 * scale);
         }
     });
 }

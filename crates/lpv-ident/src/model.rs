@@ -67,7 +67,7 @@ impl LpvObfModel {
     /// p outside the range; frequencies above Nyquist; a line at zero if there is a rigid body.
     pub fn response(&self, p: f64, frequencies_hz: &[f64]) -> Result<Frf, IdentError> {
         self.range.check(&[p])?;
-        Expansion::new(&self.fits, frequencies_hz)?.response(self.weights.evaluate(&[p]))
+        Expansion::new(&self.fits, frequencies_hz)?.response(&self.weights.evaluate(&[p]))
     }
 
     /// The frozen responses at several p; the basis is evaluated once.
@@ -80,7 +80,7 @@ impl LpvObfModel {
             .par_iter()
             .map(|&p| {
                 self.range.check(&[p])?;
-                expansion.response(self.weights.evaluate(&[p]))
+                expansion.response(&self.weights.evaluate(&[p]))
             })
             .collect()
     }

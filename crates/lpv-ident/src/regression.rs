@@ -250,6 +250,6 @@ impl LocalFits {
     /// # Panics
     /// If there is no such position.
     pub fn response(&self, position: usize, frequencies_hz: &[f64]) -> Result<Frf, IdentError> {
-        Expansion::new(self, frequencies_hz)?.response(self.fits[position].weights.clone())
+        Expansion::new(self, frequencies_hz)?.response(&self.fits[position].weights)
     }
 }

@@ -51,8 +51,8 @@ impl Disc {
         }
     }
 
-    pub(crate) fn contains(&self, v: Complex<f64>, slack: f64) -> bool {
-        (v - self.centre).norm() <= self.radius + slack
+    pub(crate) fn contains(&self, v: Complex<f64>) -> bool {
+        (v - self.centre).norm_sqr() <= self.radius * self.radius
     }
 }
 

@@ -147,7 +147,7 @@ fn common_point(discs: &[Disc]) -> Option<Complex<f64>> {
         let inside = discs
             .iter()
             .enumerate()
-            .all(|(i, d)| i == skip.0 || i == skip.1 || d.contains(v, 0.0));
+            .all(|(i, d)| i == skip.0 || i == skip.1 || d.contains(v));
         if inside {
             sum += v;
             found += 1.0;

@@ -18,6 +18,14 @@ const CHUNK: usize = 64;
 /// One real or imaginary part of the lines worked on.
 type Part = [f64; CHUNK];
 
+/// Zeros that stand in memory. Those that are only promised are mapped at the first reading and copied at the first writing,
+/// and such a copy stops all threads.
+fn written_zeros(count: usize) -> Vec<f64> {
+    let mut zeros = Vec::with_capacity(count);
+    zeros.resize(count, 0.0);
+    zeros
+}
+
 /// Mean of `channels` spectra over `lines` lines, a plane of real parts and one of imaginary parts a channel. Observations are
 /// spectra of some size each, channel after channel, with the lines from index 1 on.
 #[derive(Debug, Clone)]
@@ -34,7 +42,7 @@ impl Means {
             channels,
             lines,
             count: 0,
-            planes: vec![0.0; 2 * channels * lines],
+            planes: written_zeros(2 * channels * lines),
         }
     }
 
@@ -115,7 +123,7 @@ impl Scatter {
         Self {
             channels,
             stride,
-            planes: vec![0.0; channels * channels * stride],
+            planes: written_zeros(channels * channels * stride),
             deviations: vec![[[0.0; CHUNK]; 2]; TOGETHER * channels],
         }
     }

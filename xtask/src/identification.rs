@@ -451,8 +451,8 @@ pub(crate) fn lfr(stage: &ObfStage, grid: &TestGrid) -> Result<(Realization, Lfr
             .collect::<Result<Vec<f64>, TaskError>>()?;
         Ok((made, largest.into_iter().fold(0.0, f64::max)))
     };
-    let (_, paper) = difference(&stage.paper)?;
-    let (made, chebyshev) = difference(&stage.chebyshev)?;
+    let (paper, chebyshev) = rayon::join(|| difference(&stage.paper), || difference(&stage.chebyshev));
+    let ((_, paper), (made, chebyshev)) = (paper?, chebyshev?);
     let well_posed_margin = match made.well_posedness {
         WellPosedness::Proven { margin } => margin,
         _ => f64::NAN,

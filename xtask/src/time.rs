@@ -74,8 +74,8 @@ impl Frozen for SampledPlant<'_> {
 
 pub(crate) fn validate(bench: &Bench, lfr: &Lfr<Discrete>) -> Result<TimeStage, TaskError> {
     let controller = controller(bench);
-    let (sweep, integration_error) = moving_record(bench)?;
-    let still = still_record(bench)?;
+    let (sweep, still) = rayon::join(|| moving_record(bench), || still_record(bench));
+    let ((sweep, integration_error), still) = (sweep?, still?);
     let plant = SampledPlant(&bench.machine, bench.clock);
     let runs: [&(dyn Fn() -> Result<Run, PipelineError> + Sync); 5] = [
         &|| open_loop(lfr, &sweep, None),

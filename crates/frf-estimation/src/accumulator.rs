@@ -301,6 +301,7 @@ impl PeriodicAccumulator {
             position: self.position,
             skipped: self.skip,
             lines: self.lines,
+            transforms: self.spectra.map_or(0, |s| s.count()),
             scatter: &scatter,
             experiments: &experiments,
         }

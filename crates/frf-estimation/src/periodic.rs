@@ -29,6 +29,8 @@ pub struct PeriodicEstimate {
     pub periods_used: usize,
     /// Periods dropped at the start of each experiment.
     pub periods_skipped: usize,
+    /// Fourier transforms of one period of one signal: the unit of work.
+    pub transforms: usize,
     /// Power of the averaged output over the noise power in it, by line, then by output; infinite without noise.
     pub output_snr: Vec<f64>,
     /// The same for the inputs.
@@ -83,6 +85,7 @@ pub(crate) struct Averages<'a> {
     pub(crate) skipped: usize,
     /// Lines 1 to this are kept.
     pub(crate) lines: usize,
+    pub(crate) transforms: usize,
     /// Of outputs and inputs, over all experiments.
     pub(crate) scatter: &'a Scatter,
     pub(crate) experiments: &'a [Experiment],
@@ -186,6 +189,7 @@ impl Averages<'_> {
                 .min()
                 .unwrap_or(0),
             periods_skipped: self.skipped,
+            transforms: self.transforms,
             condition,
             distortion: (realisations.is_some() || detection.is_some()).then_some(Distortion {
                 realisations,

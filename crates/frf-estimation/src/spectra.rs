@@ -13,6 +13,7 @@ pub(crate) struct Spectra {
     plan: Arc<dyn RealToComplex<f64>>,
     input: Vec<f64>,
     scratch: Vec<C64>,
+    count: usize,
 }
 
 impl Spectra {
@@ -22,7 +23,13 @@ impl Spectra {
             input: plan.make_input_vec(),
             scratch: plan.make_scratch_vec(),
             plan,
+            count: 0,
         }
+    }
+
+    /// Transforms so far.
+    pub(crate) fn count(&self) -> usize {
+        self.count
     }
 
     /// Lines between zero and Nyquist, both left out.
@@ -57,6 +64,7 @@ impl Spectra {
         });
         self.plan
             .process_with_scratch(&mut self.input, out, &mut self.scratch)?;
+        self.count += 1;
         Ok(above)
     }
 }

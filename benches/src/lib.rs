@@ -3,6 +3,8 @@
 //! No experiment is simulated. The spectra of the inputs follow from the closed loop, the covariance of an FRF from them
 //! and from the sensors, so that sizes, scales and conditioning are those of the real thing and the set-up is short.
 
+pub mod refinement;
+
 use frf_estimation::{FrfError, Layout, PeriodicAccumulator, PeriodicSettings, SkipRule};
 use lpv_core::nalgebra::{DMatrix, Matrix2};
 use lpv_core::num_complex::Complex;
@@ -12,8 +14,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use xytable_plant::{
-    ControllerSettings, Machine, MachineParameters, Noise, PlantError, VerificationSettings,
-    VerifiedController,
+    ControllerSettings, Machine, MachineParameters, MoveLimits, Noise, PlantError, Profile, Setpoint,
+    Setpoints, VerificationSettings, VerifiedController,
 };
 
 type C64 = Complex<f64>;
@@ -30,6 +32,9 @@ pub enum InputError {
     /// From the basis.
     #[error(transparent)]
     Basis(#[from] BasisError),
+    /// From the LFR.
+    #[error(transparent)]
+    Realize(#[from] lfr_realize::RealizeError),
     /// From the accumulator.
     #[error(transparent)]
     Frf(#[from] FrfError),
@@ -108,6 +113,27 @@ impl Bench {
     pub fn lines_hz(&self, lines: usize) -> Vec<f64> {
         let period = 2.0 * (lines + 1) as f64;
         (1..=lines).map(|k| k as f64 * RATE / period).collect()
+    }
+
+    /// Setpoints of so many samples: steps of y'_1 while the carriage crosses its stroke.
+    ///
+    /// # Errors
+    /// None for the default machine.
+    pub fn sweep(&self, samples: usize) -> Result<Setpoints, InputError> {
+        let limits = |speed: f64| MoveLimits {
+            speed,
+            acceleration: 0.5 * speed,
+            jerk: speed,
+        };
+        let steps = Profile::at(0.0, limits(0.02))?
+            .dwell(5.0)?
+            .steps(&[0.05, 0.1, 0.05, 0.0], 12.0)?;
+        Ok(Setpoints {
+            y1: steps.sample(self.clock, samples),
+            y2: Setpoint::constant(0.0, samples),
+            x1: Profile::sweep(&self.machine, 0.98, limits(0.01))?.sample(self.clock, samples),
+            injection: None,
+        })
     }
 
     /// What orthogonal multisines on `lines` lines give at `position`: the exact response with one draw of its error, and

@@ -6,31 +6,14 @@ use lpv_benches::Bench;
 use lpv_core::{Discrete, Purpose};
 use std::path::Path;
 use xytable_plant::{
-    ControllerSettings, DigitalController, Discretisation, MachineParameters, MoveLimits, MovingExperiment,
-    MovingSettings, Noise, PlantError, Profile, Setpoint, Setpoints, discretise,
+    ControllerSettings, DigitalController, Discretisation, MachineParameters, MovingExperiment,
+    MovingSettings, Noise, PlantError, discretise,
 };
 
 const SAMPLES: usize = 4000;
 
 /// The tolerance at which an integrator stays below 1e-10.
 const THEIRS: f64 = 1e-11;
-
-fn setpoints(bench: &Bench) -> Result<Setpoints, Failure> {
-    let limits = |speed: f64| MoveLimits {
-        speed,
-        acceleration: 0.5 * speed,
-        jerk: speed,
-    };
-    let steps = Profile::at(0.0, limits(0.02))?
-        .dwell(5.0)?
-        .steps(&[0.05, 0.1, 0.05, 0.0], 12.0)?;
-    Ok(Setpoints {
-        y1: steps.sample(bench.clock, SAMPLES),
-        y2: Setpoint::constant(0.0, SAMPLES),
-        x1: Profile::sweep(&bench.machine, 0.98, limits(0.01))?.sample(bench.clock, SAMPLES),
-        injection: None,
-    })
-}
 
 fn settings() -> MovingSettings {
     MovingSettings {
@@ -41,7 +24,7 @@ fn settings() -> MovingSettings {
 
 pub(super) fn ours() -> Result<Run, Failure> {
     let bench = Bench::new()?;
-    let setpoints = setpoints(&bench)?;
+    let setpoints = bench.sweep(SAMPLES)?;
     Ok(Box::new(move || {
         let experiment =
             MovingExperiment::new(&bench.machine, &bench.controller, setpoints.clone(), settings())?;
@@ -53,7 +36,7 @@ pub(super) fn ours() -> Result<Run, Failure> {
 /// The largest error of an output, m or rad, against sixteen steps a sample.
 pub(super) fn error(found: &[f64]) -> Result<f64, Failure> {
     let bench = Bench::new()?;
-    let setpoints = setpoints(&bench)?;
+    let setpoints = bench.sweep(SAMPLES)?;
     let experiment = MovingExperiment::new(&bench.machine, &bench.controller, setpoints, settings())?;
     let mut truth = [Vec::new(), Vec::new()];
     experiment.stream(16, &mut |sample| -> Result<(), PlantError> {
@@ -108,7 +91,7 @@ pub(super) fn export(folder: &Path) -> Result<(), Failure> {
             loop_.denominator().iter().copied(),
         )?;
     }
-    let setpoints = setpoints(&bench)?;
+    let setpoints = bench.sweep(SAMPLES)?;
     let all = [
         setpoints.y1.position(),
         setpoints.y2.position(),
@@ -182,7 +165,7 @@ impl Law {
 
 pub(super) fn peer() -> Result<Run, Failure> {
     let bench = Bench::new()?;
-    let (setpoints, servo) = (setpoints(&bench)?, servo(bench.clock)?);
+    let (setpoints, servo) = (bench.sweep(SAMPLES)?, servo(bench.clock)?);
     Ok(Box::new(move || {
         let t = bench.clock.sample_time();
         let [mut k1, mut k2] = bench.controller.digital().each_ref().map(Law::new);

@@ -1,0 +1,66 @@
+//! docs/limits.md.
+
+use crate::Account;
+use std::fmt::Write as _;
+
+pub(crate) fn page(account: &Account) -> String {
+    let mut out = format!(
+        "# Limits and growth\n\nMade by `cargo xtask limits --bless`, on one thread; medians of 7. This machine multiplies matrices at \
+         {:.1} Gflop/s and copies at {:.1} GB/s (read and written).\n\n\
+         ## How near the limit\n\nThe time that the operations (at the speed of that product) or the bytes (at the speed of that copy) \
+         need, whichever is longer, over the time taken.\n\n\
+         | kernel | time | Mflop | MB | limited by | fraction | bar |\n|---|---|---|---|---|---|---|\n",
+        1e-9 * account.gemm,
+        1e-9 * account.copy
+    );
+    let verdict = |bar: Option<f64>, met: bool| match bar {
+        Some(bar) => format!("{bar}: {}", if met { "met" } else { "MISSED" }),
+        None => "-".to_owned(),
+    };
+    for k in &account.kernels {
+        let _ = writeln!(
+            out,
+            "| {} | {:.3} ms | {:.1} | {:.2} | {} | {:.0} % | {} |",
+            k.kernel,
+            1e3 * k.seconds,
+            1e-6 * k.operations,
+            1e-6 * k.bytes,
+            k.limit,
+            100.0 * k.fraction,
+            verdict(k.bar, k.bar.is_none_or(|b| k.fraction >= b))
+        );
+    }
+    out += "\nFRF: what a period taken alone brings, and what is kept of it, in and out; four are taken together, so that less goes by than is \
+            counted. Regression: the sums of products themselves, two fifths of the time, run at half the speed of the matrix product; the \
+            correction by what the equations leave takes three tenths, weights from the covariances the rest. Without the correction the \
+            result would lose twice as many digits to the condition of the functions. Moving p: the terms of a series follow from each \
+            other, one number at a time; only machines side by side would fill the registers. LFR: two \
+            fifths are reflections, column by column in blocks that fit the cache (normal equations would lose half of the digits), a \
+            fifth the curvature, the rest the responses and their products; none of it is large enough for the speed of a large product.\n\
+            \n## Growth\n\nA transform of N samples takes N log N operations: from 2^10 to 2^18 that alone is an exponent of 1.11; what is kept of an \
+            experiment (192 bytes a line) no longer fits the second cache from 2^15 on.\n\n| time | sizes | milliseconds | exponent | bar |\n|---|---|---|---|---|\n";
+    for g in &account.growth {
+        let list = |v: Vec<String>| v.join(", ");
+        let _ = writeln!(
+            out,
+            "| {} | {} | {} | {:.2} | {} |",
+            g.what,
+            list(g.sizes.iter().map(usize::to_string).collect()),
+            list(g.seconds.iter().map(|s| format!("{:.3}", 1e3 * s)).collect()),
+            g.exponent,
+            verdict(g.bar, g.bar.is_none_or(|b| g.exponent <= b))
+        );
+    }
+    out += "\n| peak memory beyond the inputs | sizes | MiB |\n|---|---|---|\n";
+    for g in &account.growth {
+        let list = |v: Vec<String>| v.join(", ");
+        let mib = g.mib.as_ref().map_or("not told".to_owned(), |m| {
+            list(m.iter().map(|m| format!("{m:.1}")).collect())
+        });
+        let sizes = list(g.sizes.iter().map(usize::to_string).collect());
+        let _ = writeln!(out, "| {} | {sizes} | {mib} |", g.what);
+    }
+    out += "\nMemory that a run before has left is used again and does not count. Counts of work (transforms, factorisations, bytes \
+            read) are held by `tests/tests/work.rs`, instructions by `cargo xtask bench --growth`, both in CI.\n";
+    out
+}

@@ -1,0 +1,132 @@
+//! What is measured, its inputs made before.
+
+use crate::Failure;
+use lfr_realize::{RefineSettings, refine};
+use lpv_benches::refinement::Case;
+use lpv_benches::{Bench, accumulator};
+use lpv_core::nalgebra::{DMatrix, DVector};
+use lpv_core::{Discrete, PeriodBlock, StateSpace};
+use lpv_ident::{RegressionSettings, regress};
+use std::hint::black_box;
+use std::time::Instant;
+use xytable_plant::{MovingExperiment, MovingSettings, Noise, PlantError};
+
+/// One run.
+pub(crate) type Work<'a> = Box<dyn FnMut() -> Result<(), Failure> + 'a>;
+
+/// Median time of several runs, of which the first does not count.
+pub(crate) fn time(mut run: Work<'_>) -> Result<f64, Failure> {
+    const RUNS: usize = 7;
+    /// A run is repeated until it takes so long, seconds.
+    const LEAST: f64 = 0.01;
+    run()?;
+    let mut times = Vec::new();
+    for _ in 0..RUNS {
+        let (start, mut count) = (Instant::now(), 0.0);
+        while count == 0.0 || start.elapsed().as_secs_f64() < LEAST {
+            run()?;
+            count += 1.0;
+        }
+        times.push(start.elapsed().as_secs_f64() / count);
+    }
+    times.sort_by(f64::total_cmp);
+    Ok(times[RUNS / 2])
+}
+
+/// What is local to a position, and the gains that all share.
+pub(crate) fn regression(
+    bench: &Bench,
+    positions: usize,
+    lines: usize,
+    functions: usize,
+) -> Result<Work<'_>, Failure> {
+    let (estimates, basis) = (bench.estimates(positions, lines)?, bench.basis(functions)?);
+    let settings = RegressionSettings::new().diagonal_rigid_body(2).check()?;
+    Ok(Box::new(move || {
+        black_box(regress(&estimates, &basis, &settings)?);
+        Ok(())
+    }))
+}
+
+/// Signals of a period: no kernel asks what they mean.
+fn period(length: usize, channels: usize, seed: usize) -> Vec<Vec<f64>> {
+    (0..channels)
+        .map(|c| {
+            (0..length)
+                .map(|k| ((k * (seed + 2 * c + 3)) % 1009) as f64 - 504.0)
+                .collect()
+        })
+        .collect()
+}
+
+/// A period pushed, for one experiment of many.
+pub(crate) fn accumulation(length: usize, channels: usize) -> Result<Work<'static>, Failure> {
+    let mut sums = accumulator(length, channels, None)?;
+    let (outputs, inputs, references) = (
+        period(length, channels, 1),
+        period(length, channels, 2),
+        period(length, channels, 5),
+    );
+    let mut count = 0;
+    Ok(Box::new(move || {
+        sums.push(&PeriodBlock {
+            experiment: 0,
+            period: count,
+            outputs: &outputs,
+            inputs: &inputs,
+            references: &references,
+        })?;
+        count += 1;
+        Ok(())
+    }))
+}
+
+/// From rest, at constant p.
+pub(crate) fn simulation(model: &StateSpace<Discrete>, samples: usize) -> Work<'_> {
+    let inputs = DMatrix::from_fn(model.inputs(), samples, |i, k| ((k * (i + 2)) % 17) as f64 - 8.0);
+    let rest = DVector::zeros(model.states());
+    Box::new(move || {
+        black_box(model.simulate(&rest, &inputs)?);
+        Ok(())
+    })
+}
+
+/// The plant in its loop while its carriage moves.
+pub(crate) fn motion(bench: &Bench, samples: usize) -> Result<Work<'_>, Failure> {
+    let settings = MovingSettings {
+        noise: Noise::Off,
+        ..MovingSettings::default()
+    };
+    let experiment =
+        MovingExperiment::new(&bench.machine, &bench.controller, bench.sweep(samples)?, settings)?;
+    Ok(Box::new(move || {
+        experiment.stream(1, &mut |sample| -> Result<(), PlantError> {
+            black_box(sample);
+            Ok(())
+        })?;
+        Ok(())
+    }))
+}
+
+/// Responses at many lines.
+pub(crate) fn response(model: &StateSpace<Discrete>, lines: Vec<f64>) -> Work<'_> {
+    Box::new(move || {
+        black_box(model.frequency_response(&lines)?);
+        Ok(())
+    })
+}
+
+/// So many steps of a refinement: the Jacobian at all lines, compressed by orthogonal transformations, and the trials of each.
+pub(crate) fn refinement(case: &Case, steps: usize) -> Result<Work<'_>, Failure> {
+    let settings = RefineSettings::new()
+        .tolerance(1e-12)
+        .max_iterations(steps)
+        .check()?;
+    Ok(Box::new(move || {
+        let account = refine(&case.start, &case.data, &settings)?.account;
+        if account.iterations() != steps {
+            return Err(format!("{} steps of {steps}", account.iterations()).into());
+        }
+        Ok(())
+    }))
+}

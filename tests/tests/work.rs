@@ -83,10 +83,10 @@ fn factorisations_do_not_grow_with_the_lines() {
         let most = local.fits().iter().map(|f| f.factorisations).max();
         (poles.account.factorisations, most.unwrap())
     });
-    for (of_poles, of_a_position) in counts {
-        assert!(of_poles <= 8, "{of_poles} factorisations for the poles");
-        assert_eq!(of_a_position, 1);
-    }
+    let [(few, _), (many, _)] = counts;
+    assert!(many <= few + 1 && few <= 8, "{few} and {many} for the poles");
+    // One of the sums of products; reflections would take one a block of lines.
+    assert!(counts.iter().all(|(_, of_a_position)| *of_a_position == 1));
 }
 
 /// Bytes that this process has asked files for; none where the system does not tell.
@@ -98,10 +98,10 @@ fn bytes_read() -> Option<u64> {
 /// The other tests here read no files.
 #[test]
 fn the_records_of_a_bundle_are_read_once_for_their_responses() {
-    let Some(before) = bytes_read() else {
+    if bytes_read().is_none() {
         println!("skipped: this system does not count the bytes that are read");
         return;
-    };
+    }
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("bundle");
     let file = toml::from_str::<MachineFile>(
@@ -115,7 +115,7 @@ fn the_records_of_a_bundle_are_read_once_for_their_responses() {
     let size: u64 = periodic
         .map(|r| out.join(&r.file).metadata().unwrap().len())
         .sum();
-    let before = before.max(bytes_read().unwrap());
+    let before = bytes_read().unwrap();
     let found = estimate_bundle(&bundle, None, &silent).unwrap();
     let read = bytes_read().unwrap() - before;
     assert_eq!(found.estimates.len(), 3);

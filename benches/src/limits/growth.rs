@@ -3,81 +3,82 @@
 use crate::works::{self, Work, time};
 use crate::{Failure, Growth};
 use lpv_benches::Bench;
+use lpv_core::{Discrete, StateSpace};
+use std::process::Command;
 
-/// What a run takes at its peak beyond what was in memory before; none where the system does not tell.
-fn peak_mib(work: &mut Work<'_>) -> Result<Option<f64>, Failure> {
-    let status = |key: &str| -> Option<f64> {
-        let text = std::fs::read_to_string("/proc/self/status").ok()?;
-        let line = text
-            .lines()
-            .find_map(|l| l.strip_prefix(key)?.strip_suffix("kB"))?;
-        Some(line.trim().parse::<f64>().ok()? / 1024.0)
+/// What is run, at a size.
+type Make<'a> = Box<dyn Fn(usize) -> Result<Work<'a>, Failure> + 'a>;
+
+/// A row before it is measured.
+struct Row<'a> {
+    what: &'static str,
+    sizes: Vec<usize>,
+    bar: Option<f64>,
+    make: Make<'a>,
+}
+
+fn rows<'a>(bench: &'a Bench, model: &'a StateSpace<Discrete>) -> Vec<Row<'a>> {
+    let row = |what, sizes, bar, make| Row {
+        what,
+        sizes,
+        bar,
+        make,
     };
-    // Forgets the peaks of the runs before.
-    let forgotten = std::fs::write("/proc/self/clear_refs", "5").is_ok();
-    let before = status("VmRSS:");
-    work()?;
-    let peak = status("VmHWM:").filter(|_| forgotten);
-    Ok(before.zip(peak).map(|(before, peak)| peak - before))
+    vec![
+        row(
+            "regression against positions (1,023 lines, 16 functions)",
+            vec![21, 66, 210, 664, 2100],
+            Some(1.05),
+            Box::new(|n| works::regression(bench, n, 1023, 16)) as Make<'a>,
+        ),
+        row(
+            "regression against lines (one position, 16 functions)",
+            (10..=18).map(|i| (1 << i) - 1).collect(),
+            Some(1.05),
+            Box::new(|n| works::regression(bench, 1, n, 16)),
+        ),
+        row(
+            "regression against functions (one position, 4,095 lines)",
+            vec![4, 8, 16, 32, 64],
+            None,
+            Box::new(|n| works::regression(bench, 1, 4095, n)),
+        ),
+        row(
+            "FRF accumulation of four periods against their length (2x2)",
+            (10..=18).map(|i| 1 << i).collect(),
+            Some(1.05),
+            Box::new(|n| works::accumulation(n, 2)),
+        ),
+        row(
+            "FRF accumulation of four periods against channels (period 8,192)",
+            vec![2, 4, 8, 16],
+            None,
+            Box::new(|n| works::accumulation(1 << 13, n)),
+        ),
+        row(
+            "simulation against samples (24 states)",
+            (12..=20).map(|i| 1 << i).collect(),
+            Some(1.05),
+            Box::new(|n| Ok(works::simulation(model, n))),
+        ),
+    ]
 }
 
 /// All rows.
 pub(crate) fn all(bench: &Bench) -> Result<Vec<Growth>, Failure> {
     let model = bench.large_model(24)?;
-    Ok(vec![
-        over(
-            "regression against positions (1,023 lines, 16 functions)",
-            vec![21, 66, 210, 664, 2100],
-            Some(1.05),
-            &|n| works::regression(bench, n, 1023, 16),
-        )?,
-        over(
-            "regression against lines (one position, 16 functions)",
-            (10..=18).map(|i| (1 << i) - 1).collect(),
-            Some(1.05),
-            &|n| works::regression(bench, 1, n, 16),
-        )?,
-        over(
-            "regression against functions (one position, 4,095 lines)",
-            vec![4, 8, 16, 32, 64],
-            None,
-            &|n| works::regression(bench, 1, 4095, n),
-        )?,
-        over(
-            "FRF accumulation against the length of the period (2x2)",
-            (10..=18).map(|i| 1 << i).collect(),
-            Some(1.05),
-            &|n| works::accumulation(n, 2),
-        )?,
-        over(
-            "FRF accumulation against channels (period 8,192)",
-            vec![2, 4, 8, 16],
-            None,
-            &|n| works::accumulation(1 << 13, n),
-        )?,
-        over(
-            "simulation against samples (24 states)",
-            (12..=20).map(|i| 1 << i).collect(),
-            Some(1.05),
-            &|n| Ok(works::simulation(&model, n)),
-        )?,
-    ])
+    let rows = rows(bench, &model);
+    rows.into_iter().enumerate().map(measured).collect()
 }
 
-/// One row: what is measured at these sizes.
-fn over<'a>(
-    what: &'static str,
-    sizes: Vec<usize>,
-    bar: Option<f64>,
-    make: &dyn Fn(usize) -> Result<Work<'a>, Failure>,
-) -> Result<Growth, Failure> {
+fn measured((index, row): (usize, Row<'_>)) -> Result<Growth, Failure> {
     let (mut seconds, mut mib) = (Vec::new(), Vec::new());
-    for size in &sizes {
-        let mut work = make(*size)?;
-        mib.push(peak_mib(&mut work)?);
-        seconds.push(time(work)?);
+    for &size in &row.sizes {
+        mib.push(memory_of(index, size)?);
+        seconds.push(time((row.make)(size)?)?);
     }
-    let points: Vec<(f64, f64)> = sizes
+    let points: Vec<(f64, f64)> = row
+        .sizes
         .iter()
         .zip(&seconds)
         .map(|(n, s)| ((*n as f64).ln(), s.ln()))
@@ -90,13 +91,54 @@ fn over<'a>(
         (xy + (p.0 - mx) * (p.1 - my), xx + (p.0 - mx).powi(2))
     });
     let exponent = xy / xx;
-    println!("{what}: exponent {exponent:.3}");
+    println!("{}: exponent {exponent:.3}", row.what);
     Ok(Growth {
-        what,
-        sizes,
+        what: row.what,
+        sizes: row.sizes,
         seconds,
         exponent,
-        bar,
+        bar: row.bar,
         mib: mib.into_iter().collect(),
     })
+}
+
+/// What a run takes at its peak beyond its inputs, MiB; none where the system does not tell.
+///
+/// In a process of its own, whose allocator gives back at once what is freed: nothing that was there before is used again.
+fn memory_of(row: usize, size: usize) -> Result<Option<f64>, Failure> {
+    let mut child = Command::new(std::env::current_exe()?);
+    child.arg("--memory").arg(format!("{row}:{size}"));
+    for limit in ["MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_"] {
+        child.env(limit, "65536");
+    }
+    let out = child.env("MALLOC_TOP_PAD_", "0").output()?;
+    if !out.status.success() {
+        return Err(String::from_utf8_lossy(&out.stderr).into_owned().into());
+    }
+    Ok(String::from_utf8(out.stdout)?.trim().parse().ok())
+}
+
+/// The work of that process, `row:size`: tells its memory, or nothing.
+pub(crate) fn tell_memory(of: &str) -> Result<(), Failure> {
+    let (row, size) = of.split_once(':').ok_or("no row and size")?;
+    let bench = Bench::new()?;
+    let model = bench.large_model(24)?;
+    let rows = rows(&bench, &model);
+    let row = rows.get(row.parse::<usize>()?).ok_or("no such row")?;
+    let mut work = (row.make)(size.parse()?)?;
+    let status = |key: &str| -> Option<f64> {
+        let text = std::fs::read_to_string("/proc/self/status").ok()?;
+        let line = text
+            .lines()
+            .find_map(|l| l.strip_prefix(key)?.strip_suffix("kB"))?;
+        Some(line.trim().parse::<f64>().ok()? / 1024.0)
+    };
+    // Forgets the peak of making the inputs.
+    let forgotten = std::fs::write("/proc/self/clear_refs", "5").is_ok();
+    let before = status("VmRSS:").filter(|_| forgotten);
+    work()?;
+    if let (Some(before), Some(peak)) = (before, status("VmHWM:")) {
+        println!("{}", peak - before);
+    }
+    Ok(())
 }

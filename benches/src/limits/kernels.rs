@@ -65,7 +65,7 @@ pub(crate) fn all(bench: &Bench, gemm: f64, copy: f64) -> Result<Vec<Kernel>, Fa
     let transform = 2.5 * n * n.log2();
     let accumulation = of(
         "FRF accumulation: a period of 32,768 samples, 2x2",
-        time(works::accumulation(PERIOD, 2)?)?,
+        time(works::accumulation(PERIOD, 2)?)? / works::TOGETHER as f64,
         // Four transforms of real signals, sums of ten products of the spectra.
         4.0 * transform + 0.5 * n * 8.0 * 10.0,
         // Signals in; sums of the means and of the products in and out.
@@ -108,14 +108,25 @@ pub(crate) fn all(bench: &Bench, gemm: f64, copy: f64) -> Result<Vec<Kernel>, Fa
     // What a change of the state coordinates does not show needs no column; one more for the residual.
     let columns = (n + 2.0) * (n + 2.0) - n * n + 1.0;
     let rows = 2.0 * channels * refinement::LINES as f64;
+    let (entries, positions) = (
+        case.start.free_entries().len() as f64,
+        refinement::POSITIONS as f64,
+    );
+    // Nor does one of the coordinates of the whole: states and deltas.
+    let free = entries - n * n - (refinement::DELTAS * refinement::DELTAS) as f64;
+    let triangles = positions * (columns - 1.0);
     let jacobian = of(
-        "LFR Jacobian, its triangle and the trials of a step: 8 states, 5 deltas, 21 positions, 160 lines, 2x2",
+        "LFR refinement, a step with its Jacobian: 8 states, 5 deltas, 21 positions, 160 lines, 2x2",
         steps / (many - few) as f64,
-        // Both sides of a response at each line, a product an entry, reflections of all rows.
-        refinement::POSITIONS as f64
-            * (refinement::LINES as f64 * 8.0 * (0.5 * n * n + 4.0 * (0.5 * n * n + n))
+        // Both sides of a response at each line, once more for a trial, a product an entry, reflections of all rows; how the entries
+        // at a position move with those of the LFR; the triangles of all positions, reflected.
+        positions
+            * (2.0 * refinement::LINES as f64 * 8.0 * (0.5 * n * n + 4.0 * (0.5 * n * n + n))
                 + 3.0 * rows * columns
-                + 2.0 * rows * columns * columns),
+                + 2.0 * rows * columns * columns
+                + 2.0 * (columns - 1.0) * (n + 2.0) * (n + 2.0) * entries)
+            + 2.0 * triangles * entries * free
+            + 2.0 * triangles * free * free,
         refinement::POSITIONS as f64 * refinement::LINES as f64 * channels * 16.0,
         None,
     );

@@ -24,6 +24,9 @@ struct Arguments {
     /// Write docs/limits.md too.
     #[arg(long)]
     bless: bool,
+    /// Tell the peak memory of one row at one size.
+    #[arg(long, hide = true)]
+    memory: Option<String>,
     /// Where limits.json goes.
     #[arg(long, default_value = "target/limits")]
     output: PathBuf,
@@ -80,6 +83,9 @@ fn main() -> ExitCode {
 
 fn measure(arguments: &Arguments) -> Result<(), Failure> {
     rayon::ThreadPoolBuilder::new().num_threads(1).build_global()?;
+    if let Some(of) = &arguments.memory {
+        return growth::tell_memory(of);
+    }
     let bench = Bench::new()?;
     let (gemm, copy) = (kernels::gemm_speed()?, kernels::copy_speed()?);
     let account = Account {

@@ -59,7 +59,10 @@ fn period(length: usize, channels: usize, seed: usize) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// A period pushed, for one experiment of many.
+/// Periods of one experiment of many: as many as are taken up together.
+pub(crate) const TOGETHER: usize = 4;
+
+/// So many periods pushed.
 pub(crate) fn accumulation(length: usize, channels: usize) -> Result<Work<'static>, Failure> {
     let mut sums = accumulator(length, channels, None)?;
     let (outputs, inputs, references) = (
@@ -69,14 +72,16 @@ pub(crate) fn accumulation(length: usize, channels: usize) -> Result<Work<'stati
     );
     let mut count = 0;
     Ok(Box::new(move || {
-        sums.push(&PeriodBlock {
-            experiment: 0,
-            period: count,
-            outputs: &outputs,
-            inputs: &inputs,
-            references: &references,
-        })?;
-        count += 1;
+        for _ in 0..TOGETHER {
+            sums.push(&PeriodBlock {
+                experiment: 0,
+                period: count,
+                outputs: &outputs,
+                inputs: &inputs,
+                references: &references,
+            })?;
+            count += 1;
+        }
         Ok(())
     }))
 }

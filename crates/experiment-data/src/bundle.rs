@@ -1,6 +1,6 @@
 //! A bundle on disk: the description in memory, the records where they are.
 
-use crate::checks::{self, Expectation};
+use crate::checks::{self, Expectation, PeriodicCheck};
 use crate::description::{ChannelGroup, Description};
 use crate::description_check::fault;
 use crate::key_path::KeyPath;
@@ -124,25 +124,51 @@ impl Bundle {
     pub fn load(&self, index: usize) -> Result<Record, DataError> {
         let entry = self.entry(index)?;
         let path = self.record_path(index)?;
-        let record = self.read(index, &path).and_then(|mut record| {
-            let expectation = Expectation {
-                limit: self.description.controller.as_ref().and_then(|c| c.limit),
-                declared_position: entry.position,
-                scheduling_scale: &|| self.scale_of_scheduling(),
-            };
-            record.position = checks::check(&record, &expectation)?;
+        let names = self.columns_of(entry);
+        let record = columns::read_columns(&path, &names).and_then(|data| {
+            let mut record = self.record(index, &names, data);
+            record.position = checks::check(&record, &self.expectation(entry))?;
             Ok(record)
         });
-        record.map_err(|mut problem| {
-            add_lines(&mut problem, &path);
-            DataError::Record {
-                place: Box::new(RecordPlace {
-                    index,
-                    file: path.clone(),
-                }),
-                problem: Box::new(problem),
+        record.map_err(|problem| record_fault(index, path, problem))
+    }
+
+    /// Reads a periodic record a period at a time, each as a record of its own, scaled: NPZ and CSV files that are larger than the
+    /// memory can be read so. A transient record comes in one piece. Gives the position, as in [`Bundle::load`].
+    ///
+    /// # Errors
+    /// As [`Bundle::load`], at the end: the clauses of the format hold for all periods together, and what `sink` was given
+    /// counts only where they do.
+    pub fn each_period(&self, index: usize, mut sink: impl FnMut(Record)) -> Result<Option<f64>, DataError> {
+        let entry = self.entry(index)?;
+        let RecordKind::Periodic { period } = entry.record_kind() else {
+            let record = self.load(index)?;
+            let position = record.position;
+            sink(record);
+            return Ok(position);
+        };
+        let path = self.record_path(index)?;
+        let names = self.columns_of(entry);
+        let mut check =
+            PeriodicCheck::new(&self.record(index, &names, vec![Vec::new(); names.len()]), period);
+        let read = columns::each_block(&path, &names, period.max(1), &mut |block| {
+            let whole = block.iter().all(|c| c.len() == period);
+            let record = self.record(index, &names, block);
+            check.push(&record);
+            if whole {
+                sink(record);
             }
-        })
+        });
+        read.and_then(|()| check.finish(&self.expectation(entry)))
+            .map_err(|problem| record_fault(index, path, problem))
+    }
+
+    fn expectation<'a>(&'a self, entry: &'a crate::RecordEntry) -> Expectation<'a> {
+        Expectation {
+            limit: self.description.controller.as_ref().and_then(|c| c.limit),
+            declared_position: entry.position,
+            scheduling_scale: Box::new(|| self.scale_of_scheduling()),
+        }
     }
 
     /// The name that [`Bundle::load`] gives a record.
@@ -167,11 +193,15 @@ impl Bundle {
             _ => return Ok(None),
         };
         let scale = group.scale.first().copied().unwrap_or(1.0);
-        match columns::read_columns(&self.record_path(index)?, &[told.as_str()]).as_deref() {
-            Ok([p]) if !p.is_empty() && p.iter().all(|v| v.is_finite()) => {
-                let scaled: Vec<f64> = p.iter().map(|v| scale * v).collect();
-                Ok(Some(checks::mean(&scaled)))
+        let mut path = checks::Path::default();
+        let read = columns::each_block(&self.record_path(index)?, &[told.as_str()], BLOCK, &mut |block| {
+            for column in block {
+                path.push(&column.iter().map(|v| scale * v).collect::<Vec<_>>());
             }
+        });
+        let mean = path.mean();
+        match read {
+            Ok(()) if mean.is_finite() => Ok(Some(mean)),
             // What is wrong with it, the whole record tells best.
             _ => Ok(self.load(index)?.position),
         }
@@ -213,27 +243,35 @@ impl Bundle {
         toml_file::locate_in(&self.file, &self.text, fault(path, problem))
     }
 
-    fn read(&self, index: usize, path: &Path) -> Result<Record, RecordError> {
-        let entry = &self.description.records[index];
+    /// The columns of a record, each once.
+    fn columns_of<'a>(&'a self, entry: &'a crate::RecordEntry) -> Vec<&'a str> {
+        let mut names: Vec<&str> = Vec::new();
+        for column in self.groups(entry).iter().flat_map(|g| &g.columns) {
+            if !names.contains(&column.as_str()) {
+                names.push(column);
+            }
+        }
+        names
+    }
+
+    fn groups<'a>(&'a self, entry: &'a crate::RecordEntry) -> [&'a ChannelGroup; 6] {
         let c = &self.description.channels;
-        let groups = [
+        [
             &c.output,
             &c.input,
             &c.reference,
             &c.scheduling,
             &c.auxiliary,
             &entry.injection,
-        ];
-        let mut names: Vec<&str> = Vec::new();
-        for column in groups.iter().flat_map(|g| &g.columns) {
-            if !names.contains(&column.as_str()) {
-                names.push(column);
-            }
-        }
-        let mut data: Vec<Option<Vec<f64>>> = columns::read_columns(path, &names)?
-            .into_iter()
-            .map(Some)
-            .collect();
+        ]
+    }
+
+    /// The record with these columns, scaled.
+    fn record(&self, index: usize, names: &[&str], data: Vec<Vec<f64>>) -> Record {
+        let entry = &self.description.records[index];
+        let c = &self.description.channels;
+        let groups = self.groups(entry);
+        let mut data: Vec<Option<Vec<f64>>> = data.into_iter().map(Some).collect();
         let mut uses: Vec<usize> = names
             .iter()
             .map(|n| {
@@ -271,7 +309,7 @@ impl Bundle {
                 columns,
             }
         };
-        Ok(Record {
+        Record {
             name: self.names[index].clone(),
             kind: entry.record_kind(),
             purpose: entry.purpose,
@@ -282,7 +320,7 @@ impl Bundle {
             scheduling: signals(&c.scheduling),
             auxiliary: signals(&c.auxiliary),
             injection: signals(&entry.injection),
-        })
+        }
     }
 
     /// Largest |p| over all records that can be read; the others report themselves when they are loaded.
@@ -295,16 +333,16 @@ impl Bundle {
                 let Ok(path) = self.record_path(index) else {
                     continue;
                 };
-                let Ok(columns) = columns::read_columns(&path, &names) else {
-                    continue;
-                };
-                for (k, column) in columns.iter().enumerate() {
-                    let scale = group.scale.get(k).copied().unwrap_or(1.0);
-                    largest = column
-                        .iter()
-                        .map(|v| (v * scale).abs())
-                        .filter(|v| v.is_finite())
-                        .fold(largest, f64::max);
+                let mut own = 0.0f64;
+                let read = columns::each_block(&path, &names, BLOCK, &mut |block| {
+                    for (k, column) in block.iter().enumerate() {
+                        let scale = group.scale.get(k).copied().unwrap_or(1.0);
+                        let sizes = column.iter().map(|v| (v * scale).abs());
+                        own = sizes.filter(|v| v.is_finite()).fold(own, f64::max);
+                    }
+                });
+                if read.is_ok() {
+                    largest = largest.max(own);
                 }
             }
             largest
@@ -326,6 +364,18 @@ fn record_names(description: &Description) -> Vec<String> {
         .zip(&description.records)
         .map(|(n, entry)| if unique(n) { n.clone() } else { entry.file.clone() })
         .collect()
+}
+
+/// Rows that are read at once of a signal that need not be whole.
+const BLOCK: usize = 1 << 16;
+
+/// What is wrong with a record, and where.
+fn record_fault(index: usize, file: PathBuf, mut problem: RecordError) -> DataError {
+    add_lines(&mut problem, &file);
+    DataError::Record {
+        place: Box::new(RecordPlace { index, file }),
+        problem: Box::new(problem),
+    }
 }
 
 /// CSV rows also have line numbers, which differ from them where blank lines or line breaks in quotes occur.

@@ -1,7 +1,7 @@
 //! The clauses of the format that need samples.
 
 use crate::RecordError;
-use crate::clipping;
+use crate::clipping::{self, Clipped, Ends};
 use lpv_core::{Record, RecordKind, Signals};
 
 /// What the checks need to know beside the record.
@@ -11,51 +11,168 @@ pub(crate) struct Expectation<'a> {
     /// `position` of the description.
     pub(crate) declared_position: Option<f64>,
     /// Largest |p| of the bundle; asked only in doubt, because it may read other records.
-    pub(crate) scheduling_scale: &'a dyn Fn() -> f64,
+    pub(crate) scheduling_scale: Box<dyn Fn() -> f64 + 'a>,
 }
 
 /// Checks every clause; gives the position, declared or, for a periodic record with one scheduling signal, measured.
 pub(crate) fn check(record: &Record, expected: &Expectation<'_>) -> Result<Option<f64>, RecordError> {
-    let mut position = expected.declared_position;
-    lengths(record)?;
-    for signals in groups(record) {
-        for (name, samples) in named(signals) {
-            finite(name, samples)?;
-        }
-    }
     if let RecordKind::Periodic { period } = record.kind {
-        periods(record.len(), period)?;
-        for (name, p) in named(&record.scheduling) {
-            let mean = constant_scheduling(name, p, expected)?;
-            if record.scheduling.channels() == 1 {
-                position = position.or(Some(mean));
-            }
-        }
+        let mut check = PeriodicCheck::new(record, period);
+        check.push(record);
+        return check.finish(expected);
+    }
+    lengths(
+        groups(record)
+            .into_iter()
+            .flat_map(named)
+            .map(|(n, x)| (n, x.len())),
+    )?;
+    for (name, samples) in groups(record).into_iter().flat_map(named) {
+        let mut finite = Finite::default();
+        finite.push(samples);
+        finite.finish(name)?;
     }
     for (signals, limit) in [(&record.outputs, None), (&record.inputs, expected.limit)] {
         for (name, samples) in named(signals) {
-            if samples.iter().all(|v| *v == samples[0]) {
-                return Err(RecordError::Constant {
-                    column: name.to_owned(),
-                    value: samples[0],
-                });
-            }
-            let found = match record.kind {
-                RecordKind::Periodic { .. } => clipping::periodic(samples),
-                RecordKind::Transient => clipping::transient(samples, limit),
-            };
-            if let Some(clipped) = found {
-                return Err(RecordError::Clipped {
-                    column: name.to_owned(),
-                    extreme: clipped.extreme,
-                    samples: clipped.samples,
-                    of: samples.len(),
-                });
-            }
+            constant(name, samples.iter().all(|v| *v == samples[0]), samples[0])?;
+            clipped(name, clipping::transient(samples, limit), samples.len())?;
         }
     }
-    Ok(position)
+    Ok(expected.declared_position)
 }
+
+/// The clauses of a periodic record, which may come in parts.
+pub(crate) struct PeriodicCheck {
+    period: usize,
+    columns: Vec<Column>,
+}
+
+/// What is known of a column so far.
+struct Column {
+    name: String,
+    samples: usize,
+    finite: Finite,
+    what: What,
+}
+
+enum What {
+    /// An output or an input, with its first sample and whether all others equal it.
+    Signal {
+        first: f64,
+        constant: bool,
+        ends: Ends,
+    },
+    Scheduling(Path),
+    Other,
+}
+
+impl PeriodicCheck {
+    /// For records with these channels.
+    pub(crate) fn new(record: &Record, period: usize) -> Self {
+        let what = |group: usize| match group {
+            0 | 1 => What::Signal {
+                first: f64::NAN,
+                constant: true,
+                ends: Ends::default(),
+            },
+            SCHEDULING => What::Scheduling(Path::default()),
+            _ => What::Other,
+        };
+        let groups = groups(record).into_iter().enumerate();
+        let columns = groups.flat_map(|(group, signals)| signals.names.iter().map(move |n| (group, n)));
+        Self {
+            period,
+            columns: columns
+                .map(|(group, name)| Column {
+                    name: name.clone(),
+                    samples: 0,
+                    finite: Finite::default(),
+                    what: what(group),
+                })
+                .collect(),
+        }
+    }
+
+    /// Takes the next part.
+    pub(crate) fn push(&mut self, part: &Record) {
+        let samples = groups(part).into_iter().flat_map(named);
+        for (column, (_, samples)) in self.columns.iter_mut().zip(samples) {
+            column.finite.push(samples);
+            match &mut column.what {
+                What::Signal {
+                    first,
+                    constant,
+                    ends,
+                } => {
+                    if let (0, Some(v)) = (column.samples, samples.first()) {
+                        *first = *v;
+                    }
+                    *constant &= samples.iter().all(|v| v == first);
+                    ends.push(samples);
+                }
+                What::Scheduling(path) => path.push(samples),
+                What::Other => {}
+            }
+            column.samples += samples.len();
+        }
+    }
+
+    /// Judges all parts; gives the position as [`check`] does.
+    pub(crate) fn finish(&self, expected: &Expectation<'_>) -> Result<Option<f64>, RecordError> {
+        lengths(self.columns.iter().map(|c| (c.name.as_str(), c.samples)))?;
+        for column in &self.columns {
+            column.finite.finish(&column.name)?;
+        }
+        periods(self.columns.first().map_or(0, |c| c.samples), self.period)?;
+        let mut means = Vec::new();
+        for column in &self.columns {
+            if let What::Scheduling(path) = &column.what {
+                means.push(constant_scheduling(&column.name, path, expected)?);
+            }
+        }
+        for column in &self.columns {
+            if let What::Signal {
+                first,
+                constant: all_equal,
+                ends,
+            } = &column.what
+            {
+                constant(&column.name, *all_equal, *first)?;
+                clipped(&column.name, ends.clipped(), column.samples)?;
+            }
+        }
+        let measured = match means.as_slice() {
+            [mean] => Some(*mean),
+            _ => None,
+        };
+        Ok(expected.declared_position.or(measured))
+    }
+}
+
+fn constant(name: &str, all_equal: bool, value: f64) -> Result<(), RecordError> {
+    match all_equal {
+        false => Ok(()),
+        true => Err(RecordError::Constant {
+            column: name.to_owned(),
+            value,
+        }),
+    }
+}
+
+fn clipped(name: &str, found: Option<Clipped>, of: usize) -> Result<(), RecordError> {
+    match found {
+        None => Ok(()),
+        Some(Clipped { extreme, samples }) => Err(RecordError::Clipped {
+            column: name.to_owned(),
+            extreme,
+            samples,
+            of,
+        }),
+    }
+}
+
+/// Place of the scheduling among [`groups`].
+const SCHEDULING: usize = 3;
 
 fn groups(record: &Record) -> [&Signals; 6] {
     [
@@ -76,20 +193,20 @@ fn named(signals: &Signals) -> impl Iterator<Item = (&str, &[f64])> {
         .zip(signals.columns.iter().map(Vec::as_slice))
 }
 
-fn lengths(record: &Record) -> Result<(), RecordError> {
+fn lengths<'a>(columns: impl Iterator<Item = (&'a str, usize)>) -> Result<(), RecordError> {
     let mut first: Option<(&str, usize)> = None;
-    for (name, samples) in groups(record).into_iter().flat_map(named) {
+    for (name, found) in columns {
         match first {
-            None if samples.is_empty() => {
+            None if found == 0 => {
                 return Err(RecordError::Empty {
                     column: name.to_owned(),
                 });
             }
-            None => first = Some((name, samples.len())),
-            Some((first, expected)) if samples.len() != expected => {
+            None => first = Some((name, found)),
+            Some((first, expected)) if found != expected => {
                 return Err(RecordError::UnequalLengths {
                     column: name.to_owned(),
-                    found: samples.len(),
+                    found,
                     first: first.to_owned(),
                     expected,
                 });
@@ -100,24 +217,36 @@ fn lengths(record: &Record) -> Result<(), RecordError> {
     Ok(())
 }
 
-fn finite(name: &str, samples: &[f64]) -> Result<(), RecordError> {
-    let bad = || {
-        samples
-            .iter()
-            .enumerate()
-            .filter(|(_, v)| !v.is_finite())
-            .map(|(k, _)| k + 1)
-    };
-    let count = bad().count();
-    if count == 0 {
-        return Ok(());
+/// Rows of a column whose sample is no finite number.
+#[derive(Default)]
+struct Finite {
+    samples: usize,
+    count: usize,
+    rows: Vec<usize>,
+}
+
+impl Finite {
+    fn push(&mut self, samples: &[f64]) {
+        for (k, _) in samples.iter().enumerate().filter(|(_, v)| !v.is_finite()) {
+            self.count += 1;
+            if self.rows.len() < 10 {
+                self.rows.push(self.samples + k + 1);
+            }
+        }
+        self.samples += samples.len();
     }
-    Err(RecordError::NotFinite {
-        column: name.to_owned(),
-        rows: bad().take(10).collect(),
-        lines: Vec::new(),
-        count,
-    })
+
+    fn finish(&self, name: &str) -> Result<(), RecordError> {
+        if self.count == 0 {
+            return Ok(());
+        }
+        Err(RecordError::NotFinite {
+            column: name.to_owned(),
+            rows: self.rows.clone(),
+            lines: Vec::new(),
+            count: self.count,
+        })
+    }
 }
 
 fn periods(samples: usize, period: usize) -> Result<(), RecordError> {
@@ -134,28 +263,73 @@ fn periods(samples: usize, period: usize) -> Result<(), RecordError> {
     }
 }
 
-/// Mean of a column. An exactly constant one gives exactly its value: records of one position are found by it.
-pub(crate) fn mean(p: &[f64]) -> f64 {
-    if p.iter().all(|v| *v == p[0]) {
-        p[0]
-    } else {
-        p.iter().map(|v| v / p.len() as f64).sum()
+/// Where a scheduling signal has been.
+#[derive(Debug, Clone)]
+pub(crate) struct Path {
+    samples: usize,
+    first: f64,
+    last: f64,
+    from: f64,
+    to: f64,
+    /// Sums of the distances from the first sample, of their squares, and of those of successive differences.
+    sum: f64,
+    squares: f64,
+    steps: f64,
+}
+
+impl Default for Path {
+    fn default() -> Self {
+        Self {
+            samples: 0,
+            first: f64::NAN,
+            last: f64::NAN,
+            from: f64::INFINITY,
+            to: f64::NEG_INFINITY,
+            sum: 0.0,
+            squares: 0.0,
+            steps: 0.0,
+        }
+    }
+}
+
+impl Path {
+    pub(crate) fn push(&mut self, p: &[f64]) {
+        for &v in p {
+            if self.samples == 0 {
+                (self.first, self.last) = (v, v);
+            }
+            self.samples += 1;
+            (self.from, self.to) = (self.from.min(v), self.to.max(v));
+            let away = v - self.first;
+            self.sum += away;
+            self.squares += away * away;
+            self.steps += (v - self.last).powi(2);
+            self.last = v;
+        }
+    }
+
+    /// Of a constant signal exactly its value: records of one position are found by it.
+    pub(crate) fn mean(&self) -> f64 {
+        self.first + self.sum / self.samples as f64
+    }
+
+    /// Mean square successive difference over the variance: 2 for white noise, near 0 for a smooth motion.
+    fn von_neumann(&self) -> f64 {
+        self.steps / (self.squares - self.sum * self.sum / self.samples as f64)
     }
 }
 
 /// The mean of a scheduling signal that does not move.
-fn constant_scheduling(name: &str, p: &[f64], expected: &Expectation<'_>) -> Result<f64, RecordError> {
+fn constant_scheduling(name: &str, path: &Path, expected: &Expectation<'_>) -> Result<f64, RecordError> {
     const CONSTANT: f64 = 1e-3;
     const SAME_POSITION: f64 = 1e-2;
-    let from = p.iter().copied().fold(f64::INFINITY, f64::min);
-    let to = p.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let mean = mean(p);
+    let (from, to, mean) = (path.from, path.to, path.mean());
     let own = from.abs().max(to.abs());
     if to - from > CONSTANT * own {
         let tolerance = CONSTANT * (expected.scheduling_scale)().max(own);
         // Around zero, and with no other position in the bundle, nothing gives a scale: the shape decides.
         let noise_around_zero =
-            mean.abs() <= to - from && (expected.scheduling_scale)() <= own && von_neumann(p, mean) > 1.0;
+            mean.abs() <= to - from && (expected.scheduling_scale)() <= own && path.von_neumann() > 1.0;
         if to - from > tolerance && !noise_around_zero {
             return Err(RecordError::SchedulingMoves {
                 column: name.to_owned(),
@@ -178,11 +352,4 @@ fn constant_scheduling(name: &str, p: &[f64], expected: &Expectation<'_>) -> Res
         }
     }
     Ok(mean)
-}
-
-/// Mean square successive difference over the variance: 2 for white noise, near 0 for a smooth motion.
-fn von_neumann(p: &[f64], mean: f64) -> f64 {
-    let steps: f64 = p.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum();
-    let spread: f64 = p.iter().map(|v| (v - mean).powi(2)).sum();
-    steps / spread
 }

@@ -10,33 +10,72 @@ pub(crate) struct Clipped {
 /// Signals with fewer different values are switching signals.
 const LEVELS: usize = 16;
 
-/// Clipping of a steady periodic signal, by counting.
-pub(crate) fn periodic(x: &[f64]) -> Option<Clipped> {
-    const SHARE: f64 = 1e-3;
-    if switches(x) {
-        return None;
-    }
-    [1.0, -1.0].into_iter().find_map(|sign| {
-        let (mut top, mut at_top) = (f64::NEG_INFINITY, 0usize);
-        let (mut next, mut at_next) = (f64::NEG_INFINITY, 0usize);
-        for v in x.iter().map(|v| sign * v) {
-            if v > top {
-                (next, at_next) = (top, at_top);
-                (top, at_top) = (v, 1);
-            } else if v == top {
-                at_top += 1;
-            } else if v > next {
-                (next, at_next) = (v, 1);
-            } else if v == next {
-                at_next += 1;
-            }
+/// Clipping of a steady periodic signal, by counting; takes the signal in parts.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Ends {
+    samples: usize,
+    /// The first different values, up to [`LEVELS`].
+    seen: Vec<f64>,
+    ends: [End; 2],
+}
+
+/// The largest value so far and the next one, each with how often it came.
+#[derive(Debug, Clone, Copy)]
+struct End {
+    top: (f64, usize),
+    next: (f64, usize),
+}
+
+impl Default for End {
+    fn default() -> Self {
+        let none = (f64::NEG_INFINITY, 0);
+        Self {
+            top: none,
+            next: none,
         }
-        let clipped = at_top >= 5 && at_top as f64 > SHARE * x.len() as f64 && at_top > 4 * at_next;
-        clipped.then_some(Clipped {
-            extreme: sign * top,
-            samples: at_top,
+    }
+}
+
+impl End {
+    fn push(&mut self, v: f64) {
+        if v > self.top.0 {
+            (self.next, self.top) = (self.top, (v, 1));
+        } else if v == self.top.0 {
+            self.top.1 += 1;
+        } else if v > self.next.0 {
+            self.next = (v, 1);
+        } else if v == self.next.0 {
+            self.next.1 += 1;
+        }
+    }
+}
+
+/// Upwards and downwards.
+const SIGNS: [f64; 2] = [1.0, -1.0];
+
+impl Ends {
+    pub(crate) fn push(&mut self, x: &[f64]) {
+        self.samples += x.len();
+        add_levels(&mut self.seen, x);
+        for (end, sign) in self.ends.iter_mut().zip(SIGNS) {
+            x.iter().for_each(|v| end.push(sign * v));
+        }
+    }
+
+    pub(crate) fn clipped(&self) -> Option<Clipped> {
+        const SHARE: f64 = 1e-3;
+        if self.seen.len() < LEVELS {
+            return None;
+        }
+        self.ends.iter().zip(SIGNS).find_map(|(end, sign)| {
+            let ((top, count), (_, next)) = (end.top, end.next);
+            let clipped = count >= 5 && count as f64 > SHARE * self.samples as f64 && count > 4 * next;
+            clipped.then_some(Clipped {
+                extreme: sign * top,
+                samples: count,
+            })
         })
-    })
+    }
 }
 
 /// Clipping of a signal that may rest, by plateaus that are entered and left at speed.
@@ -92,16 +131,21 @@ fn held(x: &[f64]) -> bool {
 }
 
 fn switches(x: &[f64]) -> bool {
-    let mut seen: Vec<f64> = Vec::with_capacity(LEVELS);
+    let mut seen = Vec::with_capacity(LEVELS);
+    add_levels(&mut seen, x);
+    seen.len() < LEVELS
+}
+
+/// Different values of a signal, until there are [`LEVELS`] of them.
+fn add_levels(seen: &mut Vec<f64>, x: &[f64]) {
     for v in x {
+        if seen.len() == LEVELS {
+            return;
+        }
         if !seen.contains(v) {
             seen.push(*v);
-            if seen.len() == LEVELS {
-                return false;
-            }
         }
     }
-    true
 }
 
 /// Whether more than half of the moving samples continue the line through the two before.
@@ -139,6 +183,15 @@ mod tests {
             })
             .collect();
         assert!(transient(&swing, None).is_some());
+    }
+
+    /// In two parts.
+    fn periodic(x: &[f64]) -> Option<Clipped> {
+        let mut ends = Ends::default();
+        let (a, b) = x.split_at(x.len() / 3);
+        ends.push(a);
+        ends.push(b);
+        ends.clipped()
     }
 
     fn multisine(n: usize, period: usize) -> Vec<f64> {

@@ -109,6 +109,29 @@ pub fn read_columns(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, Record
     }
 }
 
+/// The same, so many rows at a time in the order of the file; the last block may be shorter, also in single columns. NPZ and CSV
+/// are never in memory as a whole.
+pub(crate) fn each_block(
+    path: &Path,
+    names: &[&str],
+    rows: usize,
+    sink: &mut dyn FnMut(Vec<Vec<f64>>),
+) -> Result<(), RecordError> {
+    match format(path)? {
+        RecordFormat::Npz => npz::each_block(path, names, rows, sink),
+        RecordFormat::Csv => csv::each_block(path, names, rows, sink),
+        RecordFormat::Mat | RecordFormat::Parquet => {
+            let columns = read_columns(path, names)?;
+            let longest = columns.iter().map(Vec::len).max().unwrap_or(0);
+            for first in (0..longest).step_by(rows) {
+                let part = |c: &Vec<f64>| c[first.min(c.len())..(first + rows).min(c.len())].to_vec();
+                sink(columns.iter().map(part).collect());
+            }
+            Ok(())
+        }
+    }
+}
+
 fn format(path: &Path) -> Result<RecordFormat, RecordError> {
     RecordFormat::of(&path.to_string_lossy()).map_err(|_| {
         let ending = path.extension().unwrap_or_default().to_string_lossy();

@@ -186,7 +186,7 @@ impl BundleWriter {
         let expectation = Expectation {
             limit: self.description.controller.as_ref().and_then(|c| c.limit),
             declared_position: record.position,
-            scheduling_scale: &|| scale,
+            scheduling_scale: Box::new(move || scale),
         };
         checks::check(record, &expectation).map(drop)
     }

@@ -4,6 +4,7 @@
 mod broken;
 
 use broken::{Case, cases, first_error};
+use experiment_data::Bundle;
 use std::path::Path;
 
 /// What the reader says, with `bundle` for the folder.
@@ -38,6 +39,27 @@ fn each_is_refused_soon_with_its_message() {
         }
     }
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}
+
+/// A period at a time, a record is refused for the same reason.
+#[test]
+fn records_in_parts_are_refused_alike() {
+    let mut refused = 0;
+    for case in cases() {
+        let dir = tempfile::tempdir().unwrap();
+        (case.build)(dir.path());
+        let Ok(bundle) = Bundle::open(dir.path()) else {
+            continue;
+        };
+        for i in 0..bundle.len() {
+            let text = |e: experiment_data::DataError| e.to_string();
+            let (whole, parts) = (bundle.load(i), bundle.each_period(i, |_| ()));
+            refused += usize::from(whole.is_err());
+            let position = whole.map(|record| record.position);
+            assert_eq!(position.map_err(text), parts.map_err(text), "{}", case.name);
+        }
+    }
+    assert!(refused > 40, "{refused}");
 }
 
 #[test]

@@ -32,6 +32,9 @@ fn a_bundle_survives_each_format() {
         let back = writer.finish().unwrap();
         let again: Vec<Record> = back.records().collect::<Result<_, _>>().unwrap();
         assert_eq!(again, records, "{format:?}");
+        for (i, record) in records.iter().enumerate() {
+            assert_eq!(&by_period(&back, i), record, "{format:?}");
+        }
         assert_eq!(back.description().controller, bundle.description().controller);
         assert_eq!(back.description().geometry, bundle.description().geometry);
         assert_eq!(
@@ -39,6 +42,43 @@ fn a_bundle_survives_each_format() {
             format!("records/move{}", format.ending())
         );
         assert!(!folder.join("experiment.toml.partial").exists());
+    }
+}
+
+/// A record put together from its periods.
+fn by_period(bundle: &Bundle, index: usize) -> Record {
+    let mut whole: Option<Record> = None;
+    let position = bundle.each_period(index, |part| match &mut whole {
+        None => whole = Some(part),
+        Some(whole) => {
+            let groups = |r: Record| {
+                [
+                    r.outputs,
+                    r.inputs,
+                    r.references,
+                    r.scheduling,
+                    r.auxiliary,
+                    r.injection,
+                ]
+            };
+            let of = [
+                &mut whole.outputs,
+                &mut whole.inputs,
+                &mut whole.references,
+                &mut whole.scheduling,
+                &mut whole.auxiliary,
+                &mut whole.injection,
+            ];
+            for (all, part) in of.into_iter().zip(groups(part)) {
+                for (all, part) in all.columns.iter_mut().zip(part.columns) {
+                    all.extend(part);
+                }
+            }
+        }
+    });
+    Record {
+        position: position.unwrap(),
+        ..whole.unwrap()
     }
 }
 

@@ -85,7 +85,7 @@ pub use local::{
 };
 pub use periodic::{Condition, Distortion, NoiseFloor, PeriodicEstimate};
 pub use realisations::RealisationDistortion;
-pub use records::estimate_records;
+pub use records::{Settling, estimate_records};
 pub use settings::{
     CheckedSettings, CovarianceSource, Instrument, LineSelection, PeriodicSettings, SkipRule,
 };

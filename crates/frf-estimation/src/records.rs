@@ -91,25 +91,59 @@ pub fn estimate_records(
 
 /// Periods at the start of the record in which the transient shows.
 fn unsettled_periods(record: &Record, period: usize) -> usize {
+    let channels = || record.outputs.columns.iter().chain(&record.inputs.columns);
+    let of = |m: usize| channels().map(move |c| &c[m * period..(m + 1) * period]);
     let count = record.len() / period;
-    let half = count / 2;
-    let channels = record.outputs.columns.iter().chain(&record.inputs.columns);
-    let unsettled = channels.map(|samples| {
-        let part = |m: usize| &samples[m * period..(m + 1) * period];
-        let last = part(count - 1);
-        let power: f64 = last.iter().map(|x| x * x).sum();
-        let difference = |m: usize| -> f64 { part(m).iter().zip(last).map(|(a, b)| (a - b) * (a - b)).sum() };
-        // Two periods leave nothing to compare with.
-        let Some(settled) = (half..count - 1).map(difference).reduce(f64::max) else {
-            return 0;
-        };
-        let limit = (EXCESS * settled).max(FLOOR * FLOOR * power);
-        (0..half)
-            .rev()
-            .find(|&m| difference(m) > limit)
-            .map_or(0, |m| m + 1)
-    });
-    unsettled.max().unwrap_or(0)
+    let mut settling = Settling::new(of(count - 1).map(<[f64]>::to_vec).collect());
+    (0..count).for_each(|m| settling.push(of(m)));
+    settling.unsettled()
+}
+
+/// How long the transient at the start of a periodic record lasts, as [`estimate_records`] judges it, from one period at a time.
+#[derive(Debug, Clone)]
+pub struct Settling {
+    last: Vec<Vec<f64>>,
+    /// Of each signal, by period: sum of squares of the difference from the last one.
+    differences: Vec<Vec<f64>>,
+}
+
+impl Settling {
+    /// For a record that ends with this period of its outputs and inputs.
+    #[must_use]
+    pub fn new(last: Vec<Vec<f64>>) -> Self {
+        let differences = vec![Vec::new(); last.len()];
+        Self { last, differences }
+    }
+
+    /// Takes the periods in their order, the last one included; a signal each, as in [`Settling::new`].
+    pub fn push<'a>(&mut self, period: impl IntoIterator<Item = &'a [f64]>) {
+        for ((all, last), own) in self.differences.iter_mut().zip(&self.last).zip(period) {
+            all.push(own.iter().zip(last).map(|(a, b)| (a - b) * (a - b)).sum());
+        }
+    }
+
+    /// Periods at the start in which the transient shows.
+    #[must_use]
+    pub fn unsettled(&self) -> usize {
+        let unsettled = self
+            .differences
+            .iter()
+            .zip(&self.last)
+            .map(|(differences, last)| {
+                let count = differences.len();
+                let half = count / 2;
+                // Two periods leave nothing to compare with.
+                let settled = differences[half..].iter().take((count - half).saturating_sub(1));
+                let Some(settled) = settled.copied().reduce(f64::max) else {
+                    return 0;
+                };
+                let power: f64 = last.iter().map(|x| x * x).sum();
+                let limit = (EXCESS * settled).max(FLOOR * FLOOR * power);
+                let moves = differences[..half].iter().rposition(|d| *d > limit);
+                moves.map_or(0, |m| m + 1)
+            });
+        unsettled.max().unwrap_or(0)
+    }
 }
 
 /// Channels, position and finite samples; for all estimators that take several records.

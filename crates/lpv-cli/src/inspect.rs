@@ -5,16 +5,14 @@ mod record;
 mod text;
 mod warnings;
 
-pub(crate) use experiment::noise as period_noise;
 pub use experiment::{DetectionLine, ExperimentInfo, LineInfo, Spread};
 pub use record::{ChannelStats, RecordInfo};
 
 use crate::PipelineError;
 use crate::progress::{Counter, Progress};
-use crate::responses::periodic_responses;
+use crate::responses::{is_large, periodic_responses};
 use experiment_data::{Bundle, DataError};
-use frf_estimation::PeriodicEstimate;
-use lpv_core::{Purpose, Record};
+use lpv_core::Purpose;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -74,13 +72,14 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
     let read: Vec<Result<RecordInfo, DataError>> = (0..bundle.len())
         .into_par_iter()
         .map(|i| {
-            let record = bundle.load(i)?;
+            let file = &description.records[i].file;
+            let info = if description.records[i].is_periodic() && is_large(bundle, &[i]) {
+                record::describe_large(bundle, i, file)?
+            } else {
+                record::describe(&bundle.load(i)?, file, description.sample_rate_hz)
+            };
             counter.one();
-            Ok(record::describe(
-                &record,
-                &description.records[i].file,
-                description.sample_rate_hz,
-            ))
+            Ok(info)
         })
         .collect();
     let infos: Vec<RecordInfo> = read.into_iter().collect::<Result<_, _>>()?;
@@ -92,10 +91,8 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
         (Purpose::Validation, "validation"),
     ] {
         let wanted = |i: usize| entries[i].purpose == purpose && entries[i].is_periodic();
-        let describe =
-            |records: &[Record], estimate: &PeriodicEstimate| experiment::describe(name, records, estimate);
-        let found = periodic_responses(bundle, wanted, None, progress, describe)?;
-        experiments.extend(found.into_iter().map(|(_, described)| described));
+        let found = periodic_responses(bundle, wanted, None, progress)?;
+        experiments.extend(found.into_iter().map(|f| experiment::describe(name, f)));
     }
     if let Some(coverage) = &mut coverage {
         coverage.positions = experiments

@@ -44,6 +44,7 @@ pub mod inspect;
 mod model_file;
 mod moves;
 pub mod new;
+mod period_noise;
 mod pipeline;
 mod poles;
 mod progress;

@@ -1,11 +1,17 @@
 //! Bundle in, one frequency response with covariance a position out.
 
+mod large;
+
+pub(crate) use large::is_large;
+
 use crate::PipelineError;
+use crate::period_noise::period_noise;
 use crate::progress::{Counter, Progress};
 use crate::signal::median;
 use experiment_data::{Bundle, DataError};
 use frf_estimation::{
-    LocalSettings, PeriodicEstimate, PeriodicSettings, Regressor, SkipRule, estimate_records, local_rational,
+    CheckedSettings, FrfError, LocalSettings, PeriodicEstimate, PeriodicSettings, Regressor, SkipRule,
+    estimate_records, local_rational,
 };
 use lpv_core::{Discrete, FrfEstimate, Purpose, Record};
 use rayon::prelude::*;
@@ -67,18 +73,11 @@ pub fn estimate_bundle(
     let fitted = |i: usize| entries[i].purpose == Purpose::Estimation;
     let clock = bundle.clock()?;
     if (0..bundle.len()).any(|i| fitted(i) && periodic(i)) {
-        let found = periodic_responses(
-            bundle,
-            |i| fitted(i) && periodic(i),
-            skip_periods,
-            progress,
-            period_noise_of,
-        )?;
-        let (estimates, levels): (Vec<PeriodicEstimate>, Vec<Vec<f64>>) = found.into_iter().unzip();
+        let found = periodic_responses(bundle, |i| fitted(i) && periodic(i), skip_periods, progress)?;
         return Ok(Responses {
             clock,
-            noise: Some(sample_noise(&levels)),
-            estimates: estimates.into_iter().map(|e| e.estimate).collect(),
+            noise: Some(sample_noise(&found)),
+            estimates: found.into_iter().map(|f| f.estimate.estimate).collect(),
             reasons: Vec::new(),
         });
     }
@@ -101,39 +100,35 @@ pub fn estimate_bundle(
     })
 }
 
-/// Deviation of the noise of one sample at a position, by output: what does not repeat from period to period.
-pub(crate) fn period_noise_of(records: &[Record], estimate: &PeriodicEstimate) -> Vec<f64> {
-    crate::inspect::period_noise(records, estimate.periods_skipped)
+/// The periodic records of one position, evaluated.
+pub(crate) struct AtPosition {
+    pub(crate) estimate: PeriodicEstimate,
+    /// Deviation of the noise of one sample, by output: what does not repeat from period to period.
+    pub(crate) noise: Vec<f64>,
+    /// Names of the records.
+    pub(crate) records: Vec<String>,
 }
 
-/// The median over positions.
-pub(crate) fn sample_noise(levels: &[Vec<f64>]) -> Vec<f64> {
-    (0..levels.first().map_or(0, Vec::len))
-        .map(|i| median(&levels.iter().map(|l| l[i]).collect::<Vec<_>>()))
+/// The median of the noise over positions, by output.
+pub(crate) fn sample_noise(found: &[AtPosition]) -> Vec<f64> {
+    (0..found.first().map_or(0, |f| f.noise.len()))
+        .map(|i| median(&found.iter().map(|f| f.noise[i]).collect::<Vec<_>>()))
         .collect()
 }
 
-/// The FRF by position of the periodic records for which `wanted` holds, in order of position, and what else is wanted of the
-/// records of each. Those of one position a thread are in memory at a time.
+/// The FRF by position of the periodic records for which `wanted` holds, in order of position. Those of one position a thread are
+/// in memory at a time, or a period of each where the files are large.
 ///
 /// # Errors
 /// [`PipelineError::Frf`] with the position and the records; what is wrong with the first record that cannot be read.
-pub(crate) fn periodic_responses<T: Send>(
+pub(crate) fn periodic_responses(
     bundle: &Bundle,
     wanted: impl Fn(usize) -> bool,
     skip_periods: Option<usize>,
     progress: Progress<'_>,
-    also: impl Fn(&[Record], &PeriodicEstimate) -> T + Sync,
-) -> Result<Vec<(PeriodicEstimate, T)>, PipelineError> {
+) -> Result<Vec<AtPosition>, PipelineError> {
     let clock = bundle.clock()?;
     let skip = skip_periods.map_or(SkipRule::Auto, SkipRule::Fixed);
-    let settings = PeriodicSettings::default()
-        .skip(skip)
-        .check()
-        .map_err(|source| PipelineError::Frf {
-            place: "settings".to_owned(),
-            source,
-        })?;
     let indices: Vec<usize> = (0..bundle.len()).filter(|&i| wanted(i)).collect();
     let placed = indices
         .par_iter()
@@ -143,18 +138,26 @@ pub(crate) fn periodic_responses<T: Send>(
     placed.sort_by(|a, b| in_order((a.0, a.1), (b.0, b.1)));
     let runs = runs(&placed, |(position, ..)| *position);
     let counter = Counter::new(progress, "frequency responses", indices.len());
-    let found: Vec<Result<(PeriodicEstimate, T), (usize, PipelineError)>> = runs
+    let found: Vec<Result<AtPosition, (usize, PipelineError)>> = runs
         .into_par_iter()
         .map(|run| {
+            let indices: Vec<usize> = run.iter().map(|(.., i)| *i).collect();
+            if is_large(bundle, &indices) {
+                return large::evaluate(bundle, &indices, clock, skip, &counter);
+            }
             let mut records = Vec::with_capacity(run.len());
-            for &(.., i) in run {
+            for i in indices {
                 records.push(bundle.load(i).map_err(|e| (i, e.into()))?);
                 counter.one();
             }
+            let settings = periodic_settings(skip).map_err(|e| (usize::MAX, e))?;
             let estimate = at_position(&records, |group| estimate_records(group, clock, &settings))
                 .map_err(|e| (usize::MAX, e))?;
-            let more = also(&records, &estimate);
-            Ok((estimate, more))
+            Ok(AtPosition {
+                noise: period_noise(&records, estimate.periods_skipped),
+                records: records.into_iter().map(|r| r.name).collect(),
+                estimate,
+            })
         })
         .collect();
     let mut all = Vec::with_capacity(found.len());
@@ -162,7 +165,7 @@ pub(crate) fn periodic_responses<T: Send>(
     let mut failed: Option<(usize, PipelineError)> = None;
     for result in found {
         match result {
-            Ok(pair) => all.push(pair),
+            Ok(found) => all.push(found),
             Err(error) if failed.as_ref().is_none_or(|first| error.0 < first.0) => failed = Some(error),
             Err(_) => {}
         }
@@ -171,6 +174,14 @@ pub(crate) fn periodic_responses<T: Send>(
         Some((_, error)) => Err(error),
         None => Ok(all),
     }
+}
+
+fn periodic_settings(skip: SkipRule) -> Result<CheckedSettings, PipelineError> {
+    let settings = PeriodicSettings::default().skip(skip).check();
+    settings.map_err(|source| PipelineError::Frf {
+        place: "settings".to_owned(),
+        source,
+    })
 }
 
 /// The FRF of transient records by position, by the local rational method, and the choice of its regressor in words.
@@ -215,7 +226,7 @@ pub fn estimate_local(
 fn by_position<T: Send>(
     records: &mut [Record],
     progress: Progress<'_>,
-    estimate: impl Fn(&[&Record]) -> Result<T, frf_estimation::FrfError> + Sync,
+    estimate: impl Fn(&[&Record]) -> Result<T, FrfError> + Sync,
 ) -> Result<Vec<T>, PipelineError> {
     records.sort_by(|a, b| in_order((a.position, &a.name), (b.position, &b.name)));
     let groups = runs(records, |r| r.position);
@@ -235,17 +246,23 @@ fn by_position<T: Send>(
 /// An estimate from the records of one position.
 fn at_position<T>(
     records: &[Record],
-    estimate: impl Fn(&[&Record]) -> Result<T, frf_estimation::FrfError>,
+    estimate: impl Fn(&[&Record]) -> Result<T, FrfError>,
 ) -> Result<T, PipelineError> {
     estimate(&records.iter().collect::<Vec<_>>()).map_err(|source| {
-        let names: Vec<&str> = records.iter().map(|r| r.name.as_str()).collect();
-        let at = records
-            .first()
-            .and_then(|r| r.position)
-            .map_or(String::new(), |p| format!("position {p:.6}, "));
-        let place = format!("{at}records {}", names.join(", "));
-        PipelineError::Frf { place, source }
+        let position = records.first().and_then(|r| r.position);
+        place(position, records.iter().map(|r| r.name.as_str()), source)
     })
+}
+
+/// The error of an estimate with its place.
+fn place<'a>(
+    position: Option<f64>,
+    records: impl Iterator<Item = &'a str>,
+    source: FrfError,
+) -> PipelineError {
+    let at = position.map_or(String::new(), |p| format!("position {p:.6}, "));
+    let place = format!("{at}records {}", records.collect::<Vec<_>>().join(", "));
+    PipelineError::Frf { place, source }
 }
 
 /// By position, then by name.

@@ -61,11 +61,17 @@ impl<'a> Setup<'a> {
             weighted: self.weighted_f.clone(),
         }
     }
+    /// `sum_k F^H K F`: the cost when nothing is explained.
+    pub(crate) fn power(&self) -> f64 {
+        dot(self.lines.f.parts(), self.weighted_f.parts())
+    }
     /// The basis that makes the numerators' normal matrix nearly the identity at the denominator `a`.
     pub(crate) fn basis(&self, a: &[C64]) -> Result<Basis, PoleFitError> {
         let least = 1e-26 * a.iter().map(|v| v.norm_sqr()).fold(0.0, f64::max);
+        // What is no number stays none, and is refused.
+        let floor = |size: f64| if size < least { least } else { size };
         let mu: Vec<f64> = (0..a.len())
-            .map(|k| self.lines.profile[k] * self.over_t.at(k, 0).norm_sqr() / a[k].norm_sqr().max(least))
+            .map(|k| self.lines.profile[k] * self.over_t.at(k, 0).norm_sqr() / floor(a[k].norm_sqr()))
             .collect();
         Basis::new(&self.lines.z, &mu, self.order)
     }
@@ -75,13 +81,6 @@ impl<'a> Setup<'a> {
 pub(crate) struct Explained {
     pub(crate) v: Columns,
     weighted: Columns,
-}
-
-impl Explained {
-    /// `sum_k v^H K v`.
-    pub(crate) fn power(&self) -> f64 {
-        dot(self.v.parts(), self.weighted.parts())
-    }
 }
 
 /// A denominator with its best numerators.

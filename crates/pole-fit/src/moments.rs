@@ -1,5 +1,5 @@
 //! Normal matrices from moments: every block of the Gauss-Newton matrix is a weighted sum over the lines of the same
-//! products `conj(q_i) q_j`, so that one product of two tall matrices gives them all.
+//! products `conj(q_i) q_j`, so that one product of two tall matrices, block after block of lines, gives them all.
 
 use crate::columns::{Columns, blocks, each, wide};
 use faer::linalg::matmul::matmul;
@@ -28,7 +28,11 @@ impl Moments {
             let part = block.len() * pairs;
             products.resize(2 * part, 0.0);
             let (of_re, of_im) = products.split_at_mut(part);
-            multiply(q, &block, of_re, of_im);
+            if imaginary.is_empty() {
+                multiply_real(q, &block, of_re);
+            } else {
+                multiply(q, &block, of_re, of_im);
+            }
             add(&mut re, of_re, real, &block, lines);
             add(&mut im, of_im, imaginary, &block, lines);
         }
@@ -54,6 +58,21 @@ wide! {
         for j in 0..q.count() {
             for (i, to) in (0..=j).zip(&mut pairs) {
                 each(q.part(i, block), q.part(j, block), to, |[a, b], [c, d], _| [a * c + b * d, a * d - b * c]);
+            }
+        }
+    }
+}
+
+wide! {
+    /// The real parts alone.
+    fn multiply_real(q: &'a Columns, block: &'a Range<usize>, re: &'a mut [f64]) -> () {
+        let mut pairs = re.chunks_exact_mut(block.len());
+        for j in 0..q.count() {
+            for (i, to) in (0..=j).zip(&mut pairs) {
+                let ((a, b), (c, d)) = (q.part(i, block), q.part(j, block));
+                for (to, ((a, b), (c, d))) in to.iter_mut().zip(a.iter().zip(b).zip(c.iter().zip(d))) {
+                    *to = a * c + b * d;
+                }
             }
         }
     }

@@ -145,8 +145,7 @@ fn refine(setup: &Setup<'_>, settings: &CheckedPoleFitSettings, found: Found) ->
         ..
     } = found;
     let (mut iterations, mut lambda) = (0, 0.0);
-    // Response squared and weighted: what the cost is when nothing is explained.
-    let all = setup.data().power();
+    let all = setup.power();
     let free = setup.equations().saturating_sub(setup.unknowns()).max(1) as f64;
     let exact = |cost: f64| cost <= all * 1e-20;
     let stop = 'search: loop {

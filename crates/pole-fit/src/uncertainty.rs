@@ -101,10 +101,10 @@ fn sandwich(
     let mut z = Columns::zeros(n, n_c * n_f);
     let mut sum = Columns::zeros(n, 2);
     for d in 0..n_f {
+        of_basis.combine(q.column(d).as_slice(), sum.whole_mut(0));
         for c in 0..n_c {
-            let numerator = elimination.view((c * n_b, d), (n_b, 1)).into_owned();
-            of_basis.combine(q.column(d).as_slice(), sum.whole_mut(0));
-            of_basis.combine(numerator.as_slice(), sum.whole_mut(1));
+            let column = elimination.column(d);
+            of_basis.combine(&column.as_slice()[c * n_b..(c + 1) * n_b], sum.whole_mut(1));
             for k in 0..n {
                 let (over_a, over_ta) = (point.over_a.at(k, 0), point.over_ta.at(k, 0));
                 let jacobian = model.at(k, c) * sum.at(k, 0) * over_a + sum.at(k, 1) * over_ta;

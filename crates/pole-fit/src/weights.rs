@@ -239,7 +239,7 @@ impl Lines {
         let (n, m, lines) = (self.n_y, self.n_u, self.len());
         let pairs: Vec<(usize, usize)> = (0..n * m).flat_map(|d| (0..d).map(move |c| (c, d))).collect();
         let mut coupling = Columns::zeros(lines, pairs.len());
-        let mut work = vec![ZERO; 2 * n * n + 2 * m * m];
+        let mut work = vec![ZERO; 2 * n.max(m) * n.max(m)];
         let (mut inverse, mut inverse_s) = (vec![ZERO; n * n], vec![ZERO; m * m]);
         for k in 0..lines {
             let (c_v, s) = (

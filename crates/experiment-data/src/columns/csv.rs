@@ -15,6 +15,17 @@ use std::path::Path;
 pub(crate) use writer::write;
 
 pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
+    let mut columns = vec![Vec::new(); names.len()];
+    each_block(path, names, usize::MAX, &mut |all| columns = all)?;
+    Ok(columns)
+}
+
+pub(crate) fn each_block(
+    path: &Path,
+    names: &[&str],
+    rows: usize,
+    sink: &mut dyn FnMut(Vec<Vec<f64>>),
+) -> Result<(), RecordError> {
     let mut table = Table::open(path)?;
     let places = places(table.header(), names)?;
     let mut wanted = places.clone();
@@ -24,13 +35,22 @@ pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordE
         .iter()
         .map(|place| wanted.partition_point(|w| w < place))
         .collect();
-    let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
+    let empty = || vec![Vec::new(); names.len()];
+    let (mut columns, mut filled): (Vec<Vec<f64>>, usize) = (empty(), 0);
     table.each_row(&wanted, |_, values| {
         for (column, &at) in columns.iter_mut().zip(&order) {
             column.push(values[at]);
         }
+        filled += 1;
+        if filled == rows {
+            sink(std::mem::replace(&mut columns, empty()));
+            filled = 0;
+        }
     })?;
-    Ok(columns)
+    if filled > 0 {
+        sink(columns);
+    }
+    Ok(())
 }
 
 /// The columns whose first row is a number.

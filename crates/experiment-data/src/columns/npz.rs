@@ -8,7 +8,7 @@ mod header;
 use self::header::{Header, number};
 use super::{ColumnInfo, missing, vector_length};
 use crate::RecordError;
-use crate::columns::number::DEFLATE_RATIO;
+use crate::columns::number::{DEFLATE_RATIO, Number};
 use npyz::WriterBuilder;
 use npyz::npz::{NpzArchive, NpzWriter, array_name_from_file_name, file_name_from_array_name};
 use npyz::zip;
@@ -17,18 +17,43 @@ use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::Path;
 
 pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
-    let file = File::open(path).map_err(RecordError::io("open"))?;
-    let mut archive = NpzArchive::new(BufReader::new(file)).map_err(|e| malformed("", &e.to_string()))?;
+    let mut archive = open(path)?;
     names
         .iter()
-        .map(|name| read_array(archive.zip_archive(), name))
+        .map(|name| Array::open(archive.zip_archive(), name)?.next(u64::MAX))
         .collect()
+}
+
+/// All arrays side by side, each with its own place in the file.
+pub(crate) fn each_block(
+    path: &Path,
+    names: &[&str],
+    rows: usize,
+    sink: &mut dyn FnMut(Vec<Vec<f64>>),
+) -> Result<(), RecordError> {
+    let mut archives = names.iter().map(|_| open(path)).collect::<Result<Vec<_>, _>>()?;
+    let arrays = archives.iter_mut().zip(names);
+    let mut arrays = arrays
+        .map(|(archive, name)| Array::open(archive.zip_archive(), name))
+        .collect::<Result<Vec<_>, _>>()?;
+    loop {
+        let block = arrays.iter_mut().map(|a| a.next(rows as u64));
+        let block = block.collect::<Result<Vec<_>, _>>()?;
+        if block.iter().all(Vec::is_empty) {
+            return Ok(());
+        }
+        sink(block);
+    }
+}
+
+fn open(path: &Path) -> Result<NpzArchive<BufReader<File>>, RecordError> {
+    let file = File::open(path).map_err(RecordError::io("open"))?;
+    NpzArchive::new(BufReader::new(file)).map_err(|e| malformed("", &e.to_string()))
 }
 
 /// Every vector of real numbers, in the order of the archive.
 pub(crate) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
-    let file = File::open(path).map_err(RecordError::io("open"))?;
-    let mut archive = NpzArchive::new(BufReader::new(file)).map_err(|e| malformed("", &e.to_string()))?;
+    let mut archive = open(path)?;
     let archive = archive.zip_archive();
     let mut columns = Vec::new();
     for index in 0..archive.len() {
@@ -44,59 +69,88 @@ pub(crate) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
     Ok(columns)
 }
 
-fn read_array<R: Read + std::io::Seek>(
-    archive: &mut zip::ZipArchive<R>,
-    name: &str,
-) -> Result<Vec<f64>, RecordError> {
-    let file = file_name_from_array_name(name);
-    if !archive.file_names().any(|f| f == file) {
-        let mut present: Vec<String> = archive
-            .file_names()
-            .filter_map(array_name_from_file_name)
-            .map(str::to_owned)
-            .collect();
-        present.sort();
-        return Err(missing(name, &present));
+/// An array of numbers, read from its front.
+struct Array<'a> {
+    name: &'a str,
+    entry: zip::read::ZipFile<'a>,
+    number: Number,
+    length: u64,
+    /// Values read so far.
+    read: u64,
+}
+
+impl<'a> Array<'a> {
+    fn open<R: Read + std::io::Seek>(
+        archive: &'a mut zip::ZipArchive<R>,
+        name: &'a str,
+    ) -> Result<Self, RecordError> {
+        let file = file_name_from_array_name(name);
+        if !archive.file_names().any(|f| f == file) {
+            let mut present: Vec<String> = archive
+                .file_names()
+                .filter_map(array_name_from_file_name)
+                .map(str::to_owned)
+                .collect();
+            present.sort();
+            return Err(missing(name, &present));
+        }
+        let mut entry = archive.by_name(&file).map_err(|e| refused(name, &e))?;
+        let header = Header::read(&mut entry).map_err(|problem| malformed(name, problem))?;
+        let length = vector_length(name, &header.shape)?;
+        let Some(number) = number(&header.descr) else {
+            let found = format!("the dtype '{}'", header.descr);
+            return Err(RecordError::NotNumeric {
+                column: name.to_owned(),
+                found,
+            });
+        };
+        let size = number.size as u64;
+        let claimed = length
+            .checked_mul(size)
+            .and_then(|b| b.checked_add(header.length));
+        let (unpacked, packed) = (entry.size(), entry.compressed_size());
+        if claimed != Some(unpacked) {
+            let problem = format!(
+                "its header claims {length} values of {size} bytes, the archive holds {} bytes of values",
+                unpacked.saturating_sub(header.length)
+            );
+            return Err(malformed(name, &problem));
+        }
+        if unpacked / DEFLATE_RATIO > packed {
+            let problem = format!("{packed} bytes that claim to unpack to {unpacked}");
+            return Err(malformed(name, &problem));
+        }
+        Ok(Self {
+            name,
+            entry,
+            number,
+            length,
+            read: 0,
+        })
     }
-    let mut entry = archive.by_name(&file).map_err(|e| refused(name, &e))?;
-    let header = Header::read(&mut entry).map_err(|problem| malformed(name, problem))?;
-    let length = vector_length(name, &header.shape)?;
-    let Some(number) = number(&header.descr) else {
-        let found = format!("the dtype '{}'", header.descr);
-        return Err(RecordError::NotNumeric {
-            column: name.to_owned(),
-            found,
-        });
-    };
-    let size = number.size as u64;
-    let claimed = length
-        .checked_mul(size)
-        .and_then(|b| b.checked_add(header.length));
-    let (unpacked, packed) = (entry.size(), entry.compressed_size());
-    if claimed != Some(unpacked) {
-        let problem = format!(
-            "its header claims {length} values of {size} bytes, the archive holds {} bytes of values",
-            unpacked.saturating_sub(header.length)
-        );
-        return Err(malformed(name, &problem));
+
+    /// The next values, as many as are wanted and left.
+    fn next(&mut self, wanted: u64) -> Result<Vec<f64>, RecordError> {
+        let failed = |e: std::io::Error| malformed(self.name, &e.to_string());
+        let count = wanted.min(self.length - self.read);
+        let part = self.number.column(&mut self.entry, count).map_err(failed)?;
+        self.read += part.len() as u64;
+        let complete = part.len() as u64 == count;
+        // Reading on to the end lets the archive compare its checksum.
+        let more = match complete && self.read == self.length {
+            true => self.entry.read(&mut [0]).map_err(failed)?,
+            false => 0,
+        };
+        if !complete || more != 0 {
+            let found = if more == 0 { "fewer" } else { "more" };
+            let problem = format!(
+                "the header claims {} values, the archive has {found}",
+                self.length
+            );
+            return Err(malformed(self.name, &problem));
+        }
+        Ok(part)
     }
-    if unpacked / DEFLATE_RATIO > packed {
-        let problem = format!("{packed} bytes that claim to unpack to {unpacked}");
-        return Err(malformed(name, &problem));
-    }
-    let column = number
-        .column(&mut entry, length)
-        .map_err(|e| malformed(name, &e.to_string()))?;
-    // Reading on to the end lets the archive compare its checksum.
-    let more = entry
-        .read(&mut [0])
-        .map_err(|e| malformed(name, &e.to_string()))?;
-    if column.len() as u64 != length || more != 0 {
-        let found = if more == 0 { "fewer" } else { "more" };
-        let problem = format!("the header claims {length} values, the archive has {found}");
-        return Err(malformed(name, &problem));
-    }
-    Ok(column)
 }
 
 /// Arrays of `<f8`, stored, with a fixed date: the same columns give the same bytes.

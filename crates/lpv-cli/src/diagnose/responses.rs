@@ -38,8 +38,8 @@ pub(super) fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagno
     let entries = &bundle.description().records;
     let one = |purpose: Purpose| -> Result<Option<PeriodicEstimate>, PipelineError> {
         let wanted = |i: usize| entries[i].purpose == purpose;
-        let found = periodic_responses(bundle, wanted, None, progress, |_, _| ())?;
-        Ok(found.into_iter().next().map(|(estimate, ())| estimate))
+        let found = periodic_responses(bundle, wanted, None, progress)?;
+        Ok(found.into_iter().next().map(|f| f.estimate))
     };
     let (fitted, judged) = (one(Purpose::Estimation)?, one(Purpose::Validation)?);
     let Some(fitted) = fitted else {

@@ -1,9 +1,9 @@
 //! Figures of the periodic records at one position, and of their frequency response.
 
+use crate::responses::AtPosition;
 use crate::signal::{median, quantile};
 use crate::validation::decibel;
-use frf_estimation::{Instrument, PeriodicEstimate};
-use lpv_core::{Record, RecordKind, Signals};
+use frf_estimation::Instrument;
 use serde::Serialize;
 
 /// One periodic experiment.
@@ -98,7 +98,8 @@ pub struct DetectionLine {
     pub noise: Vec<f64>,
 }
 
-pub(super) fn describe(purpose: &'static str, records: &[Record], e: &PeriodicEstimate) -> ExperimentInfo {
+pub(super) fn describe(purpose: &'static str, at: AtPosition) -> ExperimentInfo {
+    let e = &at.estimate;
     let frf = e.estimate.frf();
     let frequencies = frf.frequencies_hz();
     let (ny, nu) = (frf.outputs(), frf.inputs());
@@ -142,7 +143,7 @@ pub(super) fn describe(purpose: &'static str, records: &[Record], e: &PeriodicEs
     ExperimentInfo {
         purpose,
         position: e.estimate.position(),
-        records: records.iter().map(|r| r.name.clone()).collect(),
+        records: at.records,
         band_hz: [frequencies[0], frequencies[frequencies.len() - 1]],
         periods_used: e.periods_used,
         periods_skipped: e.periods_skipped,
@@ -155,7 +156,7 @@ pub(super) fn describe(purpose: &'static str, records: &[Record], e: &PeriodicEs
         output_snr_db: by(ny, |l| &l.output_snr_db),
         input_snr_db: by(nu, |l| &l.input_snr_db),
         coherence: by(ny, |l| &l.coherence),
-        noise: noise(records, e.periods_skipped),
+        noise: at.noise,
         odd_distortion: found.and_then(|d| d.odd_relative.clone()),
         even_distortion: found.and_then(|d| d.even_relative.clone()),
         realisation_distortion: e
@@ -165,88 +166,5 @@ pub(super) fn describe(purpose: &'static str, records: &[Record], e: &PeriodicEs
             .map(|r| r.nonlinear_relative.clone()),
         lines,
         detection,
-    }
-}
-
-/// Standard deviation by output of one sample's noise: what does not repeat from period to period, a drift over each period
-/// (mean and slope) left out.
-pub(crate) fn noise(records: &[Record], skipped: usize) -> Vec<f64> {
-    let outputs = records.first().map_or(0, |r| r.outputs.channels());
-    (0..outputs)
-        .map(|i| {
-            let (mut sum, mut freedom) = (0.0, 0usize);
-            for record in records {
-                let (s, f) = about_the_mean_period(record, &record.outputs, i, skipped);
-                sum += s;
-                freedom += f;
-            }
-            (sum / freedom.max(1) as f64).sqrt()
-        })
-        .collect()
-}
-
-/// Sum of squares about the mean period and the drift, and its degrees of freedom.
-fn about_the_mean_period(record: &Record, signals: &Signals, channel: usize, skipped: usize) -> (f64, usize) {
-    let RecordKind::Periodic { period } = record.kind else {
-        return (0.0, 0);
-    };
-    let x = signals.columns[channel]
-        .get(skipped * period..)
-        .unwrap_or_default();
-    let periods = x.len() / period;
-    if periods < 2 || period < 4 {
-        return (0.0, 0);
-    }
-    let mean: Vec<f64> = (0..period)
-        .map(|t| (0..periods).map(|m| x[m * period + t]).sum::<f64>() / periods as f64)
-        .collect();
-    let middle = (period - 1) as f64 / 2.0;
-    let spread: f64 = (0..period).map(|t| (t as f64 - middle).powi(2)).sum();
-    let mut sum = 0.0;
-    for part in x.chunks_exact(period) {
-        let residual: Vec<f64> = part.iter().zip(&mean).map(|(v, m)| v - m).collect();
-        let level = residual.iter().sum::<f64>() / period as f64;
-        let slope = residual
-            .iter()
-            .enumerate()
-            .map(|(t, r)| (t as f64 - middle) * r)
-            .sum::<f64>()
-            / spread;
-        sum += residual
-            .iter()
-            .enumerate()
-            .map(|(t, r)| (r - level - slope * (t as f64 - middle)).powi(2))
-            .sum::<f64>();
-    }
-    (sum, (period - 2) * (periods - 1))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A ramp through all periods is no noise; a repeatable scatter of known size is.
-    #[test]
-    fn drift_is_not_noise() {
-        let period = 500;
-        let scatter = |k: usize| ((k * 7919 + k * k * 31) % 1009) as f64 / 1009.0 - 0.5;
-        let y: Vec<f64> = (0..6 * period)
-            .map(|k| 0.05 * k as f64 + ((k % period) as f64 * 0.3).sin() + 0.01 * scatter(k))
-            .collect();
-        let record = Record {
-            name: "r".into(),
-            kind: RecordKind::Periodic { period },
-            purpose: lpv_core::Purpose::Estimation,
-            position: None,
-            outputs: Signals::new(&["y"], vec![y]),
-            inputs: Signals::default(),
-            references: Signals::default(),
-            scheduling: Signals::default(),
-            auxiliary: Signals::default(),
-            injection: Signals::default(),
-        };
-        // Uniform scatter of width 0.01 deviates by 0.01 / sqrt(12).
-        let found = noise(&[record], 0)[0];
-        assert!((found / (0.01 / 12f64.sqrt()) - 1.0).abs() < 0.1, "{found}");
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Spread;
 use crate::signal::{deviation, mean, range};
+use experiment_data::{Bundle, DataError};
 use frf_estimation::{Coherence, multiple_coherence};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Purpose, Record, RecordKind, Signals};
@@ -29,7 +30,7 @@ pub struct RecordInfo {
     pub position: Option<f64>,
     /// Smallest and largest value of each scheduling signal.
     pub scheduling: Vec<[f64; 2]>,
-    /// Figures of every channel.
+    /// Figures of every channel; of a periodic record in a large file, those of its last period.
     pub channels: Vec<ChannelStats>,
     /// Multiple coherence of each output with all inputs over the lines of a Welch spectrum; transient records that are long
     /// enough.
@@ -103,6 +104,35 @@ pub(super) fn describe(r: &Record, file: &str, sample_rate_hz: f64) -> RecordInf
         coherence: welch.by_output.iter().map(|c| Spread::of(c)).collect(),
         explained: welch.explained,
     }
+}
+
+/// The same of a periodic record that need not be in memory as a whole.
+pub(super) fn describe_large(bundle: &Bundle, index: usize, file: &str) -> Result<RecordInfo, DataError> {
+    let (mut samples, mut last) = (0, None);
+    let mut scheduling: Vec<[f64; 2]> = Vec::new();
+    let position = bundle.each_period(index, |part| {
+        samples += part.len();
+        let columns = &part.scheduling.columns;
+        scheduling.resize(columns.len(), [f64::INFINITY, f64::NEG_INFINITY]);
+        for ([low, high], column) in scheduling.iter_mut().zip(columns) {
+            let own = range(column);
+            (*low, *high) = (low.min(own.0), high.max(own.1));
+        }
+        last = Some(part);
+    })?;
+    let rate = bundle.description().sample_rate_hz;
+    // A record without a period has been refused.
+    let last = match last {
+        Some(last) => last,
+        None => bundle.load(index)?,
+    };
+    Ok(RecordInfo {
+        samples,
+        duration: samples as f64 / rate,
+        position,
+        scheduling,
+        ..describe(&last, file, rate)
+    })
 }
 
 /// Welch's method with segments of a sixteenth of the record; empty for records too short for it.

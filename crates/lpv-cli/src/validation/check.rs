@@ -78,7 +78,7 @@ pub struct OutputCheck {
     pub name: String,
     /// Unit; empty where unknown.
     pub unit: String,
-    /// One step ahead; none where there is no stable predictor.
+    /// One step ahead, of a model with effects about its simulation; none where there is no stable predictor.
     pub one_step: Option<ErrorFigure>,
     /// Simulated from the recorded inputs.
     pub open_loop: ErrorFigure,
@@ -201,7 +201,7 @@ pub fn validate(
         notes.push(match traced {
             Some(_) => format!("the response is that of the model with its effects ({names})"),
             None => format!(
-                "along records the model is simulated with its effects ({names}); the frozen response is that of its linear part, and nothing is predicted one step ahead"
+                "along records the model is simulated with its effects ({names}); the frozen response is that of its linear part, and the prediction is one about the simulation"
             ),
         });
     }

@@ -1,18 +1,21 @@
-//! The predictor of a model without a gain of its own.
+//! The predictor of a model without a gain of its own, also about a simulation with effects.
 
 use super::machine::Machine;
 use super::predict::Predictor;
+use super::simulate::{Frozen, Run};
 use crate::PipelineError;
 use crate::signal::{deviation, range};
-use lpv_core::{Purpose, Record};
+use lpv_core::nalgebra::DMatrix;
+use lpv_core::{Continuous, Discrete, Purpose, Record, Signals, StateSpace};
 use rayon::prelude::*;
+use residual_trace::{Base, Explained};
+
+/// Samples of a record that tell decades of a disturbance apart.
+const ENOUGH: usize = 600;
 
 /// Deviation of a white disturbance of the inputs, as a part of their rms, under which the one-step prediction of the first
-/// transient record is most likely; and that record, in words.
+/// transient record is most likely.
 pub(super) fn disturbance(machine: &Machine, transient: &[Record], noise: Option<&[f64]>) -> f64 {
-    const TRIED: [f64; 7] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0];
-    /// Enough samples to tell decades apart.
-    const SAMPLES: usize = 600;
     let record = transient
         .iter()
         .find(|r| r.purpose == Purpose::Estimation)
@@ -20,9 +23,14 @@ pub(super) fn disturbance(machine: &Machine, transient: &[Record], noise: Option
     let Some(record) = record.filter(|_| machine.gain().is_none()) else {
         return 0.0;
     };
+    likeliest(|part| predictor(machine, record, part, noise)?.errors(record, None, ENOUGH))
+}
+
+/// The part of the inputs under which errors of a prediction are most likely.
+fn likeliest(errors: impl Fn(f64) -> Result<DMatrix<f64>, PipelineError> + Sync) -> f64 {
+    const TRIED: [f64; 7] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0];
     let likelihood = |part: f64| {
-        let predictor = predictor(machine, record, part, noise).ok()?;
-        let errors = predictor.errors(record, None, SAMPLES).ok()?;
+        let errors = errors(part).ok()?;
         let sum: f64 = errors
             .row_iter()
             .map(|r| {
@@ -52,11 +60,21 @@ pub(super) fn predictor<'a>(
     part: f64,
     noise: Option<&[f64]>,
 ) -> Result<Predictor<'a, Machine>, PipelineError> {
-    if let Some(gain) = machine.gain() {
-        return Ok(Predictor::with_gain(machine, gain.clone()));
+    match machine.gain() {
+        Some(gain) => Ok(Predictor::with_gain(machine, gain.clone())),
+        None => for_part(machine, machine.range().is_some(), record, part, noise),
     }
-    let positions = match (machine.range(), record.scheduling.columns.first()) {
-        (Some(_), Some(p)) => {
+}
+
+fn for_part<'a, M: Frozen>(
+    model: &'a M,
+    moves: bool,
+    record: &Record,
+    part: f64,
+    noise: Option<&[f64]>,
+) -> Result<Predictor<'a, M>, PipelineError> {
+    let positions = match record.scheduling.columns.first() {
+        Some(p) if moves => {
             let (low, high) = range(p);
             let steps = if high > low { GAIN_POSITIONS - 1 } else { 0 };
             (0..=steps)
@@ -81,5 +99,49 @@ pub(super) fn predictor<'a>(
         .iter()
         .map(|u| part * deviation(u))
         .collect();
-    Predictor::for_disturbance(machine, &positions, &inputs, &noise)
+    Predictor::for_disturbance(model, &positions, &inputs, &noise)
+}
+
+/// The linear part of a base, sampled.
+struct Linear<'a>(&'a Base, Discrete);
+
+impl Frozen for Linear<'_> {
+    fn at(&self, p: &[f64]) -> Result<StateSpace<Discrete>, PipelineError> {
+        let [a, b, c] = self.0.frozen(p.first().copied().unwrap_or(0.0))?;
+        let d = DMatrix::zeros(c.nrows(), b.ncols());
+        Ok(StateSpace::new(a, b, c, d, Continuous)?.zero_order_hold(self.1)?)
+    }
+}
+
+/// Errors of the one-step prediction about a simulation with effects, `n_y x N`: the simulation has what effects do, and the
+/// deviation of the record from it follows the linear part of the base, driven by the deviation of the inputs and corrected by a
+/// Kalman gain. To first order in that deviation this is the extended Kalman filter whose effects do not change with it.
+///
+/// # Errors
+/// Those of [`Predictor`].
+pub(super) fn errors_about(
+    explained: &Explained,
+    clock: Discrete,
+    simulated: &Run,
+    record: &Record,
+    noise: Option<&[f64]>,
+) -> Result<DMatrix<f64>, PipelineError> {
+    let model = Linear(&explained.base, clock);
+    let deviation = Record {
+        outputs: less(&record.outputs, &simulated.outputs),
+        inputs: less(&record.inputs, &simulated.inputs),
+        ..record.clone()
+    };
+    // The size of the inputs is that of the record.
+    let predictor = |part: f64| for_part(&model, true, record, part, noise);
+    let part = likeliest(|part| predictor(part)?.errors(&deviation, None, ENOUGH));
+    predictor(part)?.errors(&deviation, None, record.len())
+}
+
+fn less(signals: &Signals, simulated: &DMatrix<f64>) -> Signals {
+    let mut left = signals.clone();
+    for (column, simulated) in left.columns.iter_mut().zip(simulated.row_iter()) {
+        column.iter_mut().zip(simulated.iter()).for_each(|(y, s)| *y -= s);
+    }
+    left
 }

@@ -6,10 +6,9 @@ use super::simulate::Frozen;
 use super::{decibel, frozen_error};
 use crate::PipelineError;
 use crate::progress::Progress;
-use crate::responses::{period_noise_of, periodic_responses, sample_noise};
+use crate::responses::{periodic_responses, sample_noise};
 use crate::signal::median;
 use experiment_data::Bundle;
-use frf_estimation::PeriodicEstimate;
 use lpv_core::{Frf, FrfEstimate, Purpose};
 use residual_trace::{Explained, response};
 
@@ -49,16 +48,19 @@ pub(super) fn frozen_check(
         Purpose::Estimation
     };
     let used = |i: usize| periodic(i) && entries[i].purpose == wanted;
-    let found = periodic_responses(bundle, used, None, progress, period_noise_of)?;
-    let (estimates, levels): (Vec<PeriodicEstimate>, Vec<Vec<f64>>) = found.into_iter().unzip();
-    let noise = sample_noise(&levels);
+    let found = periodic_responses(bundle, used, None, progress)?;
+    let noise = sample_noise(&found);
     let inside = |e: &FrfEstimate| match (machine.range(), e.position()) {
         (Some(range), Some(p)) => range.check(&[p]).is_ok(),
         (Some(_), None) => false,
         (None, _) => true,
     };
-    let all = estimates.len();
-    let estimates: Vec<FrfEstimate> = estimates.into_iter().map(|e| e.estimate).filter(inside).collect();
+    let all = found.len();
+    let estimates: Vec<FrfEstimate> = found
+        .into_iter()
+        .map(|f| f.estimate.estimate)
+        .filter(inside)
+        .collect();
     if estimates.len() < all {
         notes.push(format!(
             "{} of {all} positions lie outside the range of the model and were left out",

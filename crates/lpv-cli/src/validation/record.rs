@@ -1,7 +1,7 @@
 //! The model along one record.
 
 use super::check::{ErrorFigure, OutputCheck, RecordCheck};
-use super::disturbance::predictor;
+use super::disturbance::{errors_about, predictor};
 use super::machine::Machine;
 use super::simulate::{Frozen, Run, closed_loop, open_loop};
 use super::start::{at_rest, first_state};
@@ -65,17 +65,21 @@ impl Context<'_> {
                 record.name
             ));
         }
+        // Of a model with effects, or with gains of an identified base, the linear part alone predicts nothing.
+        let refitted = |e: &&Explained| !e.effects.is_empty() || matches!(e.base, Base::Lpv(_));
+        let refitted = self.explained.filter(refitted);
+        let errors = match (refitted, &with_effects) {
+            (Some(explained), Some((open, closed))) => {
+                let about = closed.as_ref().unwrap_or(open);
+                errors_about(explained, self.clock, about, record, self.noise)
+            }
+            (Some(_), None) => Ok(DMatrix::zeros(0, record.len())),
+            (None, _) => predictor(self.machine, record, self.disturbance, self.noise)
+                .and_then(|p| p.errors(record, x0, record.len())),
+        };
         let (open, closed) = match with_effects {
             Some(runs) => runs,
             None => self.linear(record, x0, &mut notes)?,
-        };
-        // The predictor knows nothing of effects, nor of the gains of an identified base.
-        let refitted = |e: &Explained| !e.effects.is_empty() || matches!(e.base, Base::Lpv(_));
-        let has_effects = self.explained.is_some_and(refitted);
-        let errors = match has_effects {
-            true => Ok(DMatrix::zeros(0, record.len())),
-            false => predictor(self.machine, record, self.disturbance, self.noise)
-                .and_then(|p| p.errors(record, x0, record.len())),
         };
         let residuals: Vec<Vec<f64>> = match errors {
             Ok(errors) if errors.iter().all(|e| e.is_finite()) => residual::rows(&errors)
@@ -161,7 +165,7 @@ impl Context<'_> {
             cross_correlation,
             axes: match self.body {
                 // Its inverse dynamics know nothing of effects.
-                Some(_) if has_effects => Vec::new(),
+                Some(_) if refitted.is_some() => Vec::new(),
                 Some(body) => rigid::check(body, self.clock, record, &open, closed.as_ref())?,
                 None => Vec::new(),
             },

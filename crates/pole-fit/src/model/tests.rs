@@ -7,7 +7,8 @@ use lpv_core::{Discrete, Frf, FrfEstimate};
 
 /// Three outputs, two inputs, two conjugate pairs, `m` integrators; full covariance that varies from line to line.
 fn estimate(m: usize, error: f64) -> FrfEstimate {
-    let frequencies: Vec<f64> = (1..60).map(|k| k as f64 / 128.0).collect();
+    // More than two blocks.
+    let frequencies: Vec<f64> = (1..150).map(|k| k as f64 / 320.0).collect();
     let mut values = Vec::new();
     let (mut c_v, mut s) = (Vec::new(), Vec::new());
     for (k, f) in frequencies.iter().enumerate() {

@@ -1,0 +1,144 @@
+//! Periodic records that are too large to be in memory, a period at a time: once to check them and to see their last period, once
+//! to see when they settle, once to average them.
+
+use super::{AtPosition, periodic_settings, place};
+use crate::PipelineError;
+use crate::period_noise::PeriodNoise;
+use crate::progress::Counter;
+use experiment_data::Bundle;
+use frf_estimation::{FrfError, Layout, PeriodicAccumulator, Settling, SkipRule};
+use lpv_core::{Discrete, PeriodBlock, Record};
+
+/// Bytes of a file from which it is large; packed ones may be ten times as large in memory.
+const LARGE: u64 = 1 << 26;
+
+/// Whether a file of these records is large.
+pub(crate) fn is_large(bundle: &Bundle, indices: &[usize]) -> bool {
+    let size = |i: &usize| Some(bundle.record_path(*i).ok()?.metadata().ok()?.len());
+    indices.iter().filter_map(size).any(|size| size > LARGE)
+}
+
+/// What the records of one position give. An error comes with the index of the record, or with the largest one where it is one of
+/// all.
+pub(super) fn evaluate(
+    bundle: &Bundle,
+    indices: &[usize],
+    clock: Discrete,
+    skip: SkipRule,
+    counter: &Counter<'_>,
+) -> Result<AtPosition, (usize, PipelineError)> {
+    let read = |i: usize, sink: &mut dyn FnMut(Record)| {
+        let position = bundle.each_period(i, sink);
+        position.map_err(|e| (i, PipelineError::from(e)))
+    };
+    let (mut position, mut last) = (None, Vec::with_capacity(indices.len()));
+    for (at, &i) in indices.iter().enumerate() {
+        let mut period = None;
+        let own = read(i, &mut |record| period = Some(record))?;
+        if at == 0 {
+            position = own;
+        }
+        last.extend(period);
+    }
+    let names: Vec<String> = last.iter().map(|r| r.name.clone()).collect();
+    let failed = |source: FrfError| {
+        let names = names.iter().map(String::as_str);
+        (usize::MAX, place(position, names, source))
+    };
+    let Some(first) = last.first() else {
+        return Err(failed(FrfError::NoRecords));
+    };
+    let layout = Layout {
+        period: first.len(),
+        outputs: first.outputs.channels(),
+        inputs: first.inputs.channels(),
+        references: first.references.channels(),
+        experiments: indices.len(),
+        sample_rate_hz: 1.0 / clock.sample_time(),
+    };
+    let skip = match skip {
+        SkipRule::Fixed(skip) => skip,
+        SkipRule::Auto => {
+            let mut most = 0;
+            for (&i, last) in indices.iter().zip(&last) {
+                let mut settling = Settling::new(signals(last).map(<[f64]>::to_vec).collect());
+                read(i, &mut |record| settling.push(signals(&record)))?;
+                most = most.max(settling.unsettled());
+            }
+            most
+        }
+    };
+    let settings = periodic_settings(SkipRule::Fixed(skip)).map_err(|e| (usize::MAX, e))?;
+    let mut sums = PeriodicAccumulator::new(layout, &settings, position).map_err(failed)?;
+    let mut noise = PeriodNoise::new(layout.outputs, layout.period);
+    for (experiment, &i) in indices.iter().enumerate() {
+        let (mut period, mut outcome) = (0, Ok(()));
+        read(i, &mut |record| {
+            if outcome.is_ok() {
+                outcome = sums.push(&PeriodBlock {
+                    experiment,
+                    period,
+                    outputs: &record.outputs.columns,
+                    inputs: &record.inputs.columns,
+                    references: &record.references.columns,
+                });
+            }
+            if period >= skip {
+                noise.push(record.outputs.columns.iter().map(Vec::as_slice));
+            }
+            period += 1;
+        })?;
+        outcome.map_err(failed)?;
+        noise.end_record();
+        counter.one();
+    }
+    Ok(AtPosition {
+        estimate: sums.finish().map_err(failed)?,
+        noise: noise.deviations(),
+        records: names.clone(),
+    })
+}
+
+/// Outputs and inputs.
+fn signals(record: &Record) -> impl Iterator<Item = &[f64]> {
+    let columns = record.outputs.columns.iter().chain(&record.inputs.columns);
+    columns.map(Vec::as_slice)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::silent;
+    use crate::responses::periodic_responses;
+    use crate::simulate::{MachineFile, simulate};
+    use experiment_data::RecordFormat;
+
+    #[test]
+    fn a_period_at_a_time_gives_what_whole_records_give() {
+        let folder = tempfile::tempdir().unwrap();
+        let file: MachineFile = toml::from_str(
+            "positions = { values = [0.1] }\nmultisine = { period = 2048, periods = 9 }\n\
+             moves = { estimation = 0, validation = 1 }\nsetpoints = { samples = 400 }\n",
+        )
+        .unwrap();
+        let out = folder.path().join("bundle");
+        simulate(&file, &[], &out, RecordFormat::Npz, &|_, _| ()).unwrap();
+        let bundle = Bundle::open(&out).unwrap();
+        let periodic = |i: usize| bundle.description().records[i].is_periodic();
+        let indices: Vec<usize> = (0..bundle.len()).filter(|i| periodic(*i)).collect();
+        assert!(indices.len() == 2 && !is_large(&bundle, &indices));
+        for skip in [None, Some(3)] {
+            let whole = periodic_responses(&bundle, periodic, skip, &silent).unwrap();
+            let rule = skip.map_or(SkipRule::Auto, SkipRule::Fixed);
+            let counter = Counter::new(&silent, "", 2);
+            let parts = evaluate(&bundle, &indices, bundle.clock().unwrap(), rule, &counter);
+            let parts = parts.map_err(|(_, e)| e).unwrap();
+            assert_eq!(
+                format!("{:?}", parts.estimate),
+                format!("{:?}", whole[0].estimate)
+            );
+            assert_eq!(parts.noise, whole[0].noise);
+            assert_eq!(parts.records, whole[0].records);
+        }
+    }
+}

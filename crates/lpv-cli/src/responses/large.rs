@@ -9,13 +9,13 @@ use experiment_data::Bundle;
 use frf_estimation::{FrfError, Layout, PeriodicAccumulator, Settling, SkipRule};
 use lpv_core::{Discrete, PeriodBlock, Record};
 
-/// Bytes of a file from which it is large; packed ones may be ten times as large in memory.
+/// Bytes of files from which they are large together; packed ones may be ten times as large in memory.
 const LARGE: u64 = 1 << 26;
 
-/// Whether a file of these records is large.
+/// Whether the files of these records are large.
 pub(crate) fn is_large(bundle: &Bundle, indices: &[usize]) -> bool {
     let size = |i: &usize| Some(bundle.record_path(*i).ok()?.metadata().ok()?.len());
-    indices.iter().filter_map(size).any(|size| size > LARGE)
+    indices.iter().filter_map(size).sum::<u64>() > LARGE
 }
 
 /// What the records of one position give. An error comes with the index of the record, or with the largest one where it is one of

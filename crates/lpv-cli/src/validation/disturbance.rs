@@ -133,9 +133,9 @@ pub(super) fn errors_about(
         ..record.clone()
     };
     // The size of the inputs is that of the record.
-    let predictor = |part: f64| for_part(&model, true, record, part, noise);
-    let part = likeliest(|part| predictor(part)?.errors(&deviation, None, ENOUGH));
-    predictor(part)?.errors(&deviation, None, record.len())
+    let errors =
+        |part: f64| for_part(&model, true, record, part, noise)?.errors(&deviation, None, record.len());
+    errors(likeliest(errors))
 }
 
 fn less(signals: &Signals, simulated: &DMatrix<f64>) -> Signals {

@@ -207,14 +207,18 @@ fn a_model_of_a_file_is_the_base() {
     let std = number(&found, "/effects/0/parameters/offset/std");
     assert!((offset - 1e-3).abs() < 3.0 * std && std < 1e-5, "{offset} {std}");
     // Before: the sensor of y1 sees the rotation. The linear part alone is as bad as the model that was given.
-    let closed = |line: &str| {
+    let errors = |line: &str| {
         let checked = desk.json(line);
         let record = &checked["records"][0]["outputs"][0];
-        record["closed_loop"]["over_noise"].as_f64().unwrap()
+        ["closed_loop", "one_step"].map(|kind| record[kind]["over_noise"].as_f64().unwrap())
     };
-    let given = closed("validate machine.json after --json");
-    let explained = closed("validate found/model.json after --json");
+    let [given, given_one] = errors("validate machine.json after --json");
+    let [explained, explained_one] = errors("validate found/model.json after --json");
     assert!(given > 20.0 && explained < 1.5, "{given} {explained}");
+    assert!(
+        explained_one < 1.5 && given_one > 1.5 * explained_one,
+        "{given_one} {explained_one}"
+    );
     desk.done("convert found/model.json --to python -o found/model.py");
     let python = desk.text("found/model.py");
     assert!(python.contains("effect1_abbe_offset_offset = np.array([[0.00"));

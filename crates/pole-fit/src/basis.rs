@@ -24,17 +24,22 @@ pub(crate) struct Recurrence {
 impl Recurrence {
     /// `p_0 ... p_n` at a point.
     pub(crate) fn values(&self, point: C64) -> Vec<C64> {
-        let n = self.h.ncols();
-        let mut p = Vec::with_capacity(n + 1);
-        p.push(C64::new(self.constant, 0.0));
-        for j in 0..n {
-            let mut next = point * p[j];
-            for (i, value) in p.iter().enumerate() {
-                next -= value * self.h[(i, j)];
-            }
-            p.push(next / self.h[(j + 1, j)]);
-        }
+        let mut p = Vec::with_capacity(self.h.nrows());
+        self.set_values(point, &mut p);
         p
+    }
+
+    /// The same in place of what `p` held.
+    pub(crate) fn set_values(&self, point: C64, p: &mut Vec<C64>) {
+        p.clear();
+        p.push(C64::new(self.constant, 0.0));
+        for (j, column) in self.h.column_iter().enumerate() {
+            let mut next = point * p[j];
+            for (value, h) in p.iter().zip(column.iter()) {
+                next -= value * *h;
+            }
+            p.push(next / column[j + 1]);
+        }
     }
 
     /// `a(z)` and `a'(z)` of the polynomial with coefficients `alpha`.

@@ -198,6 +198,11 @@ fn relative_error(lines: &Lines, residual: &Columns) -> (f64, f64) {
     ((sum / lines.len() as f64).sqrt(), largest.sqrt())
 }
 
+/// `sum_j c_j p_j`.
+fn combined(coefficients: &[f64], p: &[C64]) -> C64 {
+    p.iter().zip(coefficients).map(|(p, c)| p * *c).sum()
+}
+
 impl PoleFit {
     /// The poles other than integrators.
     ///
@@ -282,11 +287,14 @@ impl PoleFit {
             });
         }
         let mut frf = Frf::zeros(frequencies_hz.to_vec(), n_y, n_u)?;
+        let mut p = Vec::with_capacity(self.beta.nrows());
         for (k, &frequency_hz) in frequencies_hz.iter().enumerate() {
             let z = self.clock.point(frequency_hz);
             let delay = z.powu(self.delay_samples as u32);
-            for (value, g) in frf.line_slice_mut(k).iter_mut().zip(self.values(z)) {
-                *value = g / delay;
+            let line = frf.line_slice_mut(k);
+            self.set_values(z, &mut p, line);
+            for value in line {
+                *value /= delay;
                 if !value.is_finite() {
                     return Err(CoreError::PoleOnLine { frequency_hz });
                 }
@@ -297,24 +305,20 @@ impl PoleFit {
 
     /// `B` at a point, a value a channel, column-major.
     pub(crate) fn numerators(&self, z: C64) -> Vec<C64> {
-        self.sums(&self.recurrence.values(z))
-    }
-
-    fn sums(&self, p: &[C64]) -> Vec<C64> {
-        let of = |beta: &[f64]| p.iter().zip(beta).map(|(p, b)| p * *b).sum();
-        self.beta
-            .as_slice()
-            .chunks_exact(self.beta.nrows())
-            .map(of)
-            .collect()
-    }
-
-    /// `B / ((z-1)^m a)` at a point, a value a channel, column-major.
-    pub(crate) fn values(&self, z: C64) -> Vec<C64> {
         let p = self.recurrence.values(z);
-        let a: C64 = p.iter().zip(self.alpha.iter()).map(|(p, a)| p * *a).sum();
+        let columns = self.beta.as_slice().chunks_exact(self.beta.nrows());
+        columns.map(|beta| combined(beta, &p)).collect()
+    }
+
+    /// `B / ((z-1)^m a)` at a point, a value a channel, column-major; `p` is for the values of the polynomials.
+    pub(crate) fn set_values(&self, z: C64, p: &mut Vec<C64>, values: &mut [C64]) {
+        self.recurrence.set_values(z, p);
+        let a = combined(self.alpha.as_slice(), p);
         let factor = (a * (z - 1.0).powu(self.fixed_integrators as u32)).inv();
-        self.sums(&p).into_iter().map(|b| b * factor).collect()
+        let columns = self.beta.as_slice().chunks_exact(self.beta.nrows());
+        for (value, beta) in values.iter_mut().zip(columns) {
+            *value = combined(beta, p) * factor;
+        }
     }
 
     /// A state space of `B / ((z-1)^m a)` with `order * min(n_y, n_u)` states, minimal only if all residues have full

@@ -71,7 +71,8 @@ impl PoleFit {
         let left: Vec<Vec<C64>> = points
             .iter()
             .map(|x| {
-                let all = self.values(x + 1.0);
+                let mut all = vec![C64::from(0.0); n_y * n_u];
+                self.set_values(x + 1.0, &mut Vec::new(), &mut all);
                 let by = |(channel, g): (usize, C64)| {
                     g - sections.iter().map(|s| s.response(x + 1.0, channel)).sum::<C64>()
                 };

@@ -7,10 +7,12 @@
 //! factor `nu^2 / ((nu-p)^2 - 1)` on the covariance computed from the estimated weights.
 
 use crate::basis::Recurrence;
-use crate::columns::Columns;
+use crate::columns::{Columns, add_product, product, real_product};
 use crate::model::{Reduced, Setup};
 use crate::search::{Found, tangent};
 use crate::{PoleFitError, Weighting};
+use faer::linalg::matmul::matmul;
+use faer::{Accum, MatMut, MatRef, Par};
 use nalgebra::{DMatrix, DVector, Matrix2, SymmetricEigen};
 use num_complex::Complex;
 
@@ -98,28 +100,43 @@ fn sandwich(
     let (n, n_c, n_f) = (lines.len(), lines.channels(), q.ncols());
     let elimination = &reduced.elimination * q;
     let (of_basis, point) = (&found.basis.q, &found.point);
-    let mut z = Columns::zeros(n, n_c * n_f);
-    let mut sum = Columns::zeros(n, 2);
+    let (over_a, over_ta) = (point.over_a.column(0), point.over_ta.column(0));
+    let (mut z, mut sigma_z) = (Columns::zeros(n, n_c * n_f), Columns::zeros(n, n_c * n_f));
+    let (mut sum, mut direction, mut jacobian) =
+        (Columns::zeros(n, 1), Columns::zeros(n, 1), Columns::zeros(n, 1));
     for d in 0..n_f {
         of_basis.combine(q.column(d).as_slice(), sum.whole_mut(0));
+        product(sum.column(0), over_a, direction.column_mut(0));
         for c in 0..n_c {
             let column = elimination.column(d);
-            of_basis.combine(&column.as_slice()[c * n_b..(c + 1) * n_b], sum.whole_mut(1));
-            for k in 0..n {
-                let (over_a, over_ta) = (point.over_a.at(k, 0), point.over_ta.at(k, 0));
-                let jacobian = model.at(k, c) * sum.at(k, 0) * over_a + sum.at(k, 1) * over_ta;
-                z.set(k, d * n_c + c, jacobian * lines.weight(k, c));
+            of_basis.combine(&column.as_slice()[c * n_b..(c + 1) * n_b], sum.whole_mut(0));
+            product(sum.column(0), over_ta, jacobian.column_mut(0));
+            add_product(model.column(c), direction.column(0), jacobian.column_mut(0));
+            let weight = &lines.diagonal()[c * n..(c + 1) * n];
+            let ((re, im), (to_re, to_im)) = (jacobian.column(0), z.column_mut(d * n_c + c));
+            real_product(weight, re, to_re);
+            real_product(weight, im, to_im);
+        }
+    }
+    let mut sigma = Columns::zeros(n, n_c * n_c);
+    let mut line = vec![ZERO; n_c * n_c];
+    for k in 0..n {
+        lines.covariance(k, &mut line);
+        line.iter().enumerate().for_each(|(at, v)| sigma.set(k, at, *v));
+    }
+    for d in 0..n_f {
+        for c in 0..n_c {
+            for e in 0..n_c {
+                let to = sigma_z.column_mut(d * n_c + c);
+                add_product(sigma.column(e * n_c + c), z.column(d * n_c + e), to);
             }
         }
     }
     let mut g = DMatrix::zeros(n_f, n_f);
-    let mut sigma = vec![ZERO; n_c * n_c];
-    for k in 0..n {
-        lines.covariance(k, &mut sigma);
-        let z = DMatrix::from_fn(n_c, n_f, |c, d| z.at(k, d * n_c + c));
-        let sigma_z = DMatrix::from_column_slice(n_c, n_c, &sigma) * &z;
-        g += (z.adjoint() * sigma_z).map(|v| v.re);
-    }
+    let tall = |of| MatRef::from_column_major_slice(of, 2 * n * n_c, n_f);
+    let target = MatMut::from_column_major_slice_mut(g.as_mut_slice(), n_f, n_f);
+    let (z, sigma_z) = (tall(z.parts()), tall(sigma_z.parts()));
+    matmul(target, Accum::Replace, z.transpose(), sigma_z, 1.0, Par::Seq);
     g
 }
 

@@ -134,7 +134,8 @@ impl Bundle {
     }
 
     /// Reads a periodic record a period at a time, each as a record of its own, scaled: NPZ and CSV files that are larger than the
-    /// memory can be read so. A transient record comes in one piece. Gives the position, as in [`Bundle::load`].
+    /// memory can be read so; of an NPZ file every column is open at once. A transient record comes in one piece. Gives the
+    /// position, as in [`Bundle::load`].
     ///
     /// # Errors
     /// As [`Bundle::load`], at the end: the clauses of the format hold for all periods together, and what `sink` was given
@@ -202,8 +203,8 @@ impl Bundle {
         let mean = path.mean();
         match read {
             Ok(()) if mean.is_finite() => Ok(Some(mean)),
-            // What is wrong with it, the whole record tells best.
-            _ => Ok(self.load(index)?.position),
+            // What is wrong with it, the record tells best.
+            _ => self.each_period(index, |_| ()),
         }
     }
 

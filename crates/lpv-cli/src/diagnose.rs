@@ -17,15 +17,16 @@ pub use explanation::{BaseKind, Explanation};
 pub use left::{Characterisation, LeftTest, LeftTests};
 pub(crate) use responses::is_traced_on_responses;
 
-use crate::progress::Progress;
+use crate::progress::{Counter, Progress};
 use crate::responses::{load_records, rests};
 use crate::summary::Summary;
 use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
 use base::Start;
-use experiment_data::{Bundle, ControllerState};
+use experiment_data::{Bundle, ControllerState, DataError};
 use figures::Along;
-use lpv_core::{FrfEstimate, Model, Purpose, Record, RecordKind, RigidBody, RigidBodyAxis, SchedulingRange};
+use lpv_core::{FrfEstimate, Model, Purpose, Record, RigidBody, RigidBodyAxis, SchedulingRange};
 use lpv_report::Figure;
+use rayon::prelude::*;
 use residual_trace::{Base, Case, Explained, Trace, Track, equivalent_force, sensor_noise, trace};
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::path::Path;
@@ -252,25 +253,39 @@ fn unrepeated(bundle: &Bundle, progress: Progress<'_>) -> Result<(f64, Pairs), P
     const RECORDS: usize = 4;
     /// Periods in which a transient may still be.
     const FIRST: usize = 2;
+    /// Samples of a record that are enough.
+    const SAMPLES: usize = 1 << 20;
     let entries = &bundle.description().records;
     let periodic: Vec<usize> = (0..entries.len()).filter(|i| entries[*i].is_periodic()).collect();
     let from = (periodic.len() / 2).saturating_sub(RECORDS / 2);
     let chosen: Vec<usize> = periodic.into_iter().skip(from).take(RECORDS).collect();
-    let records = load_records(bundle, |i| chosen.contains(&i), progress)?;
-    let differences = |r: &Record| -> Option<Vec<[f64; 2]>> {
-        let RecordKind::Periodic { period } = r.kind else {
-            return None;
-        };
-        let y = &r.outputs.columns;
-        let last = r.len().checked_sub(period)?;
-        let one = |k: usize, i: usize| y.get(i).map_or(0.0, |y| (y[k + period] - y[k]) * FRAC_1_SQRT_2);
+    let counter = Counter::new(progress, "reading records", chosen.len());
+    let differences = |i: &usize| -> Result<(Option<f64>, Vec<[f64; 2]>), DataError> {
+        let (mut before, mut periods): (Option<Record>, usize) = (None, 0);
+        let mut all: Vec<Vec<[f64; 2]>> = Vec::new();
+        let position = bundle.each_period(*i, |part| {
+            if let Some(before) = before.as_ref().filter(|b| all.len() * b.len() < SAMPLES) {
+                let pair =
+                    |r: &Record, k: usize| [0, 1].map(|i| r.outputs.columns.get(i).map_or(0.0, |y| y[k]));
+                let one = |k: usize| {
+                    let ([a, b], [c, d]) = (pair(&part, k), pair(before, k));
+                    [(a - c) * FRAC_1_SQRT_2, (b - d) * FRAC_1_SQRT_2]
+                };
+                all.push((0..part.len()).map(one).collect());
+            }
+            periods += 1;
+            before = Some(part);
+        })?;
+        counter.one();
         // Of two periods even the first counts.
-        let first = FIRST.min((r.len() / period).saturating_sub(2));
-        Some((first * period..last).map(|k| [one(k, 0), one(k, 1)]).collect())
+        let first = FIRST.min(periods.saturating_sub(2));
+        Ok((position, all.into_iter().skip(first).flatten().collect()))
     };
-    let positions: Vec<f64> = records.iter().filter_map(|r| r.position).collect();
+    let found: Vec<Result<_, DataError>> = chosen.par_iter().map(differences).collect();
+    let found = found.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let positions: Vec<f64> = found.iter().filter_map(|(p, _)| *p).collect();
     let position = positions.iter().sum::<f64>() / positions.len().max(1) as f64;
-    let left = records.iter().filter_map(differences).filter(|d| !d.is_empty());
+    let left = found.into_iter().map(|(_, d)| d).filter(|d| !d.is_empty());
     Ok((position, left.collect()))
 }
 

@@ -142,12 +142,14 @@ pub(crate) fn periodic_responses(
         .into_par_iter()
         .map(|run| {
             let indices: Vec<usize> = run.iter().map(|(.., i)| *i).collect();
+            let position = common(run.iter().map(|(position, ..)| *position));
             if is_large(bundle, &indices) {
-                return large::evaluate(bundle, &indices, clock, skip, &counter);
+                return large::evaluate(bundle, &indices, position, (clock, skip), &counter);
             }
             let mut records = Vec::with_capacity(run.len());
             for i in indices {
-                records.push(bundle.load(i).map_err(|e| (i, e.into()))?);
+                let record = bundle.load(i).map_err(|e| (i, e.into()))?;
+                records.push(Record { position, ..record });
                 counter.one();
             }
             let settings = periodic_settings(skip).map_err(|e| (usize::MAX, e))?;
@@ -229,6 +231,16 @@ fn by_position<T: Send>(
     estimate: impl Fn(&[&Record]) -> Result<T, FrfError> + Sync,
 ) -> Result<Vec<T>, PipelineError> {
     records.sort_by(|a, b| in_order((a.position, &a.name), (b.position, &b.name)));
+    let positions: Vec<Option<f64>> = runs(records, |r| r.position)
+        .into_iter()
+        .flat_map(|run| {
+            let position = common(run.iter().map(|r| r.position));
+            run.iter().map(move |_| position)
+        })
+        .collect();
+    for (record, position) in records.iter_mut().zip(positions) {
+        record.position = position;
+    }
     let groups = runs(records, |r| r.position);
     let counter = Counter::new(progress, "frequency responses", groups.len());
     groups
@@ -269,6 +281,13 @@ fn place<'a>(
 fn in_order(a: (Option<f64>, &str), b: (Option<f64>, &str)) -> std::cmp::Ordering {
     let by_position = a.0.unwrap_or(0.0).total_cmp(&b.0.unwrap_or(0.0));
     by_position.then_with(|| a.1.cmp(b.1))
+}
+
+/// The position of a run: where records are at the same one, exactly that.
+fn common(positions: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    let all: Option<Vec<f64>> = positions.collect();
+    let all = all.filter(|all| !all.is_empty())?;
+    Some(all[0] + all.iter().map(|p| p - all[0]).sum::<f64>() / all.len() as f64)
 }
 
 /// Runs at the same position of what is sorted by it.

@@ -7,7 +7,7 @@
 //! factor `nu^2 / ((nu-p)^2 - 1)` on the covariance computed from the estimated weights.
 
 use crate::basis::Recurrence;
-use crate::columns::{Columns, add_product, product, real_product};
+use crate::columns::{Columns, add_product, blocks, product, real_product};
 use crate::model::{Reduced, Setup};
 use crate::search::{Found, tangent};
 use crate::{PoleFitError, Weighting};
@@ -118,17 +118,19 @@ fn sandwich(
             real_product(weight, im, to_im);
         }
     }
-    let mut sigma = Columns::zeros(n, n_c * n_c);
     let mut line = vec![ZERO; n_c * n_c];
-    for k in 0..n {
-        lines.covariance(k, &mut line);
-        line.iter().enumerate().for_each(|(at, v)| sigma.set(k, at, *v));
-    }
-    for d in 0..n_f {
-        for c in 0..n_c {
-            for e in 0..n_c {
-                let to = sigma_z.column_mut(d * n_c + c);
-                add_product(sigma.column(e * n_c + c), z.column(d * n_c + e), to);
+    for block in blocks(n) {
+        let mut sigma = Columns::zeros(block.len(), n_c * n_c);
+        for (at, k) in block.clone().enumerate() {
+            lines.covariance(k, &mut line);
+            line.iter().enumerate().for_each(|(c, v)| sigma.set(at, c, *v));
+        }
+        for d in 0..n_f {
+            for c in 0..n_c {
+                for e in 0..n_c {
+                    let to = sigma_z.part_mut(d * n_c + c, &block);
+                    add_product(sigma.column(e * n_c + c), z.part(d * n_c + e, &block), to);
+                }
             }
         }
     }

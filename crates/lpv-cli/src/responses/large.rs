@@ -9,7 +9,7 @@ use experiment_data::Bundle;
 use frf_estimation::{FrfError, Layout, PeriodicAccumulator, Settling, SkipRule};
 use lpv_core::{Discrete, PeriodBlock, Record};
 
-/// Bytes of files from which they are large together; packed ones may be ten times as large in memory.
+/// Bytes of files from which they are large together; packed ones are larger in memory.
 const LARGE: u64 = 1 << 26;
 
 /// Whether the files of these records are large.
@@ -23,21 +23,19 @@ pub(crate) fn is_large(bundle: &Bundle, indices: &[usize]) -> bool {
 pub(super) fn evaluate(
     bundle: &Bundle,
     indices: &[usize],
-    clock: Discrete,
-    skip: SkipRule,
+    position: Option<f64>,
+    (clock, skip): (Discrete, SkipRule),
     counter: &Counter<'_>,
 ) -> Result<AtPosition, (usize, PipelineError)> {
     let read = |i: usize, sink: &mut dyn FnMut(Record)| {
-        let position = bundle.each_period(i, sink);
-        position.map_err(|e| (i, PipelineError::from(e)))
+        bundle
+            .each_period(i, sink)
+            .map_err(|e| (i, PipelineError::from(e)))
     };
-    let (mut position, mut last) = (None, Vec::with_capacity(indices.len()));
-    for (at, &i) in indices.iter().enumerate() {
+    let mut last: Vec<Record> = Vec::with_capacity(indices.len());
+    for &i in indices {
         let mut period = None;
-        let own = read(i, &mut |record| period = Some(record))?;
-        if at == 0 {
-            position = own;
-        }
+        read(i, &mut |record| period = Some(record))?;
         last.extend(period);
     }
     let names: Vec<String> = last.iter().map(|r| r.name.clone()).collect();
@@ -48,6 +46,15 @@ pub(super) fn evaluate(
     let Some(first) = last.first() else {
         return Err(failed(FrfError::NoRecords));
     };
+    if let Some((record, other)) = last.iter().enumerate().find(|(_, r)| r.len() != first.len()) {
+        return Err(failed(FrfError::Mismatch {
+            record,
+            name: other.name.clone(),
+            what: "the period",
+            expected: first.len() as f64,
+            found: other.len() as f64,
+        }));
+    }
     let layout = Layout {
         period: first.len(),
         outputs: first.outputs.channels(),
@@ -111,10 +118,11 @@ mod tests {
     use crate::progress::silent;
     use crate::responses::periodic_responses;
     use crate::simulate::{MachineFile, simulate};
-    use experiment_data::RecordFormat;
+    use experiment_data::{BundleWriter, RecordFormat};
+    use tempfile::TempDir;
 
-    #[test]
-    fn a_period_at_a_time_gives_what_whole_records_give() {
+    /// Two periodic records at one position.
+    fn bundle() -> (TempDir, Bundle) {
         let folder = tempfile::tempdir().unwrap();
         let file: MachineFile = toml::from_str(
             "positions = { values = [0.1] }\nmultisine = { period = 2048, periods = 9 }\n\
@@ -124,6 +132,12 @@ mod tests {
         let out = folder.path().join("bundle");
         simulate(&file, &[], &out, RecordFormat::Npz, &|_, _| ()).unwrap();
         let bundle = Bundle::open(&out).unwrap();
+        (folder, bundle)
+    }
+
+    #[test]
+    fn a_period_at_a_time_gives_what_whole_records_give() {
+        let (_folder, bundle) = bundle();
         let periodic = |i: usize| bundle.description().records[i].is_periodic();
         let indices: Vec<usize> = (0..bundle.len()).filter(|i| periodic(*i)).collect();
         assert!(indices.len() == 2 && !is_large(&bundle, &indices));
@@ -131,7 +145,14 @@ mod tests {
             let whole = periodic_responses(&bundle, periodic, skip, &silent).unwrap();
             let rule = skip.map_or(SkipRule::Auto, SkipRule::Fixed);
             let counter = Counter::new(&silent, "", 2);
-            let parts = evaluate(&bundle, &indices, bundle.clock().unwrap(), rule, &counter);
+            let settings = (bundle.clock().unwrap(), rule);
+            let parts = evaluate(
+                &bundle,
+                &indices,
+                whole[0].estimate.estimate.position(),
+                settings,
+                &counter,
+            );
             let parts = parts.map_err(|(_, e)| e).unwrap();
             assert_eq!(
                 format!("{:?}", parts.estimate),
@@ -140,5 +161,34 @@ mod tests {
             assert_eq!(parts.noise, whole[0].noise);
             assert_eq!(parts.records, whole[0].records);
         }
+    }
+    /// A scheduling sensor has noise: records at one position are never at exactly the same.
+    #[test]
+    fn a_noisy_position_is_one_position() {
+        let (folder, bundle) = bundle();
+        let out = folder.path().join("noisy");
+        let mut writer = BundleWriter::create(&out, bundle.description().clone(), RecordFormat::Npz).unwrap();
+        for (i, record) in bundle.records().enumerate() {
+            let mut record = record.unwrap();
+            if record.position.is_some() {
+                record.position = None;
+                let p = &mut record.scheduling.columns[0];
+                p.iter_mut()
+                    .enumerate()
+                    .for_each(|(k, p)| *p += 1e-7 * (k % (7 + i)) as f64);
+            }
+            writer.write(&record).unwrap();
+        }
+        let noisy = writer.finish().unwrap();
+        let places: Vec<f64> = (0..2).map(|i| noisy.position(i).unwrap().unwrap()).collect();
+        assert!(places[0] != places[1], "{places:?}");
+        let periodic = |i: usize| noisy.description().records[i].is_periodic();
+        let found = periodic_responses(&noisy, periodic, None, &silent).unwrap();
+        assert_eq!(found.len(), 1);
+        let position = found[0].estimate.estimate.position().unwrap();
+        assert!(
+            (position - 0.5 * (places[0] + places[1])).abs() < 1e-12,
+            "{position}"
+        );
     }
 }

@@ -4,7 +4,7 @@ use super::FrozenError;
 use super::disturbance::disturbance;
 use super::frozen::{Against, frozen_check};
 use super::machine::Machine;
-use super::record::Context;
+use super::record::{Context, is_refitted};
 use super::residual::{CrossCorrelation, Whiteness};
 use super::rigid::AxisCheck;
 use super::simulate::Run;
@@ -189,7 +189,9 @@ pub fn validate(
             "closed loop not simulated: the bundle has no [controller] or no reference channel".to_owned(),
         );
     }
+    let refitted = explained.as_ref().is_some_and(is_refitted);
     if machine.gain().is_none()
+        && !refitted
         && !judged.is_empty()
         && transient.iter().all(|r| r.purpose == Purpose::Validation)
     {
@@ -201,7 +203,7 @@ pub fn validate(
         notes.push(match traced {
             Some(_) => format!("the response is that of the model with its effects ({names})"),
             None => format!(
-                "along records the model is simulated with its effects ({names}); the frozen response is that of its linear part, and the prediction is one about the simulation"
+                "along records the model is simulated with its effects ({names}); the frozen response is that of its linear part, and the prediction is one about the simulation, with the disturbance that is most likely on each record"
             ),
         });
     }
@@ -225,7 +227,10 @@ pub fn validate(
         controller,
         noise: noise.as_deref(),
         units: &description.channels.output.units,
-        disturbance: disturbance(&machine, &transient, noise.as_deref()),
+        disturbance: match refitted {
+            true => 0.0,
+            false => disturbance(&machine, &transient, noise.as_deref()),
+        },
     };
     let counter = Counter::new(progress, "simulating", judged.len());
     let checked = judged

@@ -10,9 +10,6 @@ use lpv_core::{Continuous, Discrete, Purpose, Record, Signals, StateSpace};
 use rayon::prelude::*;
 use residual_trace::{Base, Explained};
 
-/// Samples of a record that tell decades of a disturbance apart.
-const ENOUGH: usize = 600;
-
 /// Deviation of a white disturbance of the inputs, as a part of their rms, under which the one-step prediction of the first
 /// transient record is most likely.
 pub(super) fn disturbance(machine: &Machine, transient: &[Record], noise: Option<&[f64]>) -> f64 {
@@ -23,6 +20,8 @@ pub(super) fn disturbance(machine: &Machine, transient: &[Record], noise: Option
     let Some(record) = record.filter(|_| machine.gain().is_none()) else {
         return 0.0;
     };
+    /// Samples that tell decades apart.
+    const ENOUGH: usize = 600;
     likeliest(|part| predictor(machine, record, part, noise)?.errors(record, None, ENOUGH))
 }
 
@@ -126,7 +125,8 @@ pub(super) fn errors_about(
     record: &Record,
     noise: Option<&[f64]>,
 ) -> Result<DMatrix<f64>, PipelineError> {
-    let model = Linear(&explained.base, clock);
+    let base = explained.mounted_base();
+    let model = Linear(&base, clock);
     let deviation = Record {
         outputs: less(&record.outputs, &simulated.outputs),
         inputs: less(&record.inputs, &simulated.inputs),

@@ -134,8 +134,11 @@ impl<'a, M: Frozen> Predictor<'a, M> {
         let mut x = initial_state.map_or_else(|| DVector::zeros(first.states()), DVector::clone);
         let samples = samples.min(record.len());
         let mut errors = DMatrix::zeros(ny, samples);
+        let mut frozen = first;
         for k in 0..samples {
-            let frozen = steps.at(k)?;
+            if !steps.stays(k) {
+                frozen = steps.at(k)?;
+            }
             let mut u = DVector::from_fn(nu, |j, _| record.inputs.columns[j][k]);
             let mut y = DVector::from_fn(ny, |i, _| record.outputs.columns[i][k]);
             if let Some((u0, y0)) = self.model.offsets() {

@@ -13,6 +13,11 @@ use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{Purpose, Record};
 use residual_trace::{Base, Explained, Response, Track};
 
+/// Whether the linear model alone is not what was explained: there are effects, or gains of an identified base.
+pub(super) fn is_refitted(explained: &Explained) -> bool {
+    !explained.effects.is_empty() || matches!(explained.base, Base::Lpv(_))
+}
+
 /// A mean this many times the deviation is what the error consists of.
 const CONSTANT: f64 = 5.0;
 
@@ -66,12 +71,17 @@ impl Context<'_> {
             ));
         }
         // Of a model with effects, or with gains of an identified base, the linear part alone predicts nothing.
-        let refitted = |e: &&Explained| !e.effects.is_empty() || matches!(e.base, Base::Lpv(_));
-        let refitted = self.explained.filter(refitted);
+        let refitted = self.explained.filter(|e| is_refitted(e));
         let errors = match (refitted, &with_effects) {
             (Some(explained), Some((open, closed))) => {
                 let about = closed.as_ref().unwrap_or(open);
-                errors_about(explained, self.clock, about, record, self.noise)
+                errors_about(explained, self.clock, about, record, self.noise).or_else(|e| {
+                    notes.push(format!(
+                        "record {}: nothing is predicted one step ahead: {e}",
+                        record.name
+                    ));
+                    Ok(DMatrix::zeros(0, record.len()))
+                })
             }
             (Some(_), None) => Ok(DMatrix::zeros(0, record.len())),
             (None, _) => predictor(self.machine, record, self.disturbance, self.noise)

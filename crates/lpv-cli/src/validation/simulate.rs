@@ -125,7 +125,7 @@ impl<'a, M: Frozen> Steps<'a, M> {
     }
 
     /// Whether the model at sample `k` is that of the sample before.
-    fn stays(&self, k: usize) -> bool {
+    pub(super) fn stays(&self, k: usize) -> bool {
         k > 0
             && self.scheduling.column(k) == self.scheduling.column(k - 1)
             && self.nodes.after(k) == self.nodes.after(k - 1)

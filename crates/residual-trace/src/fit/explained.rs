@@ -20,6 +20,14 @@ impl Explained {
             .collect()
     }
 
+    /// The base with what effects mount on it: a payload is part of its masses.
+    #[must_use]
+    pub fn mounted_base(&self) -> Base {
+        let mut base = self.base.clone();
+        self.blocks().iter().for_each(|b| b.mount(&mut base));
+        base
+    }
+
     /// The machine's coordinates, then those of the effects.
     pub(crate) fn coordinates(&self) -> Vec<f64> {
         let mut all = self.base.coordinates();

@@ -29,7 +29,8 @@ pub(super) fn disturbance(machine: &Machine, transient: &[Record], noise: Option
 fn likeliest(errors: impl Fn(f64) -> Result<DMatrix<f64>, PipelineError> + Sync) -> f64 {
     const TRIED: [f64; 7] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0];
     let likelihood = |part: f64| {
-        let errors = errors(part).ok()?;
+        // What is no number would count as no error.
+        let errors = errors(part).ok().filter(|e| e.iter().all(|v| v.is_finite()))?;
         let sum: f64 = errors
             .row_iter()
             .map(|r| {

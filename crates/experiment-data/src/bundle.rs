@@ -194,13 +194,13 @@ impl Bundle {
             _ => return Ok(None),
         };
         let scale = group.scale.first().copied().unwrap_or(1.0);
-        let mut path = checks::Path::default();
+        let mut travel = checks::Travel::default();
         let read = columns::each_block(&self.record_path(index)?, &[told.as_str()], BLOCK, &mut |block| {
             for column in block {
-                path.push(&column.iter().map(|v| scale * v).collect::<Vec<_>>());
+                travel.push(&column.iter().map(|v| scale * v).collect::<Vec<_>>());
             }
         });
-        let mean = path.mean();
+        let mean = travel.mean();
         match read {
             Ok(()) if mean.is_finite() => Ok(Some(mean)),
             // What is wrong with it, the record tells best.

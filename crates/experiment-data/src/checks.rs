@@ -62,7 +62,7 @@ enum What {
         constant: bool,
         ends: Ends,
     },
-    Scheduling(Path),
+    Scheduling(Travel),
     Other,
 }
 
@@ -75,7 +75,7 @@ impl PeriodicCheck {
                 constant: true,
                 ends: Ends::default(),
             },
-            SCHEDULING => What::Scheduling(Path::default()),
+            SCHEDULING => What::Scheduling(Travel::default()),
             _ => What::Other,
         };
         let groups = groups(record).into_iter().enumerate();
@@ -110,7 +110,7 @@ impl PeriodicCheck {
                     *constant &= samples.iter().all(|v| v == first);
                     ends.push(samples);
                 }
-                What::Scheduling(path) => path.push(samples),
+                What::Scheduling(travel) => travel.push(samples),
                 What::Other => {}
             }
             column.samples += samples.len();
@@ -126,8 +126,8 @@ impl PeriodicCheck {
         periods(self.columns.first().map_or(0, |c| c.samples), self.period)?;
         let mut means = Vec::new();
         for column in &self.columns {
-            if let What::Scheduling(path) = &column.what {
-                means.push(constant_scheduling(&column.name, path, expected)?);
+            if let What::Scheduling(travel) = &column.what {
+                means.push(constant_scheduling(&column.name, travel, expected)?);
             }
         }
         for column in &self.columns {
@@ -265,7 +265,7 @@ fn periods(samples: usize, period: usize) -> Result<(), RecordError> {
 
 /// Where a scheduling signal has been.
 #[derive(Debug, Clone)]
-pub(crate) struct Path {
+pub(crate) struct Travel {
     samples: usize,
     first: f64,
     last: f64,
@@ -277,7 +277,7 @@ pub(crate) struct Path {
     steps: f64,
 }
 
-impl Default for Path {
+impl Default for Travel {
     fn default() -> Self {
         Self {
             samples: 0,
@@ -292,7 +292,7 @@ impl Default for Path {
     }
 }
 
-impl Path {
+impl Travel {
     pub(crate) fn push(&mut self, p: &[f64]) {
         for &v in p {
             if self.samples == 0 {
@@ -320,16 +320,16 @@ impl Path {
 }
 
 /// The mean of a scheduling signal that does not move.
-fn constant_scheduling(name: &str, path: &Path, expected: &Expectation<'_>) -> Result<f64, RecordError> {
+fn constant_scheduling(name: &str, travel: &Travel, expected: &Expectation<'_>) -> Result<f64, RecordError> {
     const CONSTANT: f64 = 1e-3;
     const SAME_POSITION: f64 = 1e-2;
-    let (from, to, mean) = (path.from, path.to, path.mean());
+    let (from, to, mean) = (travel.from, travel.to, travel.mean());
     let own = from.abs().max(to.abs());
     if to - from > CONSTANT * own {
         let tolerance = CONSTANT * (expected.scheduling_scale)().max(own);
         // Around zero, and with no other position in the bundle, nothing gives a scale: the shape decides.
         let noise_around_zero =
-            mean.abs() <= to - from && (expected.scheduling_scale)() <= own && path.von_neumann() > 1.0;
+            mean.abs() <= to - from && (expected.scheduling_scale)() <= own && travel.von_neumann() > 1.0;
         if to - from > tolerance && !noise_around_zero {
             return Err(RecordError::SchedulingMoves {
                 column: name.to_owned(),

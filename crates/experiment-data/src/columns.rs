@@ -15,6 +15,9 @@ pub(crate) use csv::write as write_csv;
 pub(crate) use npz::write as write_npz;
 pub(crate) use parquet::write as write_parquet;
 
+/// Takes the columns of a block of rows.
+pub(crate) type Sink<'a> = &'a mut dyn FnMut(Vec<Vec<f64>>);
+
 /// The endings that can be read.
 pub(crate) const SUPPORTED: &str = if cfg!(feature = "parquet") {
     ".npz, .csv, .parquet, .mat (v5 and v7.3)"
@@ -115,7 +118,7 @@ pub(crate) fn each_block(
     path: &Path,
     names: &[&str],
     rows: usize,
-    sink: &mut dyn FnMut(Vec<Vec<f64>>),
+    sink: Sink<'_>,
 ) -> Result<(), RecordError> {
     match format(path)? {
         RecordFormat::Npz => npz::each_block(path, names, rows, sink),

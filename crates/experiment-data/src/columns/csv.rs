@@ -7,7 +7,7 @@ mod rows;
 mod tests;
 mod writer;
 
-use super::{ColumnInfo, missing};
+use super::{ColumnInfo, Sink, missing};
 use crate::RecordError;
 use rows::Table;
 use std::path::Path;
@@ -24,7 +24,7 @@ pub(crate) fn each_block(
     path: &Path,
     names: &[&str],
     rows: usize,
-    sink: &mut dyn FnMut(Vec<Vec<f64>>),
+    sink: Sink<'_>,
 ) -> Result<(), RecordError> {
     let mut table = Table::open(path)?;
     let places = places(table.header(), names)?;

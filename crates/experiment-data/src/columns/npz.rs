@@ -6,7 +6,7 @@
 mod header;
 
 use self::header::{Header, number};
-use super::{ColumnInfo, missing, vector_length};
+use super::{ColumnInfo, Sink, missing, vector_length};
 use crate::RecordError;
 use crate::columns::number::{DEFLATE_RATIO, Number};
 use npyz::WriterBuilder;
@@ -29,7 +29,7 @@ pub(crate) fn each_block(
     path: &Path,
     names: &[&str],
     rows: usize,
-    sink: &mut dyn FnMut(Vec<Vec<f64>>),
+    sink: Sink<'_>,
 ) -> Result<(), RecordError> {
     let mut archives = names.iter().map(|_| open(path)).collect::<Result<Vec<_>, _>>()?;
     let arrays = archives.iter_mut().zip(names);

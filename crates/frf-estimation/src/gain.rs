@@ -81,8 +81,7 @@ impl GainKernel {
     }
 }
 
-/// Gauss-Jordan elimination with row pivots on the scaled matrix, left of `work`; its inverse is then on the right. Returns
-/// its condition number.
+/// Inverts the matrix on the left of `work`, scaled; its inverse is then on the right. Returns its condition number.
 #[inline(always)]
 fn invert(work: &mut [C64], rows: &mut [f64], columns: &mut [f64]) -> f64 {
     let n = rows.len();
@@ -104,6 +103,34 @@ fn invert(work: &mut [C64], rows: &mut [f64], columns: &mut [f64]) -> f64 {
     }
     // Every column has length one now.
     let size = (n as f64).sqrt();
+    if n == 2 {
+        cramer(work);
+    } else {
+        eliminate(work, n);
+    }
+    let inverse_size = norm((0..n).flat_map(|i| &work[i * w + n..(i + 1) * w]));
+    // A = Dr^-1 As Dc^-1, hence A^-1 = Dc As^-1 Dr.
+    for i in 0..n {
+        for j in 0..n {
+            work[i * w + n + j] *= columns[i] * rows[j];
+        }
+    }
+    size * inverse_size / n as f64
+}
+
+/// The inverse of a matrix of two rows by Cramer's rule, which for two is as accurate as elimination (\[higham2002\], sec. 1.10.1).
+#[inline(always)]
+fn cramer(work: &mut [C64]) {
+    let [a, b, c, d] = [work[0], work[1], work[4], work[5]];
+    let inverse = (a * d - b * c).inv();
+    [work[2], work[3]] = [d * inverse, -b * inverse];
+    [work[6], work[7]] = [-c * inverse, a * inverse];
+}
+
+/// Gauss-Jordan elimination with row pivots.
+#[inline(always)]
+fn eliminate(work: &mut [C64], n: usize) {
+    let w = 2 * n;
     for k in 0..n {
         let pivot = (k..n).fold(k, |best, i| {
             if work[i * w + k].norm_sqr() > work[best * w + k].norm_sqr() {
@@ -127,14 +154,6 @@ fn invert(work: &mut [C64], rows: &mut [f64], columns: &mut [f64]) -> f64 {
             }
         }
     }
-    let inverse_size = norm((0..n).flat_map(|i| &work[i * w + n..(i + 1) * w]));
-    // A = Dr^-1 As Dc^-1, hence A^-1 = Dc As^-1 Dr.
-    for i in 0..n {
-        for j in 0..n {
-            work[i * w + n + j] *= columns[i] * rows[j];
-        }
-    }
-    size * inverse_size / n as f64
 }
 
 #[inline(always)]
@@ -221,6 +240,20 @@ mod tests {
         assert!(k.compute(&u, None) > 1e12);
         assert_eq!(k.compute(&[ZERO; 4], None), f64::INFINITY);
         assert_eq!(k.compute(&[c(f64::NAN, 0.0); 4], None), f64::INFINITY);
+    }
+
+    #[test]
+    fn two_rows_are_inverted_as_by_elimination() {
+        let left = [c(0.3, -0.2), c(0.9, 0.1), c(-0.5, 0.8), c(0.1, 0.4)];
+        let mut work = [ZERO; 8];
+        [work[0], work[1], work[4], work[5]] = left;
+        (work[2], work[7]) = (c(1.0, 0.0), c(1.0, 0.0));
+        let mut other = work;
+        cramer(&mut work);
+        eliminate(&mut other, 2);
+        for i in [2, 3, 6, 7] {
+            assert!((work[i] - other[i]).norm() < 1e-15, "{} {}", work[i], other[i]);
+        }
     }
 
     #[test]

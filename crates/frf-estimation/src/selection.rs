@@ -97,12 +97,21 @@ fn strong_lines(level: &[f64], threshold: f64, floor: f64) -> Vec<bool> {
     level.iter().zip(&local).map(strong).collect()
 }
 
-/// Largest value within `half` entries on either side.
+/// Largest value within `half` entries on either side, whatever `half`, in three passes: a window is the end of one block of its
+/// length and the beginning of the next \[vanherk1992\].
 fn windowed_maximum(values: &[f64], half: usize) -> Vec<f64> {
-    let window = |i: usize| &values[i.saturating_sub(half)..(i + half + 1).min(values.len())];
-    (0..values.len())
-        .map(|i| window(i).iter().copied().fold(0.0, f64::max))
-        .collect()
+    let width = 2 * half + 1;
+    let mut padded = vec![0.0; values.len() + 2 * half];
+    padded[half..half + values.len()].copy_from_slice(values);
+    let (mut from_left, mut from_right) = (padded.clone(), padded);
+    for (left, right) in from_left.chunks_mut(width).zip(from_right.chunks_mut(width)) {
+        (1..left.len()).for_each(|i| left[i] = left[i].max(left[i - 1]));
+        (1..right.len())
+            .rev()
+            .for_each(|i| right[i - 1] = right[i - 1].max(right[i]));
+    }
+    let ends = from_left[width - 1..].iter();
+    from_right.iter().zip(ends).map(|(a, b)| a.max(*b)).collect()
 }
 
 #[cfg(test)]
@@ -122,5 +131,19 @@ mod tests {
         let strong = strong_lines(&band, 1e-2, floor(Instrument::References));
         assert_eq!(strong.iter().filter(|s| **s).count(), 249);
         assert!(strong_lines(&[0.0; 4], 1e-2, 1e-6).iter().all(|s| !s));
+    }
+
+    #[test]
+    fn windows_by_hand() {
+        let values: Vec<f64> = (0..20u32).map(|i| f64::from(i * 7919 % 23)).collect();
+        for half in [0, 1, 3, 8, 30] {
+            let found = windowed_maximum(&values, half);
+            assert_eq!(found.len(), values.len());
+            for (i, found) in found.iter().enumerate() {
+                let window = &values[i.saturating_sub(half)..(i + half + 1).min(values.len())];
+                assert_eq!(*found, window.iter().copied().fold(0.0, f64::max));
+            }
+        }
+        assert!(windowed_maximum(&[], 2).is_empty());
     }
 }

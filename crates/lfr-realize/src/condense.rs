@@ -14,6 +14,11 @@ type C64 = Complex<f64>;
 /// `WIDTH^2 / 24` of the curvature that is left, 0.3 %.
 const WIDTH: f64 = 0.25;
 
+/// Lines that scatter about their merged value by more than this many times their noise, in power, are not merged: the model is
+/// too far from the data there to tell how the response runs between them. A covariance from few periods, or some distortion,
+/// makes a few times the noise.
+const SCATTER: f64 = 10.0;
+
 /// Rounds that fit one Kronecker product to a sum of them; the factors differ little from line to line.
 const ROUNDS: usize = 3;
 
@@ -22,7 +27,7 @@ impl Position {
     /// its poles become one line, at their mean frequency, with the sum of their weights, and with the value of the model
     /// plus the weighted mean of what the data add to it. To first order in the width of the merged arc the sum of squares
     /// of any model with poles like these is the same, up to a constant. The weight is the Kronecker product nearest to
-    /// the sum.
+    /// the sum. Lines that scatter about their merged value by more than noise stay as they are.
     pub(crate) fn condensed(&self, clock: Discrete, model: &StateSpace<Discrete>) -> Result<Self, CoreError> {
         let poles = eigenvalues(model.a())?;
         let mut kernel = ResponseKernel::new(model);
@@ -30,7 +35,7 @@ impl Position {
         let (ny, nu) = (self.frf.outputs(), self.frf.inputs());
         let mut merged = Merged::default();
         for arc in arcs {
-            // Lines that are known too badly for a sum, or on which the model has a pole, stay as they are.
+            // Lines that are known too badly for a sum, or on which the model has a pole or is far from the data, stay as they are.
             let one = self.merge(arc.clone(), clock, &mut kernel);
             match one {
                 Some(one) => merged.push(one),
@@ -43,6 +48,7 @@ impl Position {
             z: frf.frequencies_hz().iter().map(|&f| clock.point(f)).collect(),
             scale: vec![1.0; frf.len()],
             whitening: Some(Whitening::from_factors(ny, nu, merged.left, merged.right)),
+            poles: self.poles.clone(),
             frf,
         })
     }
@@ -93,13 +99,15 @@ impl Position {
             .collect();
         let mut whole = DMatrix::zeros(ny * nu, ny * nu);
         let mut moved = DVector::zeros(ny * nu);
-        let (mut frequency, mut total) = (0.0, 0.0);
+        let (mut frequency, mut total, mut square) = (0.0, 0.0, 0.0);
         let mut values = vec![C64::default(); arc.len() * ny * nu];
         kernel.evaluate(&self.z[arc.clone()], &mut values).ok()?;
         let values = values.chunks_exact(ny * nu);
         for ((k, (a, b)), value) in arc.clone().zip(&weights).zip(values) {
             let more = self.frf.line(k) - DMatrix::from_column_slice(ny, nu, value);
-            moved += DVector::from_column_slice((b * more * a.transpose()).as_slice());
+            let weighted = b * &more * a.transpose();
+            square += weighted.dotc(&more).re;
+            moved += DVector::from_column_slice(weighted.as_slice());
             whole += a.kronecker(b);
             let weight = a.trace().re * b.trace().re;
             frequency += weight * self.frf.frequencies_hz()[k];
@@ -107,6 +115,11 @@ impl Position {
         }
         let frequency_hz = frequency / total;
         let mean = whole.cholesky()?.solve(&moved);
+        // Whitened, real and imaginary part of an entry have a variance of one each.
+        let freedom = (2 * ny * nu * (arc.len() - 1)) as f64;
+        if square - moved.dotc(&mean).re > SCATTER * freedom {
+            return None;
+        }
         let mut value = vec![C64::default(); ny * nu];
         kernel.evaluate(&[clock.point(frequency_hz)], &mut value).ok()?;
         value.iter_mut().zip(mean.iter()).for_each(|(v, m)| *v += m);
@@ -161,5 +174,37 @@ impl Merged {
         self.values.extend(line.value);
         self.left.extend(line.left.iter());
         self.right.extend(line.right.iter());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that cannot be set up must fail")]
+
+    use crate::test_kit::{candidate, clock, responses, weighted};
+    use lpv_core::StateSpace;
+
+    /// Lines are merged about a model of the data, and left alone about another one, which would bend them.
+    #[test]
+    fn a_model_far_from_the_data_merges_nothing() {
+        let truth = candidate(clock(), [0.5, 0.7, 0.8], &[crate::Channel::Parameter(0)], 3);
+        let data = weighted(&responses(&truth, 400), 0.0, 1);
+        let mut position = data.positions()[0].clone();
+        // As known to a part in ten thousand.
+        position.scale.fill(1e4);
+        let frozen: StateSpace<_> = truth.frozen(&[1.0]).unwrap();
+        let other = truth.frozen(&[3.0]).unwrap();
+        let [few, many] = [&frozen, &other].map(|model| position.condensed(clock(), model).unwrap().frf);
+        assert!(
+            few.len() * 8 < 400 && many.len() > 4 * few.len(),
+            "{} {}",
+            few.len(),
+            many.len()
+        );
+        for frf in [few, many] {
+            let exact = frozen.frequency_response(frf.frequencies_hz()).unwrap();
+            let errors = (0..frf.len()).map(|k| (frf.line(k) - exact.line(k)).norm());
+            assert!(errors.fold(0.0, f64::max) < 1e-3);
+        }
     }
 }

@@ -36,6 +36,8 @@ pub(crate) struct Position {
     pub(crate) scale: Vec<f64>,
     /// `W_y` and `W_u` of each line; none where they are the identity.
     pub(crate) whitening: Option<Whitening>,
+    /// Sampled poles, as far as they are known.
+    pub(crate) poles: Vec<Complex<f64>>,
 }
 
 impl FrozenData {
@@ -98,6 +100,35 @@ impl FrozenData {
         });
         let positions = positions.collect::<Result<Vec<_>, _>>()?;
         Self::joined(clock, ResidualUnit::StandardDeviation, positions)
+    }
+
+    /// The same data with the sampled poles of the machine at each position, in the order of the positions, as far as they are
+    /// known: [`crate::grow`] tries them for its frozen models. It needs them where a resonance moves by more than its width
+    /// from one position to the next.
+    ///
+    /// # Errors
+    /// [`RealizeError::Data`] for another number of positions, [`RealizeError::Pole`] for one that is not a finite number.
+    pub fn with_poles(mut self, poles: &[Vec<Complex<f64>>]) -> Result<Self, RealizeError> {
+        if poles.len() != self.len() {
+            return Err(RealizeError::Data {
+                index: poles.len().min(self.len() - 1),
+                what: "positions with poles",
+                expected: self.len(),
+                found: poles.len(),
+            });
+        }
+        for (position, poles) in self.positions.iter_mut().zip(poles) {
+            let finite = |z: &Complex<f64>| z.re.is_finite() && z.im.is_finite();
+            if let Some(index) = poles.iter().position(|z| !finite(z)) {
+                return Err(RealizeError::Pole {
+                    index,
+                    pole: poles[index].to_string(),
+                    problem: "not a finite number",
+                });
+            }
+            position.poles.clone_from(poles);
+        }
+        Ok(self)
     }
 
     fn joined(clock: Discrete, unit: ResidualUnit, positions: Vec<Position>) -> Result<Self, RealizeError> {
@@ -282,6 +313,7 @@ impl Position {
             frf: frf.clone(),
             scale,
             whitening,
+            poles: Vec::new(),
         })
     }
 
@@ -333,6 +365,7 @@ impl Position {
             z: lines.iter().map(|&k| self.z[k]).collect(),
             scale: lines.iter().map(|&k| self.scale[k]).collect(),
             whitening: self.whitening.as_ref().map(|w| w.select(lines)),
+            poles: self.poles.clone(),
         }
     }
 }

@@ -3,6 +3,7 @@
 mod coherent;
 mod expansion;
 mod field;
+mod moved;
 mod settings;
 mod sizes;
 mod weights;
@@ -78,9 +79,9 @@ pub struct Grown<K: Sampling> {
 
 /// The same noisy data in few lines a position, for work that goes over them again and again.
 ///
-/// Neighbouring lines that are closer together than to the poles of a local model there are merged: one line at their mean
-/// frequency with the sum of their weights, its value that of the local model plus the weighted mean of what the data add
-/// to it. The sum of squares of any model near the data is the same, up to a constant and to second order in the width of
+/// Neighbouring lines that are closer together than to the poles of a local model there are merged, where that model is near the
+/// data: one line at their mean frequency with the sum of their weights, its value that of the local model plus the weighted
+/// mean of what the data add to it. The sum of squares of any model near the data is the same, up to a constant and to second order in the width of
 /// what was merged. Data without noise come back as they are: any of their lines will do, see [`FrozenData::thinned`].
 ///
 /// # Errors
@@ -105,7 +106,7 @@ pub fn condense<K: Sampling>(
 /// `local` and `gamma` are the flexible part and the gain of the rigid body, as [`crate::local_model`] gives them.
 ///
 /// 1. The local model is fitted to one position after the other, outward from the centre, in coordinates that turn as
-///    little as possible.
+///    little as possible; where that misses and the data know the poles ([`FrozenData::with_poles`]), with them.
 /// 2. The LFR of the flexible part is fitted to the responses of these models with more damping: `F(s + sigma)`, sigma
 ///    as far as the poles move. A resonance that moves by many times its width would hide the way.
 /// 3. It is fitted to few lines of the data (noisy ones condensed, see [`condense`]), and then to all.

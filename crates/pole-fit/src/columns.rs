@@ -129,6 +129,8 @@ macro_rules! wide {
         }
     };
 }
+pub(crate) use wide;
+
 wide! {
     /// Eight partial sums: the order of additions is fixed, whatever the registers of the machine.
     fn dot(x: &'a [f64], y: &'a [f64]) -> f64 {
@@ -179,8 +181,6 @@ wide! {
         }
     }
 }
-
-pub(crate) use wide;
 
 /// Sets each number of `to` from those of `x`, `y` and its own.
 #[inline(always)]

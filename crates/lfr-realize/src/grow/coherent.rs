@@ -2,20 +2,24 @@
 //! same responses with more damping, and an LFR from a polynomial through them.
 
 use super::expansion::Expansion;
+use super::moved::moved;
 use super::weights::Weights;
 use super::{DeltaReach, GrowSettings};
 use crate::candidate::Shape;
 use crate::sampling::Sampling;
 use crate::sampling::hold::Derivative;
 use crate::{
-    Candidate, CheckedRefineSettings, FrozenData, RandomChannels, RealizeError, RefineSettings, ResidualUnit,
-    refine,
+    Candidate, CheckedRefineSettings, FrozenData, RandomChannels, RealizeError, RefineSettings, Refined,
+    ResidualUnit, refine,
 };
 use lpv_core::{Continuous, CoreError, Discrete, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
 
 /// Part of its response that a line of a start counts as exact to.
 pub(super) const BLUNT: f64 = 1e-2;
+
+/// A local fit that leaves more than this many times its target has missed.
+const MISSED: f64 = 2.0;
 
 /// Lines a position of the damped responses, at least; twice the states if that is more.
 const DAMPED_LINES: usize = 20;
@@ -24,7 +28,8 @@ const DAMPED_LINES: usize = 20;
 const HIGHEST: usize = 6;
 
 /// One frozen model a position, `S = [A B; C D]` of the flexible part. Each was fitted from that of its nearest
-/// neighbour towards the centre, by steps that move no coordinates, so that the entries of S are smooth in p.
+/// neighbour towards the centre, by steps that move no coordinates, so that the entries of S are smooth in p;
+/// or from there with the poles moved.
 pub(super) struct Coherent<K: Sampling> {
     pub(super) clock: K,
     pub(super) shape: Shape,
@@ -102,13 +107,30 @@ impl<K: Sampling> Coherent<K> {
             let nearest = solved.iter().min_by(|a, b| far(&a.0).total_cmp(&far(&b.0)));
             let start = nearest.map_or(&whole, |(_, candidate)| candidate);
             let here = data.at(*i);
-            let near = match data.unit() {
-                ResidualUnit::Relative => start.clone(),
-                // Lines of a very good signal to noise ratio lead a start astray.
-                ResidualUnit::StandardDeviation => refine(start, &here.blunted(BLUNT), &settings)?.candidate,
+            let fit = |start: &Candidate<K>| -> Result<Refined<K>, RealizeError> {
+                match data.unit() {
+                    ResidualUnit::Relative => refine(start, &here, &settings),
+                    // Lines of a very good signal to noise ratio lead a start astray.
+                    ResidualUnit::StandardDeviation => {
+                        let near = refine(start, &here.blunted(BLUNT), &settings)?;
+                        refine(&near.candidate, &here, &settings)
+                    }
+                }
             };
-            let fitted = refine(&near, &here, &settings)?.candidate;
-            solved.push((delta.clone(), fitted));
+            let mut fitted = fit(start)?;
+            let poles = &here.positions()[0].poles;
+            if fitted.account.rms > MISSED * target(data.unit()) && !poles.is_empty() {
+                let mut m = start.matrix().clone();
+                let mut a = m.view_mut((rigid, rigid), (shape.states, shape.states));
+                a.copy_from(&moved(local.clock(), &a.clone_owned(), poles, data.clock())?);
+                // A start of its own kind: where it leads to nothing, the other one stands.
+                if let Ok(other) = fit(&start.clone().with_matrix(m))
+                    && other.account.rms < fitted.account.rms
+                {
+                    fitted = other;
+                }
+            }
+            solved.push((delta.clone(), fitted.candidate));
         }
         let mut whole_models: Vec<(usize, StateSpace<Discrete>)> = Vec::new();
         for ((_, i, _), (_, candidate)) in order.iter().zip(&solved) {
@@ -208,15 +230,18 @@ impl<K: Sampling> Coherent<K> {
 }
 
 /// A local fit serves a start only: a part of a percent, or the noise, is enough.
-fn local_settings(unit: ResidualUnit) -> Result<CheckedRefineSettings, RealizeError> {
-    let target = match unit {
+fn target(unit: ResidualUnit) -> f64 {
+    match unit {
         ResidualUnit::Relative => 1e-4,
         ResidualUnit::StandardDeviation => 1.0,
-    };
+    }
+}
+
+fn local_settings(unit: ResidualUnit) -> Result<CheckedRefineSettings, RealizeError> {
     RefineSettings::new()
         .max_iterations(20)
         .tolerance(1e-2)
-        .target(target)
+        .target(target(unit))
         .check()
 }
 

@@ -56,6 +56,8 @@ pub mod simulate;
 mod small;
 mod summary;
 mod table;
+#[cfg(test)]
+mod test_kit;
 pub mod validation;
 
 pub use basis::{BasisStage, choose_basis};

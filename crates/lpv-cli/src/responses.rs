@@ -136,7 +136,8 @@ pub(crate) fn periodic_responses(
         .collect::<Vec<Result<_, DataError>>>();
     let mut placed = placed.into_iter().collect::<Result<Vec<_>, DataError>>()?;
     placed.sort_by(|a, b| in_order((a.0, a.1), (b.0, b.1)));
-    let runs = runs(&placed, |(position, ..)| *position);
+    let same = same_position(&placed, |(position, ..)| *position);
+    let runs: Vec<_> = placed.chunk_by(same).collect();
     let counter = Counter::new(progress, "frequency responses", indices.len());
     let found: Vec<Result<AtPosition, (usize, PipelineError)>> = runs
         .into_par_iter()
@@ -231,21 +232,14 @@ fn by_position<T: Send>(
     estimate: impl Fn(&[&Record]) -> Result<T, FrfError> + Sync,
 ) -> Result<Vec<T>, PipelineError> {
     records.sort_by(|a, b| in_order((a.position, &a.name), (b.position, &b.name)));
-    let positions: Vec<Option<f64>> = runs(records, |r| r.position)
-        .into_iter()
-        .flat_map(|run| {
-            let position = common(run.iter().map(|r| r.position));
-            run.iter().map(move |_| position)
-        })
-        .collect();
-    for (record, position) in records.iter_mut().zip(positions) {
-        record.position = position;
-    }
-    let groups = runs(records, |r| r.position);
+    let same = same_position(records, |r| r.position);
+    let groups: Vec<&mut [Record]> = records.chunk_by_mut(same).collect();
     let counter = Counter::new(progress, "frequency responses", groups.len());
     groups
         .into_par_iter()
         .map(|group| {
+            let position = common(group.iter().map(|r| r.position));
+            group.iter_mut().for_each(|r| r.position = position);
             let found = at_position(group, &estimate);
             counter.one();
             found
@@ -290,13 +284,16 @@ fn common(positions: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     Some(all[0] + all.iter().map(|p| p - all[0]).sum::<f64>() / all.len() as f64)
 }
 
-/// Runs at the same position of what is sorted by it.
-fn runs<T>(sorted: &[T], position: impl Fn(&T) -> Option<f64>) -> Vec<&[T]> {
-    let at = |r: &T| position(r).unwrap_or(0.0);
-    let width = sorted.last().map_or(0.0, at) - sorted.first().map_or(0.0, at);
+/// Whether two neighbours of what is sorted by position are at the same one.
+fn same_position<T, F>(sorted: &[T], position: F) -> impl Fn(&T, &T) -> bool + use<T, F>
+where
+    F: Fn(&T) -> Option<f64>,
+{
+    let at = move |r: &T| position(r).unwrap_or(0.0);
+    let width = sorted.last().map_or(0.0, &at) - sorted.first().map_or(0.0, &at);
     let largest = sorted.iter().map(|r| at(r).abs()).fold(0.0, f64::max);
     let same = (SAME_POSITION * width).max(JITTER * largest);
-    sorted.chunk_by(|a, b| (at(b) - at(a)).abs() <= same).collect()
+    move |a, b| (at(b) - at(a)).abs() <= same
 }
 
 /// Whether a scheduling signal stays where it is.

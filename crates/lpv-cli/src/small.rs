@@ -14,6 +14,7 @@ use lfr_realize::{
 };
 use lpv_core::num_complex::Complex;
 use lpv_core::{Continuous, DeltaBlock, Discrete, Frf, FrfEstimate, Lfr, SchedulingRange};
+use pole_fit::PoleFit;
 use serde::{Deserialize, Serialize};
 
 /// A small LFR with its account.
@@ -98,7 +99,8 @@ fn attempt(
     let positions: Vec<f64> = estimates.iter().map(|e| e.position().unwrap_or(0.0)).collect();
     let (low, high) = crate::signal::range(&positions);
     let range = SchedulingRange::interval(low, high)?;
-    let data = &frozen_data(estimates, &positions, clock, poles.relative_error)?;
+    let known: Vec<Vec<Complex<f64>>> = poles.fits.iter().map(modes_of).collect();
+    let data = &frozen_data(estimates, &positions, clock, poles.relative_error)?.with_poles(&known)?;
     let centre = range.centre()[0];
     let nearest = (0..positions.len())
         .min_by(|&a, &b| {
@@ -108,14 +110,7 @@ fn attempt(
         })
         .unwrap_or(0);
     let middle = data.subset(|p| p[0] == positions[nearest])?;
-    let modes: Vec<Complex<f64>> = poles.fits[nearest]
-        .flexible_poles()
-        .into_iter()
-        .filter(|z| {
-            let s = z.ln();
-            z.im != 0.0 && s.re < 0.0 && -s.re <= MOST_DAMPING * s.norm()
-        })
-        .collect();
+    let modes = modes_of(&poles.fits[nearest]);
     if modes.is_empty() {
         return Err(RealizeError::Empty {
             what: "lightly damped modes at the middle position",
@@ -126,8 +121,11 @@ fn attempt(
     let mut reasons = moves.reasons.clone();
     // The gain of the rigid body comes from the middle position; the others know it better together.
     let mut settings = GrowSettings::new().seed(config.seed).gain(GainFit::Free);
+    let mut enough = None;
     if data.unit() == ResidualUnit::StandardDeviation {
-        settings = settings.target(AT_NOISE * expected_residual(estimates));
+        let [single, merged] = expected_residuals(estimates);
+        settings = settings.target(AT_NOISE * merged);
+        enough = Some(AT_NOISE * single);
     }
     let deltas: Vec<Vec<DeltaBlock>> = DELTAS
         .map(|repetitions| {
@@ -143,6 +141,13 @@ fn attempt(
     let mut tried = grow_sizes(&local.flexible, gamma, &few, &deltas, &range, &settings)?;
     let sizes: Vec<SizeRow> = tried.grown.iter().map(SizeRow::new).collect();
     let best = tried.grown.swap_remove(tried.chosen);
+    // Merged lines leave more than all lines do, which decide.
+    let as_it_is = RefineSettings::new().max_iterations(0).check()?;
+    let mut whole = refine(&best.refined.candidate, data, &as_it_is)?;
+    if enough.is_some_and(|enough| whole.account.rms > enough) {
+        whole = refine(&whole.candidate, data, &RefineSettings::new().check()?)?;
+    }
+    let reached = best.reached && enough.is_none_or(|enough| whole.account.rms <= enough);
     let residuals: Vec<String> = sizes
         .iter()
         .map(|s| match s.residual {
@@ -155,21 +160,20 @@ fn attempt(
         "small LFR: {} states with the rigid body exact, residual over the noise of the responses by deltas ({}); the {won} start won{}",
         best.refined.candidate.states(),
         residuals.join(", "),
-        if best.reached { "" } else { "; the noise is not reached" }
+        if reached { "" } else { "; the noise is not reached" }
     ));
-    if !best.reached {
+    if !reached {
         // Coordinates for moves would be those of a model that misses its own data.
         return Ok(SmallStage {
-            lfr: best.refined.candidate.to_lfr()?,
+            lfr: whole.candidate.to_lfr()?,
             sizes,
-            fit: best.refined,
+            fit: whole,
             moving: None,
             at_noise: false,
             reasons,
         });
     }
     let (mut fit, mut moving) = (best.refined, None);
-    let enough = settings.get().target;
     let slow = slow(&modes, &range, clock);
     match (&moves.data, &local.gamma) {
         (Ok(moves), Some(_)) => match standing(&fit, &few, moves, config.seed) {
@@ -185,7 +189,6 @@ fn attempt(
                     account.deltas[2],
                     account.frozen_residual
                 ));
-                let as_it_is = RefineSettings::new().max_iterations(0).check()?;
                 let whole = refine(&found.candidate, data, &as_it_is)?;
                 if enough.is_none_or(|enough| whole.account.rms <= enough) {
                     if account.over_noise[2] > MISSED * account.over_noise[1].max(1.0) {
@@ -210,7 +213,7 @@ fn attempt(
     }
     if moving.is_none() {
         // All lines once more, where few were enough to come near.
-        fit = refine(&fit.candidate, data, &RefineSettings::new().check()?)?;
+        fit = refine(&whole.candidate, data, &RefineSettings::new().check()?)?;
     }
     if positions.len() >= 4 {
         between(&fit.candidate, &few, &mut reasons)?;
@@ -228,6 +231,16 @@ fn attempt(
         moving,
         reasons,
     })
+}
+
+/// The lightly damped poles of a fit.
+fn modes_of(fit: &PoleFit) -> Vec<Complex<f64>> {
+    let mut modes = fit.flexible_poles();
+    modes.retain(|z| {
+        let s = z.ln();
+        z.im != 0.0 && s.re < 0.0 && -s.re <= MOST_DAMPING * s.norm()
+    });
+    modes
 }
 
 fn standing(
@@ -305,17 +318,35 @@ impl SizeRow {
     }
 }
 
-/// Rms residual that noise alone leaves, where its covariance is estimated from `nu` degrees of freedom: the inverse of
-/// the estimate is `nu / (nu - n_y)` too large in the mean.
-fn expected_residual(estimates: &[FrfEstimate]) -> f64 {
-    let factors: Vec<f64> = estimates
-        .iter()
-        .map(|e| {
-            let (nu, ny) = (e.degrees_of_freedom(), e.frf().outputs() as f64);
-            if nu > ny { (nu / (nu - ny)).sqrt() } else { 1.0 }
-        })
-        .collect();
-    crate::signal::median(&factors)
+/// Rms residuals that noise alone leaves, where its covariance is estimated with `nu` degrees of freedom: on single lines
+/// `nu / (nu - n_y)`, the mean of the inverse of the estimate, and on lines that are merged from many
+/// `nu^2 / ((nu - n_y)^2 - 1)`, since lines of an inverse that is too large weigh more than they should (moments of the complex
+/// inverse Wishart distribution \[maiwald2000\]); the square roots of the medians.
+fn expected_residuals(estimates: &[FrfEstimate]) -> [f64; 2] {
+    let median = |factor: fn(f64, f64) -> f64| {
+        let factors = estimates.iter().map(|e| {
+            let (nu, left) = (
+                e.degrees_of_freedom(),
+                e.degrees_of_freedom() - e.frf().outputs() as f64,
+            );
+            // Infinite where the covariance is known.
+            if left > 0.0 && nu.is_finite() {
+                factor(nu, left).sqrt()
+            } else {
+                1.0
+            }
+        });
+        crate::signal::median(&factors.collect::<Vec<_>>())
+    };
+    let single = |nu: f64, left: f64| nu / left;
+    let merged = |nu: f64, left: f64| {
+        if left > 1.0 {
+            nu * nu / (left * left - 1.0)
+        } else {
+            nu / left
+        }
+    };
+    [median(single), median(merged)]
 }
 
 /// Weighted by the covariance, and by the part of the response that noise does not explain; by the size of the responses where they have no noise.

@@ -14,7 +14,7 @@ mod text;
 
 pub use check::{ErrorFigure, Evidence, FrozenCheck, OutputCheck, RecordCheck, Scope, Validation, validate};
 pub use machine::Machine;
-pub use predict::{Predictor, riccati_gain};
+pub use predict::{Predictor, stationary_covariance};
 pub use residual::{CrossCorrelation, Whiteness};
 pub(crate) use rigid::check_axis;
 pub use rigid::{AxisCheck, ClosedLoopAxis};

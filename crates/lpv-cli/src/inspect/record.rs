@@ -121,9 +121,9 @@ pub(super) fn describe_large(bundle: &Bundle, index: usize, file: &str) -> Resul
         last = Some(part);
     })?;
     let rate = bundle.description().sample_rate_hz;
-    // A record without a period has been refused.
     let last = match last {
         Some(last) => last,
+        // A record without a period is refused above.
         None => bundle.load(index)?,
     };
     Ok(RecordInfo {
@@ -210,6 +210,7 @@ fn near_nyquist(x: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_kit::{PERIOD, PERIODS, two_periodic_records};
 
     #[test]
     fn figures_by_hand() {
@@ -222,5 +223,23 @@ mod tests {
         let s = &stats("output", &Signals::new(&["y"], vec![vec![0.0, 4.0, 0.0, 0.0]]))[0];
         // Mean 1, rms sqrt(3), peak 3 above the mean.
         assert!((s.crest_factor - 3.0 / 3f64.sqrt()).abs() < 1e-12);
+    }
+
+    /// A period at a time, or all at once: the same figures, those of the channels from the last period.
+    #[test]
+    fn a_large_record_is_that_of_its_periods() {
+        let (_folder, bundle) = two_periodic_records();
+        let rate = bundle.description().sample_rate_hz;
+        for i in (0..bundle.len()).filter(|i| bundle.description().records[*i].is_periodic()) {
+            let whole = bundle.load(i).unwrap();
+            let mut last = None;
+            bundle.each_period(i, |part| last = Some(part)).unwrap();
+            let expected = RecordInfo {
+                channels: describe(&last.unwrap(), "a", rate).channels,
+                ..describe(&whole, "a", rate)
+            };
+            assert_eq!(describe_large(&bundle, i, "a").unwrap(), expected);
+            assert_eq!(expected.samples, PERIODS * PERIOD);
+        }
     }
 }

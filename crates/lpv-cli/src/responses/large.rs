@@ -117,27 +117,12 @@ mod tests {
     use super::*;
     use crate::progress::silent;
     use crate::responses::periodic_responses;
-    use crate::simulate::{MachineFile, simulate};
+    use crate::test_kit::two_periodic_records;
     use experiment_data::{BundleWriter, RecordFormat};
-    use tempfile::TempDir;
-
-    /// Two periodic records at one position.
-    fn bundle() -> (TempDir, Bundle) {
-        let folder = tempfile::tempdir().unwrap();
-        let file: MachineFile = toml::from_str(
-            "positions = { values = [0.1] }\nmultisine = { period = 2048, periods = 9 }\n\
-             moves = { estimation = 0, validation = 1 }\nsetpoints = { samples = 400 }\n",
-        )
-        .unwrap();
-        let out = folder.path().join("bundle");
-        simulate(&file, &[], &out, RecordFormat::Npz, &|_, _| ()).unwrap();
-        let bundle = Bundle::open(&out).unwrap();
-        (folder, bundle)
-    }
 
     #[test]
     fn a_period_at_a_time_gives_what_whole_records_give() {
-        let (_folder, bundle) = bundle();
+        let (_folder, bundle) = two_periodic_records();
         let periodic = |i: usize| bundle.description().records[i].is_periodic();
         let indices: Vec<usize> = (0..bundle.len()).filter(|i| periodic(*i)).collect();
         assert!(indices.len() == 2 && !is_large(&bundle, &indices));
@@ -162,10 +147,11 @@ mod tests {
             assert_eq!(parts.records, whole[0].records);
         }
     }
+
     /// A scheduling sensor has noise: records at one position are never at exactly the same.
     #[test]
     fn a_noisy_position_is_one_position() {
-        let (folder, bundle) = bundle();
+        let (folder, bundle) = two_periodic_records();
         let out = folder.path().join("noisy");
         let mut writer = BundleWriter::create(&out, bundle.description().clone(), RecordFormat::Npz).unwrap();
         for (i, record) in bundle.records().enumerate() {

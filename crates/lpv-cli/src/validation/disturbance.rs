@@ -4,7 +4,7 @@ use super::machine::Machine;
 use super::predict::Predictor;
 use super::simulate::{Frozen, Run};
 use crate::PipelineError;
-use crate::signal::{deviation, range};
+use crate::signal::deviation;
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{Continuous, Discrete, Purpose, Record, Signals, StateSpace};
 use rayon::prelude::*;
@@ -22,15 +22,20 @@ pub(super) fn disturbance(machine: &Machine, transient: &[Record], noise: Option
     };
     /// Samples that tell decades apart.
     const ENOUGH: usize = 600;
-    likeliest(|part| predictor(machine, record, part, noise)?.errors(record, None, ENOUGH))
+    let errors = |part: f64| predictor(machine, record, part, noise).errors(record, None, ENOUGH);
+    likeliest(errors).0
 }
 
-/// The part of the inputs under which errors of a prediction are most likely.
-fn likeliest(errors: impl Fn(f64) -> Result<DMatrix<f64>, PipelineError> + Sync) -> f64 {
+/// Errors of a prediction.
+type Errors = Result<DMatrix<f64>, PipelineError>;
+
+/// The part of the inputs under which errors of a prediction are most likely, and these errors.
+fn likeliest(errors: impl Fn(f64) -> Errors + Sync) -> (f64, Errors) {
     const TRIED: [f64; 7] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0];
-    let likelihood = |part: f64| {
+    const WHERE_NONE_IS: f64 = 1e-3;
+    let likelihood = |errors: &Errors| {
         // What is no number would count as no error.
-        let errors = errors(part).ok().filter(|e| e.iter().all(|v| v.is_finite()))?;
+        let errors = errors.as_ref().ok().filter(|e| e.iter().all(|v| v.is_finite()))?;
         let sum: f64 = errors
             .row_iter()
             .map(|r| {
@@ -43,46 +48,36 @@ fn likeliest(errors: impl Fn(f64) -> Result<DMatrix<f64>, PipelineError> + Sync)
     };
     TRIED
         .par_iter()
-        .map(|&part| (likelihood(part).unwrap_or(f64::INFINITY), part))
-        .collect::<Vec<_>>()
-        .into_iter()
-        .min_by(|a, b| a.0.total_cmp(&b.0))
-        .map_or(TRIED[3], |(_, part)| part)
+        .filter_map(|&part| {
+            let errors = errors(part);
+            Some((likelihood(&errors)?, part, errors))
+        })
+        .reduce_with(|a, b| if b.0 < a.0 { b } else { a })
+        .map_or_else(
+            || (WHERE_NONE_IS, errors(WHERE_NONE_IS)),
+            |(_, part, errors)| (part, errors),
+        )
 }
 
-/// Positions at which gains are computed.
-const GAIN_POSITIONS: usize = 5;
-
-/// A gain for inputs disturbed by the part `part` of their rms, or the model's own.
+/// The Kalman filter for inputs disturbed by the part `part` of their rms, or the model's own gain.
 pub(super) fn predictor<'a>(
     machine: &'a Machine,
     record: &Record,
     part: f64,
     noise: Option<&[f64]>,
-) -> Result<Predictor<'a, Machine>, PipelineError> {
+) -> Predictor<'a, Machine> {
     match machine.gain() {
-        Some(gain) => Ok(Predictor::with_gain(machine, gain.clone())),
-        None => for_part(machine, machine.range().is_some(), record, part, noise),
+        Some(gain) => Predictor::with_gain(machine, gain.clone()),
+        None => for_part(machine, record, part, noise),
     }
 }
 
 fn for_part<'a, M: Frozen>(
     model: &'a M,
-    moves: bool,
     record: &Record,
     part: f64,
     noise: Option<&[f64]>,
-) -> Result<Predictor<'a, M>, PipelineError> {
-    let positions = match record.scheduling.columns.first() {
-        Some(p) if moves => {
-            let (low, high) = range(p);
-            let steps = if high > low { GAIN_POSITIONS - 1 } else { 0 };
-            (0..=steps)
-                .map(|i| low + (high - low) * i as f64 / steps.max(1) as f64)
-                .collect()
-        }
-        _ => Vec::new(),
-    };
+) -> Predictor<'a, M> {
     // Without a known noise only its ratio to the disturbance matters, and that is scanned.
     let noise: Vec<f64> = match noise {
         Some(noise) => noise.to_vec(),
@@ -99,7 +94,7 @@ fn for_part<'a, M: Frozen>(
         .iter()
         .map(|u| part * deviation(u))
         .collect();
-    Predictor::for_disturbance(model, &positions, &inputs, &noise)
+    Predictor::for_disturbance(model, &inputs, &noise)
 }
 
 /// The linear part of a base, sampled.
@@ -134,9 +129,8 @@ pub(super) fn errors_about(
         ..record.clone()
     };
     // The size of the inputs is that of the record.
-    let errors =
-        |part: f64| for_part(&model, true, record, part, noise)?.errors(&deviation, None, record.len());
-    errors(likeliest(errors))
+    let errors = |part: f64| for_part(&model, record, part, noise).errors(&deviation, None, record.len());
+    likeliest(errors).1
 }
 
 fn less(signals: &Signals, simulated: &DMatrix<f64>) -> Signals {

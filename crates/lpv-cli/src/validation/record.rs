@@ -84,8 +84,9 @@ impl Context<'_> {
                 })
             }
             (Some(_), None) => Ok(DMatrix::zeros(0, record.len())),
-            (None, _) => predictor(self.machine, record, self.disturbance, self.noise)
-                .and_then(|p| p.errors(record, x0, record.len())),
+            (None, _) => {
+                predictor(self.machine, record, self.disturbance, self.noise).errors(record, x0, record.len())
+            }
         };
         let (open, closed) = match with_effects {
             Some(runs) => runs,

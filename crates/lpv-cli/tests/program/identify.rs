@@ -297,3 +297,29 @@ fn friction_in_the_grid_is_told_and_not_fatal() {
         "{reasons}"
     );
 }
+
+/// Resonances that move by several times their width from one position to the next, as measured in closed loop: where the frozen models
+/// lose them they begin anew with the poles that were found there, and the small LFR explains the moves too.
+#[test]
+fn resonances_move_by_more_than_their_width() {
+    let desk = Desk::new();
+    desk.write(
+        "machine.toml",
+        "positions = { count = 11 }\nmoves = { estimation = 3, validation = 2 }\n[machine]\n\
+         carriage-mass-kg = 9.89\nbeam-mass-kg = 25.0\ncarriage-inertia-kg-m2 = 0.212\nbeam-inertia-kg-m2 = 1.0\nhalf-beam-m = 0.51\n\
+         stiffness-y-n-per-m = 483.5\nstiffness-r-n-m-per-rad = 27.28\n\
+         damping-y-n-s-per-m = 0.81\ndamping-r-n-m-s-per-rad = 0.032\n",
+    );
+    desk.done("simulate --machine machine.toml -o bundle");
+    let summary = desk.json("identify bundle -o model.json --json");
+    let (_, [states, deltas]) = frozen(&desk, "model.json", 0.0, 20.0);
+    assert_eq!((states, deltas), (8, 4), "{}", summary["reasons"]);
+    let checks = desk.json("validate model.json bundle --json");
+    // A slow move and a fast one, along which gains of constant positions lose the machine.
+    for place in ["0/outputs/0", "0/outputs/1", "1/outputs/0", "1/outputs/1"] {
+        for (kind, most) in [("one_step", 1.1), ("closed_loop", 1.2)] {
+            let over = number(&checks, &format!("/records/{place}/{kind}/over_noise"));
+            assert!((0.5..most).contains(&over), "{place}, {kind}: {over}");
+        }
+    }
+}

@@ -3,9 +3,10 @@
 `python pipeline_numpy.py [--quick]` prints one JSON object. Positions run side by side on as many threads as OMP_NUM_THREADS says;
 with more than one, OPENBLAS_NUM_THREADS=1 keeps the products of matrices from taking the same cores again.
 
-Where this is plainer than the library: the centres of FKcM come from damped Newton steps on a smoothed maximum instead of a bisection
-on discs, poles from vector fitting and Gauss-Newton without their covariance, and the LFR takes all outputs through each delta block.
-Left out: noise-free copies, coverage, the continuous loop, the minimax polish, noise-free and unregularised regressions, stated errors.
+The steps are those of `cargo xtask reproduce` with its checks against the plant, but for the margins of the loop and the condition of the
+inputs. Where this is plainer: the centres of FKcM come from damped Newton steps on a smoothed maximum instead of a bisection on discs, and
+its alternation is had on the way to the joint descent; the minimax polish takes all points at once; poles come from vector fitting and
+Gauss-Newton from one start; the LFR takes all outputs through each delta block.
 """
 
 import json
@@ -19,11 +20,13 @@ import numpy as np
 import scipy.fft
 import scipy.linalg
 import scipy.signal
+import scipy.stats
 from numpy.polynomial import chebyshev
 from scipy.interpolate import CubicSpline, make_interp_spline
 
 QUICK = "--quick" in sys.argv[1:]
 PERIOD, PERIODS, SKIP = (1 << 13, 12, 4) if QUICK else (1 << 15, 25, 10)
+CLEAN_PERIODS = 4
 SIZES = (8, 16) if QUICK else (8, 12, 16, 20, 24, 28, 32)
 TABLE_SIZES = (4, 8, 12, 16)
 REFINEMENT = 2 if QUICK else 4
@@ -32,7 +35,7 @@ POSITIONS, CHOSEN, ORDER, TABLE_LINES, SAMPLES = 21, 16, 17, 1500, 4000
 SEED, T, STROKE, AMPLITUDE = 0, 0.05, 0.3, 1e-4
 NOISE = np.array([1e-7, 5e-6]) / 3
 BAND = 3.0
-FUZZINESS, STARTS, ALTERNATIONS = 35.0, 8, 100
+FUZZINESS, STARTS, EXTRA_STARTS, ALTERNATIONS = 35.0, 8, 3, 100
 TAU = 2 * np.pi
 POOL = ThreadPoolExecutor(int(os.environ.get("OMP_NUM_THREADS") or os.cpu_count()))
 
@@ -95,16 +98,20 @@ def rigid_body(z):
     return (z + 1) / (z - 1) ** 2
 
 
-def controller(bandwidth):
-    """Lead-lag-integrator with roll-off, sampled with a held error."""
+def continuous_controller(bandwidth):
+    """Lead-lag-integrator with roll-off."""
     w = TAU * bandwidth
     roll = 6 * w
     poles = [0, -3 * w, *np.roots([1, 1.4 * roll, roll**2])]
     zeros = [-w / 8, -w / 3]
     s = 1j * w
     gain = w**2 / abs(np.prod(s - np.array(zeros)) / np.prod(s - np.array(poles)))
-    a, b, c, d = scipy.signal.zpk2ss(zeros, poles, gain)
-    return scipy.signal.cont2discrete((a, b, c, d), T, "zoh")[:4]
+    return scipy.signal.zpk2ss(zeros, poles, gain)
+
+
+def controller(bandwidth):
+    """The same, sampled with a held error."""
+    return scipy.signal.cont2discrete(continuous_controller(bandwidth), T, "zoh")[:4]
 
 
 def beside(k):
@@ -135,7 +142,7 @@ def multisine():
 
 
 def loop(p, k):
-    """Closed loop from w = r - v to [y', u'], and the length after which its memory is below rounding."""
+    """Closed loop from w = r - v to [y', u']."""
     a, b, c = sampled(p)
     ak, bk, ck, dk = beside(k)
     n, m = len(a), len(ak)
@@ -143,25 +150,38 @@ def loop(p, k):
     b = np.vstack([b @ dk, bk])
     c = np.block([[c, np.zeros((2, m))], [-dk @ c, ck]])
     d = np.vstack([np.zeros((2, 2)), dk])
-    radius = abs(np.linalg.eigvals(a)).max()
-    return (a, b, c, d), int(np.ceil(np.log(1e-17) / np.log(radius)))
+    return a, b, c, d
 
 
-def experiment(index, p, signal, k):
-    """Two orthogonal experiments from rest, by overlap-add with the closed loop's pulse response, and their FRF."""
-    (a, b, c, d), memory = loop(p, k)
+def continuous_loop(p, k):
+    """The same with a continuous controller, which is strictly proper; nothing but r is held."""
+    a, b, c = plant(p)
+    ak, bk, ck, _ = beside(k)
+    n, m = len(a), len(ak)
+    a, b = held(np.block([[a, b @ ck], [-bk @ c, ak]]), np.vstack([np.zeros((n, 2)), bk]))
+    c = np.block([[c, np.zeros((2, m))], [np.zeros((2, n)), ck]])
+    return a, b, c, np.zeros((4, 2))
+
+
+def transfer(system):
+    """Transform of the pulse response of a loop, and its length: that of a period and of the memory above rounding."""
+    a, b, c, d = system
+    memory = int(np.ceil(np.log(1e-17) / np.log(abs(np.linalg.eigvals(a)).max())))
     x, power = b, a
     while x.shape[1] < 2 * memory:
         x, power = np.hstack([x, power @ x]), power @ power
     pulses = np.concatenate([d[:, None], (c @ x).reshape(4, -1, 2)[:, :memory]], 1)
     n = scipy.fft.next_fast_len(PERIOD + memory, real=True)
-    through = scipy.fft.rfft(pulses, n, axis=1).transpose(0, 2, 1).copy()
-    rng = np.random.default_rng([SEED, index])
-    r = np.stack([[signal, signal], [signal, -signal]])
-    tail = 0.0
-    spectra = np.empty((PERIODS - SKIP, 2, 4, PERIOD // 2 - 1), complex)
-    for period in range(PERIODS):
-        noise = rng.standard_normal((2, 2, PERIOD)) * NOISE[:, None]
+    return scipy.fft.rfft(pulses, n, axis=1).transpose(0, 2, 1).copy(), n
+
+
+def estimate(through, n, r, periods, skip, rng=None):
+    """FRF of two experiments from rest, by overlap-add with the pulse response of the loop; without a generator, without noise."""
+    tail, noise = 0.0, np.zeros((2, 2, PERIOD))
+    spectra = np.empty((periods - skip, 2, 4, PERIOD // 2 - 1), complex)
+    for period in range(periods):
+        if rng is not None:
+            noise = rng.standard_normal((2, 2, PERIOD)) * NOISE[:, None]
         w = scipy.fft.rfft(r - noise, n)
         z = through[:, 0] * w[:, None, 0]
         z += through[:, 1] * w[:, None, 1]
@@ -170,9 +190,28 @@ def experiment(index, p, signal, k):
         z[..., : n - PERIOD] += tail
         z, tail = z[..., :PERIOD], z[..., PERIOD:].copy()
         z[:, :2] += noise
-        if period >= SKIP:
-            spectra[period - SKIP] = scipy.fft.rfft(z)[..., 1:-1]
+        if period >= skip:
+            spectra[period - skip] = scipy.fft.rfft(z)[..., 1:-1]
     return frf(spectra, scipy.fft.rfft(r)[..., 1:-1])
+
+
+def relative(f, truth):
+    """Relative error by line, of the Frobenius norms."""
+    return np.sqrt((abs(f - truth) ** 2).sum((0, 1)) / (abs(truth) ** 2).sum((0, 1)))
+
+
+def experiment(index, p, r, k, z):
+    """Two orthogonal experiments with noise, and their copies without: the FRF, and how it lies about the true one."""
+    through, n = transfer(loop(p, k))
+    found = estimate(through, n, r, PERIODS, SKIP, np.random.default_rng([SEED, index]))
+    clean = estimate(through, n, r, CLEAN_PERIODS, CLEAN_PERIODS // 2)[0]
+    truth = response(*sampled(p), z).transpose(1, 2, 0)
+    f, c, s = found
+    # |dF|^2 over its variance is distributed as F(2, 2 nu).
+    quantile = scipy.stats.f.ppf(0.95, 2, 4 * (PERIODS - SKIP - 1))
+    variance = np.einsum("iil,jjl->ijl", c, s).real
+    inside = np.mean(abs(f - truth) ** 2 <= quantile * variance)
+    return found, (relative(f, truth), relative(clean, truth).max(), inside)
 
 
 def inverse(m):
@@ -199,9 +238,23 @@ def frf(spectra, r):
     return f, c, s
 
 
-def experiments(positions):
+def experiments(positions, frequencies):
     signal, k = multisine(), controller(0.2)
-    return list(POOL.map(lambda i: experiment(i, positions[i], signal, k), range(len(positions))))
+    r, z = np.stack([[signal, signal], [signal, -signal]]), np.exp(1j * TAU * T * frequencies)
+    runs = list(POOL.map(lambda i: experiment(i, positions[i], r, k, z), range(len(positions))))
+    errors, clean, inside = zip(*(account for _, account in runs))
+    modes = (frequencies >= 1) & (frequencies <= 3)
+    through, n = transfer(continuous_loop(positions[0], continuous_controller(0.2)))
+    held_input = estimate(through, n, r, CLEAN_PERIODS, CLEAN_PERIODS // 2)[0]
+    truth = response(*sampled(positions[0]), z).transpose(1, 2, 0)
+    account = {
+        "noise_free_max_rel": float(max(clean)),
+        "coverage95": float(np.mean(inside)),
+        "median_rel": float(np.median(errors)),
+        "median_rel_modes": float(np.median(np.array(errors)[:, modes])),
+        "continuous_median_rel": float(np.median(relative(held_input, truth))),
+    }
+    return [found for found, _ in runs], account
 
 
 # Poles.
@@ -233,10 +286,14 @@ def solve_scaled(h, rhs):
 
 
 def fit_poles(f, c, s, z):
-    """Two integrators and two modes common to all channels: vector fitting, then Gauss-Newton, weighted by the covariance."""
+    """Two integrators and two modes common to all channels: vector fitting, then Gauss-Newton, weighted by the covariance.
+
+    Gives the poles, the variance of each, and how far the cost is above its expectation, in standard deviations.
+    """
     right, lines = inverse(s), len(z)
     weight = np.einsum("kil,jml->kmijl", inverse(c), right).reshape(4, 4, lines)
-    weight /= abs(weight).mean()
+    size = abs(weight).mean()
+    weight /= size
     f = f.reshape(4, lines)
     integrators = np.stack([1 / (z - 1), 1 / (z - 1) ** 2])
     weighted = np.einsum("cdl,dl->cl", weight, f)
@@ -305,7 +362,12 @@ def fit_poles(f, c, s, z):
         else:
             break
         poles, (cost, gradient, normal) = trial, found
-    return poles[np.argsort(np.angle(poles))]
+    # The covariance has 2 (M - 1) degrees of freedom: its inverse has a larger mean than that of the true one, and scatters.
+    degrees = 2 * (PERIODS - SKIP - 1)
+    variance = np.diag(np.linalg.inv(2 * size * normal)).reshape(2, 2).sum(1) * degrees**2 / ((degrees - 2) ** 2 - 1)
+    freedom = (4 * lines - 14) * degrees / (degrees - 2)
+    order = np.argsort(np.angle(poles))
+    return poles[order], variance[order], (size * cost - freedom) / np.sqrt(freedom)
 
 
 # Basis: FKcM.
@@ -395,11 +457,9 @@ def minimax(model, v, sharpness, steps):
     return best, best_v
 
 
-def fkcm(z, functions):
-    """Poles of the upper half plane that minimise the fuzzy cost over the observed ones, from Leja starts."""
-    n = functions // 2
-    rng = np.random.default_rng([SEED, functions])
-    v = np.empty((STARTS, n), complex)
+def leja(z, starts, n, rng):
+    """Poles one after the other, each near the point that those before cover least."""
+    v = np.empty((starts, n), complex)
     for start in v:
         sums = np.zeros(len(z))
         following = rng.integers(len(z))
@@ -409,6 +469,14 @@ def fkcm(z, functions):
             start[i] = moved.real + 1j * abs(moved.imag)
             sums += log_distances(z, start[i : i + 1])[:, 0]
             following = np.argmax(sums)
+    return v
+
+
+def fkcm(z, functions):
+    """Poles of the upper half plane that minimise the fuzzy cost over the observed ones, from Leja starts, and those of the
+    alternation that comes first."""
+    n = functions // 2
+    v = leja(z, STARTS, n, np.random.default_rng([SEED, functions]))
 
     def centre(weight):
         def model(v):
@@ -441,7 +509,20 @@ def fkcm(z, functions):
         value, influence = power_mean(np.log(abs(upper[0] * lower[0])))
         return n * value, n * influence * (upper[1] + lower[1]), n * influence * (upper[2] + lower[2])
 
+    alternation = best[np.argmin(cost)]
     cost, best = minimax(joint, best, 4.0 ** np.arange(1, 10), 24)
+    return best[np.argmin(cost)], alternation
+
+
+def polish(z, v):
+    """Poles with the least n-width cost over z, from v and from Leja starts."""
+
+    def model(v):
+        upper, lower = (chart(v[:, None], x[:, None]) for x in (z, z.conj()))
+        return np.log(abs(upper[0] * lower[0])).sum(-1), upper[1] + lower[1], upper[2] + lower[2]
+
+    starts = np.concatenate([v[None], leja(z, EXTRA_STARTS, len(v), np.random.default_rng([SEED, len(v)]))])
+    cost, best = minimax(model, starts, 4.0 ** np.arange(1, 10), 24)
     return best[np.argmin(cost)]
 
 
@@ -539,6 +620,8 @@ class Fits:
         factors = np.array(list(POOL.map(lambda e: whitened_triangle(e, phi, phi_r, model_error), estimates)))
         n = 4 * len(phi)
         self.poles, self.equations = poles, 8 * len(z)
+        # The cost at each position with gains of its own, over what the covariance expects.
+        self.cost_over_expected = np.median(factors[:, -1, -1] ** 2 / (self.equations - n - 2))
         below = factors[:, n:, n:].reshape(-1, 3)
         self.gains = np.linalg.lstsq(below[:, :2], below[:, 2], rcond=None)[0]
         self.r11 = factors[:, :n, :n]
@@ -619,30 +702,45 @@ class Grid:
         self.in_band = self.frequencies <= BAND
 
     def errors(self, g):
-        """Largest and median relative error over the band, then up to Nyquist, in dB."""
+        """Largest and median relative error over the band, then up to Nyquist, in dB: at all positions, at those measured, between."""
         error = np.sqrt((abs(g - self.truth) ** 2).sum((1, 2))) / self.size
-        parts = error[:, self.in_band], error
+        measured = np.arange(len(error)) % REFINEMENT == 0
+        rows = error, error[measured], error[~measured]
+        parts = [part for e in rows for part in (e[:, self.in_band], e)]
         return [float(20 * np.log10(f(part))) for part in parts for f in (np.max, np.median)]
+
+    def by_channel(self, g):
+        """Largest and median error of each channel over the size of the response, in dB."""
+        error = (abs(g - self.truth) / self.size[:, None, None]).transpose(1, 2, 0, 3).reshape(4, -1)
+        return [[float(20 * np.log10(f(e))) for f in (np.max, np.median)] for e in error]
+
+    def exact(self):
+        """The true responses at the measured positions, every line weighted by its size."""
+        unit = np.broadcast_to(np.eye(2)[..., None], (2, 2, len(self.z)))
+        return [(f, unit * (abs(f) ** 2).sum((0, 1)), unit) for f in self.truth[::REFINEMENT]]
 
 
 def identify(estimates, frequencies, poles, positions, bases, grid):
     """The model with the chosen size on all lines, and the table over sizes and interpolations on fewer."""
     fine = between(poles, positions)
 
-    def fit(functions, step):
+    def fit(functions, step, pure=False):
         if functions not in bases:
-            bases[functions] = fkcm(poles.ravel(), functions)
-        error = 10 ** (n_width_db(bases[functions], fine) / 20)
+            bases[functions] = fkcm(poles.ravel(), functions)[0]
+        error = 0 if pure else 10 ** (n_width_db(bases[functions], fine) / 20)
         few = [[x[..., ::step] for x in e] for e in estimates]
         return Fits(few, frequencies[::step], bases[functions], error)
 
     maps = {kind: cardinals(kind, positions, grid.positions) for kind in KINDS}
-    fits = fit(CHOSEN, 1)
+    fits, step = fit(CHOSEN, 1), -(-len(frequencies) // TABLE_LINES)
     costs = {kind: fits.leave_one_out(kind, positions) for kind in KINDS}
-    account = {"chosen": min(costs, key=costs.get)}
-    for kind in KINDS:
+    account = {"chosen": min(costs, key=costs.get), "cost_over_expected": fit(CHOSEN, step, True).cost_over_expected}
+    account["recommended"] = grid.errors(fits.responses(maps[account["chosen"]], grid.z))
+    for kind in (("polynomial", ORDER), ("chebyshev", ORDER)):
         account[kind] = grid.errors(fits.responses(maps[kind], grid.z))
-    step = -(-len(frequencies) // TABLE_LINES)
+    account["by_channel"] = grid.by_channel(fits.responses(maps[account["chosen"]], grid.z))
+    exact = Fits(grid.exact(), grid.frequencies, fits.poles, 0)
+    account["noise_free"] = grid.errors(exact.responses(maps["spline", 3], grid.z))
     table = {}
     for functions in SIZES:
         own = fit(functions, step)
@@ -692,8 +790,10 @@ class Lfr:
 
 
 def realise(fits, kind, positions, grid):
-    """The LFR and its largest relative difference from the model on the grid."""
+    """The LFR, which is well-posed everywhere, and its largest relative difference from the model on the grid."""
     lfr = Lfr(fits, kind, positions)
+    if np.tril(lfr.d11).any():
+        raise RuntimeError("I - D11 delta may be singular")
     z = grid.z[::8]
     g = fits.responses(cardinals(kind, positions, grid.positions), z)
     own = np.array(list(POOL.map(lambda s: response(*s, z).transpose(1, 2, 0), zip(*lfr.frozen(grid.positions)))))
@@ -826,17 +926,21 @@ def main():
 
     positions = np.linspace(-STROKE, STROKE, POSITIONS)
     frequencies = np.arange(1, PERIOD // 2) / (PERIOD * T)
-    estimates = experiments(positions)
+    estimates, responses = experiments(positions, frequencies)
     lap("experiments_frf")
     z = np.exp(1j * TAU * T * frequencies)
-    poles = np.array(list(POOL.map(lambda e: fit_poles(*e, z), estimates)))
+    poles, variances, excess = map(np.array, zip(*POOL.map(lambda e: fit_poles(*e, z), estimates)))
     distance = abs(poles[:, :, None] - true_poles(positions)[:, None]).min(-1)
+    truth, grid = true_poles(np.linspace(-STROKE, STROKE, CONTINUUM)).ravel(), Grid()
     lap("poles")
-    truth = true_poles(np.linspace(-STROKE, STROKE, CONTINUUM)).ravel()
-    bases = {n: fkcm(poles.ravel(), n) for n in TABLE_SIZES}
-    table_one = {n: [float(n_width_db(v, truth)), float(n_width_db(v, poles.ravel()))] for n, v in bases.items()}
+    found = dict(zip(TABLE_SIZES, POOL.map(lambda n: fkcm(poles.ravel(), n), TABLE_SIZES)))
+    bases = {n: v for n, (v, _) in found.items()}
+    polished = POOL.map(lambda n: polish(truth, bases[n]), TABLE_SIZES)
+    table_one = {
+        n: [float(n_width_db(v, at)) for v, at in ((fuzzy, truth), (fuzzy, poles.ravel()), (alternation, truth), (best, truth))]
+        for (n, (fuzzy, alternation)), best in zip(found.items(), polished)
+    }
     lap("basis")
-    grid = Grid()
     fits, account, table = identify(estimates, frequencies, poles, positions, bases, grid)
     lap("obf")
     differences = {}
@@ -845,19 +949,23 @@ def main():
     lap("lfr")
     in_time = time_domain(lfr, positions)
     lap("time")
-    spline = account["spline", 3]
+    recommended = account["recommended"]
     print(json.dumps({
         "stage_seconds": seconds,
         "wall_seconds": time.perf_counter() - start,
         "peak_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "frf": responses,
         "worst_pole_percent": float(100 * distance.max()),
-        "band_strict_max_db": spline[0],
-        "band_median_db": spline[1],
+        "pole_error_over_deviation": float(np.sqrt(np.mean(distance**2 / variances))),
+        "worst_cost_excess": float(excess.max()),
+        "band_strict_max_db": recommended[0],
+        "band_median_db": recommended[1],
         "lfr_direct_max_rel": max(differences.values()),
-        "n_width_true_and_estimated_db": table_one,
+        "n_width_true_estimated_alternation_minimax_db": table_one,
+        "cost_over_expected": float(account["cost_over_expected"]),
+        "noise_free_band_strict_max_db": account["noise_free"][0],
+        "by_channel_db": account["by_channel"],
         "interpolation_by_leave_one_out": " ".join(map(str, account["chosen"])),
-        "its_band_strict_max_db": account[account["chosen"]][0],
-        "its_band_median_db": account[account["chosen"]][1],
         "table_spline_band_db": {n: table[n, ("spline", 3)][:2] for n in SIZES},
         "polynomial_band_strict_max_db": account["polynomial", ORDER][0],
         "time_over_noise": in_time,

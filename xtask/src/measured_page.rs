@@ -122,8 +122,8 @@ fn machine_plain(case: &Case) -> String {
         "sensor noise 3.3e-8, 1.7e-6".into(),
     ));
     out += &table(&rows);
-    out += "\nErrors on the moves, root mean square as multiples of that noise. The model was made from constant positions only; \
-            its state coordinates are those of the basis and not of the machine, which is what shows when p moves fast.\n\n\
+    out += "\nErrors on the moves, root mean square as multiples of that noise. Along a fast move such a machine is unstable in open loop \
+            (its stiffness is modulated near twice a mode), and the least difference grows; prediction and closed loop judge the model there.\n\n\
             | record | use | output | one step | open loop | closed loop |\n|---|---|---|---|---|---|\n";
     for r in &case.validation.records {
         for o in &r.outputs {

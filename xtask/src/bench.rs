@@ -53,7 +53,8 @@ pub(crate) fn count(profile: &str) -> Result<Option<BTreeMap<String, u64>>, Task
         return Ok(None);
     };
     let output = Command::new("cargo")
-        .args(["bench", "--profile", profile, "--package", "lpv-benches"])
+        // The whole workspace, so that its crates have the features with which the tests have built them.
+        .args(["bench", "--profile", profile, "--workspace"])
         .args(["--bench", "instructions"])
         .env("GUNGRAUN_RUNNER", runner)
         .env("GUNGRAUN_COLOR", "never")

@@ -26,10 +26,29 @@ impl Planes {
         Self { re, im }
     }
 
-    /// Overwrites as many lines as there are values.
-    pub(crate) fn gather(&mut self, values: impl Iterator<Item = Complex<f64>>) {
-        for ((re, im), v) in self.re.iter_mut().zip(&mut self.im).zip(values) {
-            (*re, *im) = (v.re, v.im);
+    /// Overwrites as many lines as are named with entry `at` of each times a factor; `values` has `size` entries a line.
+    pub(crate) fn gather(
+        &mut self,
+        (values, size): (&[Complex<f64>], usize),
+        lines: &[usize],
+        at: usize,
+        factor: f64,
+    ) {
+        let (re, im) = (self.re.iter_mut(), self.im.iter_mut());
+        match lines {
+            // Neighbours mostly, which can be read as they stand.
+            [first, .., last] if last - first + 1 == lines.len() => {
+                let values = values[first * size..(last + 1) * size].chunks_exact(size);
+                for ((re, im), line) in re.zip(im).zip(values) {
+                    (*re, *im) = (factor * line[at].re, factor * line[at].im);
+                }
+            }
+            _ => {
+                for ((re, im), k) in re.zip(im).zip(lines) {
+                    let value = values[k * size + at];
+                    (*re, *im) = (factor * value.re, factor * value.im);
+                }
+            }
         }
     }
 

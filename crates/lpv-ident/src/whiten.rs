@@ -90,10 +90,15 @@ impl Whitening {
         if relative == 0.0 {
             return;
         }
-        for (at, &k) in lines.iter().enumerate() {
-            let trace = estimate.input_factor(k).trace().re;
-            for (i, row) in estimate.frf().line(k).row_iter().enumerate() {
-                self.left.entries[place(i, i)].re[at] += 0.5 * relative.powi(2) * row.norm_squared() / trace;
+        let (ny, nu) = (self.left.size, self.right_adjoint.size);
+        let (values, factors) = (estimate.frf().values(), estimate.input_factors());
+        for (at, k) in lines.iter().enumerate() {
+            let line = &values[k * ny * nu..(k + 1) * ny * nu];
+            let factor = &factors[k * nu * nu..(k + 1) * nu * nu];
+            let trace: f64 = factor.iter().step_by(nu + 1).map(|v| v.re).sum();
+            for i in 0..ny {
+                let size: f64 = line[i..].iter().step_by(ny).map(|v| v.norm_sqr()).sum();
+                self.left.entries[place(i, i)].re[at] += 0.5 * relative.powi(2) * size / trace;
             }
         }
     }
@@ -141,8 +146,7 @@ impl Lower {
         let n = self.size;
         for i in 0..n {
             for j in 0..=i {
-                let values = lines.iter().map(|k| matrices[k * n * n + j * n + i] * factor);
-                self.entries[place(i, j)].gather(values);
+                self.entries[place(i, j)].gather((matrices, n * n), lines, j * n + i, factor);
             }
         }
     }

@@ -8,8 +8,8 @@
 //!
 //! with `s`, `t` the channels and `n`, `m` the functions. The 2x2 case with 16 functions needs 2080 sums of products so, an
 //! eighth of what reflections of the rows take. Normal equations square the condition, and so they are used where that
-//! leaves half of the digits to their triangular factor; the solution is corrected with the residuals of the equations
-//! themselves, which gives back the digits that the squaring has cost (Bjorck, Linear Algebra Appl. 88/89, 1987).
+//! leaves half of the digits to their triangular factor. Where the squaring has cost more than a few, the solution is corrected
+//! with the residuals of the equations themselves, which gives them back (Bjorck, Linear Algebra Appl. 88/89, 1987).
 
 mod products;
 mod sums;
@@ -26,10 +26,10 @@ use products::Products;
 use pulp::{Simd, WithSimd};
 use std::ops::Range;
 use sums::{ROWS, Sums};
-use weights::{Weighted, Weights};
+use weights::{Weighted, Weights, WeightsAt};
 
 /// Lines at once: their planes stay in the fastest cache.
-const BLOCK: usize = 128;
+const BLOCK: usize = 256;
 
 /// Condition of the scaled regressors beyond which reflections take over: their triangle keeps five digits then.
 const MOST: f64 = 3e5;
@@ -50,26 +50,27 @@ pub(super) struct Left {
 }
 
 /// The triangular factors of `[Phi_W, Phi_c, F]`, whitened, without their last rows, of positions that share their
-/// regressors: the products of the functions serve all of them. None where equations are too badly conditioned for this
-/// way.
-pub(super) fn eliminate(group: &[Equations<'_>]) -> Result<Option<Vec<Eliminated>>, IdentError> {
+/// regressors: the products of the functions serve all of them. With what no model leaves. None where equations are too badly
+/// conditioned for this way.
+pub(super) fn eliminate(group: &[Equations<'_>]) -> Result<Option<Vec<(Eliminated, Left)>>, IdentError> {
     let Some(first) = group.first() else {
         return Ok(Some(Vec::new()));
     };
     let mut passes: Vec<Pass<'_>> = group.iter().map(Pass::new).collect();
-    let mut products: Vec<Products> = group.iter().map(Products::new).collect();
     let functions = first.all_functions();
+    let mut products = Products::new(functions.len(), first.channels(), group.len());
+    let mut weights = first.weights(group.len());
     for block in 0..first.blocks() {
-        for pass in &mut passes {
-            pass.step(block, None)?;
+        for (position, pass) in passes.iter_mut().enumerate() {
+            pass.step(block, None, weights.at(position))?;
         }
-        let weights: Vec<&Weights> = passes.iter().map(|p| &p.weights).collect();
-        products::add(&mut products, &weights, &functions, first.range(block));
+        products.add(&weights, &functions, first.range(block));
     }
-    let factors = passes
-        .iter()
-        .zip(&products)
-        .map(|(pass, products)| pass.equations.factor(products, &pass.left()));
+    let factors = passes.iter().enumerate().map(|(position, pass)| {
+        let gram = products.matrix(position, pass.equations);
+        let left = pass.left();
+        Some((pass.equations.factor(&gram, &left)?, left))
+    });
     Ok(factors.collect())
 }
 
@@ -102,8 +103,12 @@ impl Equations<'_> {
         regressors.functions().iter().chain(regressors.rigid()).collect()
     }
 
-    fn factor(&self, products: &Products, left: &Left) -> Option<Eliminated> {
-        let gram = products.matrix(self);
+    fn weights(&self, positions: usize) -> Weights {
+        let frf = self.estimate.frf();
+        Weights::new(frf.outputs(), frf.inputs(), positions)
+    }
+
+    fn factor(&self, gram: &DMatrix<f64>, left: &Left) -> Option<Eliminated> {
         let columns = gram.nrows();
         let scale = gram.diagonal().map(f64::sqrt);
         let scaled = DMatrix::from_fn(columns, columns, |i, j| gram[(i, j)] / (scale[i] * scale[j]));
@@ -146,8 +151,9 @@ impl Equations<'_> {
         for (term, gain) in self.settings.rigid_body().iter().zip(gains.iter()) {
             model[(term.input * fit.weights.nrows() + term.output, ng)] += *gain;
         }
+        let mut weights = self.weights(1);
         for block in 0..self.blocks() {
-            pass.step(block, Some(&model))?;
+            pass.step(block, Some(&model), weights.at(0))?;
         }
         let left = pass.left();
         eliminated.set_right(&left.gradient);
@@ -161,7 +167,6 @@ struct Pass<'a> {
     functions: Vec<&'a Planes>,
     lines: Vec<usize>,
     whitening: Whitening,
-    weights: Weights,
     residual: Vec<Planes>,
     weighted: Weighted,
     cost: f64,
@@ -178,7 +183,6 @@ impl<'a> Pass<'a> {
             equations,
             lines: super::eliminate::kept(equations.estimate, equations.settings),
             whitening: Whitening::new(ny, nu, BLOCK),
-            weights: Weights::new(ny, nu),
             residual: vec![Planes::zeros(BLOCK); ny * nu],
             weighted: Weighted::new(ny * nu),
             cost: 0.0,
@@ -188,7 +192,12 @@ impl<'a> Pass<'a> {
     }
 
     /// A block, for the coefficients of a model or for none.
-    fn step(&mut self, block: usize, model: Option<&DMatrix<f64>>) -> Result<(), IdentError> {
+    fn step(
+        &mut self,
+        block: usize,
+        model: Option<&DMatrix<f64>>,
+        weights: WeightsAt<'_>,
+    ) -> Result<(), IdentError> {
         let Equations {
             estimate,
             position,
@@ -201,11 +210,12 @@ impl<'a> Pass<'a> {
         let size = self.residual.len();
         let values = estimate.frf().values();
         for (s, entry) in self.residual.iter_mut().enumerate() {
-            entry.gather(lines.iter().map(|k| values[k * size + s]));
+            entry.gather((values, size), lines, s, 1.0);
         }
         let (count, range) = (lines.len(), self.equations.range(block));
         pulp::Arch::new().dispatch(Step {
             pass: self,
+            weights,
             model,
             count,
             range,
@@ -232,6 +242,7 @@ impl<'a> Pass<'a> {
 /// What a model leaves on the lines of a block, in vector registers.
 struct Step<'a, 'b> {
     pass: &'a mut Pass<'b>,
+    weights: WeightsAt<'a>,
     model: Option<&'a DMatrix<f64>>,
     count: usize,
     range: Range<usize>,
@@ -245,13 +256,13 @@ impl WithSimd for Step<'_, '_> {
         let Pass {
             functions,
             whitening,
-            weights,
             residual,
             weighted,
             cost,
             gradient,
             ..
         } = self.pass;
+        let mut weights = self.weights;
         weights.set(whitening, self.count);
         if let Some(coefficients) = self.model {
             let range = || self.range.clone();

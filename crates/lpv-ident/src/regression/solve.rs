@@ -1,7 +1,7 @@
 //! From the triangular factors of all positions to the gains that they share and their own coefficients.
 
 use super::eliminate::{Eliminated, eliminate};
-use super::gram::{self, Equations};
+use super::gram::{self, Equations, Left};
 use super::{IdentError, LocalFit};
 use crate::triangle::{Triangle, solve_upper};
 use faer::MatRef;
@@ -23,16 +23,23 @@ pub(super) fn each<T: Send, U: Send>(
     results.into_iter().collect()
 }
 
-/// Positions that are worked on together.
-const GROUP: usize = 4;
+/// Columns of the sums of products, of all positions that are worked on together: enough for the speed of a large product,
+/// few enough for the cache.
+const COLUMNS: usize = 512;
 
-/// By the normal equations, corrected once with what the first solution leaves; none where they would cost digits.
+/// What may be lost of the sixteen digits, as a factor, before a correction is worth another pass over the data.
+const SPARE: f64 = 1e6;
+
+/// By the normal equations; corrected once with what the first solution leaves where they, or the difference that is the cost,
+/// have lost digits. None where they would cost too many.
 pub(super) fn by_products(
     equations: &[Equations<'_>],
     nc: usize,
     sizes: Sizes,
 ) -> Result<Option<Solved>, IdentError> {
-    let group = equations.len().div_ceil(rayon::current_num_threads()).min(GROUP);
+    let channels = sizes.0 * sizes.1;
+    let most = (COLUMNS / (channels * (channels + 1) / 2)).max(1);
+    let group = equations.len().div_ceil(rayon::current_num_threads()).min(most);
     let groups: Vec<&[Equations<'_>]> = equations
         .chunk_by(|a, b| std::ptr::eq(a.regressors, b.regressors))
         .flat_map(|same| same.chunks(group))
@@ -41,23 +48,28 @@ pub(super) fn by_products(
     let Some(eliminated) = eliminated.into_iter().collect::<Option<Vec<_>>>() else {
         return Ok(None);
     };
-    let mut eliminated: Vec<Eliminated> = eliminated.into_iter().flatten().collect();
-    let (gains, covariance) = shared_gains(&eliminated, nc)?;
+    let (mut eliminated, left): (Vec<Eliminated>, Vec<Left>) = eliminated.into_iter().flatten().unzip();
+    let (mut gains, covariance) = shared_gains(&eliminated, nc)?;
     let mut fits = each(eliminated.par_iter(), |e| back_substitute(e, &gains, sizes))?;
-    let left = each(
-        equations.par_iter().zip(&mut eliminated).zip(&fits),
-        |((equations, e), fit)| equations.left_by(fit, &gains, e),
-    )?;
-    let (change, _) = shared_gains(&eliminated, nc)?;
-    for ((fit, e), left) in fits.iter_mut().zip(&eliminated).zip(left) {
-        let w = e.solved_for(&change).ok_or_else(|| e.deficient(0.0, 0))?;
-        fit.weights += weights(&w, sizes);
-        // The cost is a parabola: exact, and not negative but by rounding.
-        let step = DVector::from_iterator(w.len() + nc, w.iter().chain(change.iter()).copied());
-        let r = e.r.view((0, 0), (step.len(), step.len()));
-        fit.cost = (left.cost - 2.0 * step.dot(&left.gradient) + (r * &step).norm_squared()).max(0.0);
+    let mut lost = 1.0_f64;
+    for ((fit, e), left) in fits.iter_mut().zip(&eliminated).zip(&left) {
+        fit.cost = e.cost(left, &e.solved(&gains)?, &gains);
+        lost = lost.max(fit.condition.powi(2)).max(left.cost / fit.cost.max(f64::MIN_POSITIVE));
     }
-    Ok(Some(((gains + change, covariance), fits)))
+    if lost > SPARE {
+        let left = each(
+            equations.par_iter().zip(&mut eliminated).zip(&fits),
+            |((equations, e), fit)| equations.left_by(fit, &gains, e),
+        )?;
+        let (change, _) = shared_gains(&eliminated, nc)?;
+        for ((fit, e), left) in fits.iter_mut().zip(&eliminated).zip(&left) {
+            let w = e.solved(&change)?;
+            fit.weights += weights(&w, sizes);
+            fit.cost = e.cost(left, &w, &change);
+        }
+        gains += change;
+    }
+    Ok(Some(((gains, covariance), fits)))
 }
 
 /// By orthogonal transformations of the whitened rows: for regressors that are nearly dependent.
@@ -165,10 +177,21 @@ impl Eliminated {
     }
 
     /// The coefficients for the last column of the factor and these gains.
-    fn solved_for(&self, gains: &DVector<f64>) -> Option<DVector<f64>> {
+    fn solved(&self, gains: &DVector<f64>) -> Result<DVector<f64>, IdentError> {
         let (n, nc) = (self.unknowns, gains.len());
         let right = self.r.column(n + nc).rows(0, n) - self.r.view((0, n), (n, nc)) * gains;
-        self.r.view((0, 0), (n, n)).solve_upper_triangular(&right)
+        let solution = self.r.view((0, 0), (n, n)).solve_upper_triangular(&right);
+        solution.ok_or_else(|| self.deficient(0.0, 0))
+    }
+
+    /// What is left after a step in the coefficients and the gains: a parabola, exact, and not negative but by rounding.
+    fn cost(&self, before: &Left, coefficients: &DVector<f64>, gains: &DVector<f64>) -> f64 {
+        let step = DVector::from_iterator(
+            coefficients.len() + gains.len(),
+            coefficients.iter().chain(gains.iter()).copied(),
+        );
+        let r = self.r.view((0, 0), (step.len(), step.len()));
+        (before.cost - 2.0 * step.dot(&before.gradient) + (r * &step).norm_squared()).max(0.0)
     }
 }
 
@@ -190,7 +213,7 @@ fn back_substitute(e: &Eliminated, gains: &DVector<f64>, sizes: Sizes) -> Result
     })?;
     let r12 = e.r.view((0, n), (n, nc)).into_owned();
     let gain_response = solve_upper(&r11, &r12).ok_or_else(|| e.deficient(0.0, 0))?;
-    let w = e.solved_for(gains).ok_or_else(|| e.deficient(0.0, 0))?;
+    let w = e.solved(gains)?;
 
     // Cost: the rows below R11, at the shared gains.
     let r22 = e.r.view((n, n), (nc + 1, nc));

@@ -1,55 +1,82 @@
 //! Sums over lines of the products of two functions with the weights of two channels.
 
-use super::sums::{ROWS, Sums};
 use super::weights::Weights;
 use super::{BLOCK, Equations, pair, pair_off};
-use crate::planes::Planes;
+use crate::planes::{Planes, WIDEST};
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, MatRef, Par};
 use nalgebra::DMatrix;
 use pulp::{Simd, WithSimd};
 use std::ops::Range;
 
-/// The sums of one position.
+/// The sums of a group of positions.
 pub(super) struct Products {
     functions: usize,
     channels: usize,
-    /// Real parts: rows `n <= m`, columns `s <= t`.
-    re: Sums,
+    /// Real parts: rows `n <= m`, columns `s <= t` of one position after the other.
+    re: Mat<f64>,
     /// Imaginary parts: rows `n < m`, columns `s < t`.
-    im: Sums,
+    im: Mat<f64>,
+    /// The products of the functions on a block, by those rows: a line after the other.
+    real: Vec<f64>,
+    imaginary: Vec<f64>,
+}
+
+/// Pairs of so many, with one of itself and of two different ones.
+fn pairs(n: usize) -> (usize, usize) {
+    (n * (n + 1) / 2, n * n.saturating_sub(1) / 2)
 }
 
 impl Products {
-    pub(super) fn new(equations: &Equations<'_>) -> Self {
-        let functions = equations.all_functions().len();
-        let channels = equations.channels();
+    pub(super) fn new(functions: usize, channels: usize, positions: usize) -> Self {
+        let (all, apart) = pairs(functions);
+        let (weights, imaginary_weights) = pairs(channels);
         Self {
             functions,
             channels,
-            re: Sums::new(functions * (functions + 1) / 2, channels * (channels + 1) / 2),
-            im: Sums::new(
-                functions * functions.saturating_sub(1) / 2,
-                channels * (channels - 1) / 2,
-            ),
+            re: Mat::zeros(all, positions * weights),
+            im: Mat::zeros(apart, positions * imaginary_weights),
+            real: vec![0.0; (all + WIDEST) * BLOCK],
+            imaginary: vec![0.0; (apart + WIDEST) * BLOCK],
         }
     }
 
-    /// `Re sum B_st conj(phi_n) phi_m`.
-    fn entry(&self, (s, n): (usize, usize), (t, m): (usize, usize)) -> f64 {
+    /// Adds the lines of a block.
+    pub(super) fn add(&mut self, weights: &Weights, functions: &[&Planes], range: Range<usize>) {
+        let lines = range.len();
+        pulp::Arch::new().dispatch(Pairs {
+            functions,
+            range,
+            real: &mut self.real,
+            imaginary: &mut self.imaginary,
+        });
+        for (sums, products, weights) in [
+            (&mut self.re, &self.real, weights.re(lines)),
+            (&mut self.im, &self.imaginary, weights.im(lines)),
+        ] {
+            let rows = sums.nrows();
+            let products = MatRef::from_column_major_slice_with_stride(products, rows, lines, rows + WIDEST);
+            matmul(sums, Accum::Add, products, weights, 1.0, Par::Seq);
+        }
+    }
+
+    /// `Re sum B_st conj(phi_n) phi_m` at a position of the group.
+    fn entry(&self, position: usize, (s, n): (usize, usize), (t, m): (usize, usize)) -> f64 {
         // The matrix is symmetric, and so is the product for a change of both pairs.
         let (s, n, t, m) = if s <= t { (s, n, t, m) } else { (t, m, s, n) };
         let (low, high) = (n.min(m), n.max(m));
-        let re = self
-            .re
-            .get(pair(self.functions, low, high), pair(self.channels, s, t));
+        let all = self.channels * (self.channels + 1) / 2;
+        let column = position * all + pair(self.channels, s, t);
+        let re = self.re[(pair(self.functions, low, high), column)];
         if s == t || n == m {
             return re;
         }
-        let row = pair_off(self.functions, low, high);
-        let im = self.im.get(row, pair_off(self.channels, s, t));
+        let column = position * (all - self.channels) + pair_off(self.channels, s, t);
+        let im = self.im[(pair_off(self.functions, low, high), column)];
         if n < m { re - im } else { re + im }
     }
 
-    pub(super) fn matrix(&self, equations: &Equations<'_>) -> DMatrix<f64> {
+    pub(super) fn matrix(&self, position: usize, equations: &Equations<'_>) -> DMatrix<f64> {
         let ng = equations.regressors.functions().len();
         let ny = equations.estimate.frf().outputs();
         let coefficients = (0..self.channels).flat_map(|s| (0..ng).map(move |n| (s, n)));
@@ -59,7 +86,7 @@ impl Products {
         let mut matrix = DMatrix::zeros(columns.len(), columns.len());
         for i in 0..columns.len() {
             for j in i..columns.len() {
-                matrix[(i, j)] = self.entry(columns[i], columns[j]);
+                matrix[(i, j)] = self.entry(position, columns[i], columns[j]);
                 matrix[(j, i)] = matrix[(i, j)];
             }
         }
@@ -67,95 +94,64 @@ impl Products {
     }
 }
 
-/// Adds the lines of a block to the sums of all positions of a group.
-pub(super) fn add(all: &mut [Products], weights: &[&Weights], functions: &[&Planes], range: Range<usize>) {
-    pulp::Arch::new().dispatch(Block {
-        all,
-        weights,
-        functions,
-        range,
-    });
-}
+/// Lines whose functions stay in registers and the fastest cache while all pairs of them are multiplied.
+const NEAR: usize = 16;
 
-/// The lines of a block, in the registers of one kind of machine.
-struct Block<'a> {
-    all: &'a mut [Products],
-    weights: &'a [&'a Weights],
+/// The products of all pairs of functions on a block: real parts for `m >= n` in the order of [`pair`], imaginary parts for
+/// `m > n` in that of [`pair_off`], and room for a register more on each line.
+struct Pairs<'a> {
     functions: &'a [&'a Planes],
     range: Range<usize>,
+    real: &'a mut [f64],
+    imaginary: &'a mut [f64],
 }
 
-impl WithSimd for Block<'_> {
+impl WithSimd for Pairs<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) {
-        self.pairs::<S, 0>(simd);
-        if self.weights.iter().any(|w| !w.im.is_empty()) {
-            self.pairs::<S, 1>(simd);
-        }
-    }
-}
-
-impl Block<'_> {
-    /// Real parts of all pairs `m >= n` for 0; imaginary parts of those `m > n` for 1. As many at a time as there are rows;
-    /// their order is that of [`pair`] and of [`pair_off`].
-    #[inline(always)]
-    fn pairs<S: Simd, const APART: usize>(&mut self, simd: S) {
-        let (count, lines) = (self.functions.len(), self.range.len());
-        let mut planes = [[0.0; BLOCK]; ROWS];
-        let (mut at, mut filled) = (0, 0);
-        for n in 0..count {
-            for m in n + APART..count {
-                let x = self.functions[n].part(self.range.clone());
-                let y = self.functions[m].part(self.range.clone());
-                match APART {
-                    0 => real::<S>(simd, x, y, &mut planes[filled]),
-                    _ => imaginary::<S>(simd, x, y, &mut planes[filled]),
+    fn with_simd<S: Simd>(self, simd: S) {
+        let count = self.functions.len();
+        let (all, apart) = pairs(count);
+        // The functions of a line beside each other, and zeros.
+        let width = count + WIDEST;
+        let (mut fr, mut fi) = (vec![0.0; width * NEAR], vec![0.0; width * NEAR]);
+        let real = self.real.chunks_mut((all + WIDEST) * NEAR);
+        let imaginary = self.imaginary.chunks_mut((apart + WIDEST) * NEAR);
+        for ((from, real), imaginary) in self.range.clone().step_by(NEAR).zip(real).zip(imaginary) {
+            let lines = from..(from + NEAR).min(self.range.end);
+            for (n, f) in self.functions.iter().enumerate() {
+                let (re, im) = f.part(lines.clone());
+                for (i, (re, im)) in re.iter().zip(im).enumerate() {
+                    (fr[i * width + n], fi[i * width + n]) = (*re, *im);
                 }
-                filled += 1;
-                if filled == ROWS || n + APART + 1 == count {
-                    let rows = parts(&planes, lines);
-                    for (products, weights) in self.all.iter_mut().zip(self.weights) {
-                        match APART {
-                            0 => products.re.add::<S>(simd, at, rows, &weights.re),
-                            _ => products.im.add::<S>(simd, at, rows, &weights.im),
-                        }
+            }
+            let (mut at, mut at_apart) = (0, 0);
+            for n in 0..count {
+                // Whole registers: what they write too much is overwritten by the next.
+                let (whole, rest) = (registers::<S>(count - n), registers::<S>(count - n - 1));
+                for i in 0..lines.len() {
+                    let (fr, fi) = (&fr[i * width + n..], &fi[i * width + n..]);
+                    let (xr, xi) = (simd.splat_f64s(fr[0]), simd.splat_f64s(fi[0]));
+                    let out = &mut real[i * (all + WIDEST) + at..][..whole];
+                    let (yr, yi) = (S::as_simd_f64s(&fr[..whole]).0, S::as_simd_f64s(&fi[..whole]).0);
+                    for ((o, yr), yi) in S::as_mut_simd_f64s(out).0.iter_mut().zip(yr).zip(yi) {
+                        *o = simd.mul_add_f64s(xr, *yr, simd.mul_f64s(xi, *yi));
                     }
-                    (at, filled) = (at + ROWS, 0);
+                    let out = &mut imaginary[i * (apart + WIDEST) + at_apart..][..rest];
+                    let (yr, yi) = (S::as_simd_f64s(&fr[1..=rest]).0, S::as_simd_f64s(&fi[1..=rest]).0);
+                    for ((o, yr), yi) in S::as_mut_simd_f64s(out).0.iter_mut().zip(yr).zip(yi) {
+                        *o = simd.sub_f64s(simd.mul_f64s(xr, *yi), simd.mul_f64s(xi, *yr));
+                    }
                 }
+                at += count - n;
+                at_apart += count - n - 1;
             }
         }
     }
 }
 
-#[inline(always)]
-fn parts(planes: &[[f64; BLOCK]; ROWS], lines: usize) -> [&[f64]; ROWS] {
-    let mut rows: [&[f64]; ROWS] = [&[]; ROWS];
-    for (row, plane) in rows.iter_mut().zip(planes) {
-        *row = &plane[..lines];
-    }
-    rows
-}
-
-/// `Re conj(x) y`.
-#[inline(always)]
-fn real<S: Simd>(simd: S, x: (&[f64], &[f64]), y: (&[f64], &[f64]), out: &mut [f64]) {
-    let (xr, xi) = (S::as_simd_f64s(x.0).0, S::as_simd_f64s(x.1).0);
-    let (yr, yi) = (S::as_simd_f64s(y.0).0, S::as_simd_f64s(y.1).0);
-    let (out, _) = S::as_mut_simd_f64s(out);
-    for ((((o, xr), xi), yr), yi) in out.iter_mut().zip(xr).zip(xi).zip(yr).zip(yi) {
-        *o = simd.mul_add_f64s(*xr, *yr, simd.mul_f64s(*xi, *yi));
-    }
-}
-
-/// `Im conj(x) y`.
-#[inline(always)]
-fn imaginary<S: Simd>(simd: S, x: (&[f64], &[f64]), y: (&[f64], &[f64]), out: &mut [f64]) {
-    let (xr, xi) = (S::as_simd_f64s(x.0).0, S::as_simd_f64s(x.1).0);
-    let (yr, yi) = (S::as_simd_f64s(y.0).0, S::as_simd_f64s(y.1).0);
-    let (out, _) = S::as_mut_simd_f64s(out);
-    for ((((o, xr), xi), yr), yi) in out.iter_mut().zip(xr).zip(xi).zip(yr).zip(yi) {
-        *o = simd.sub_f64s(simd.mul_f64s(*xr, *yi), simd.mul_f64s(*xi, *yr));
-    }
+/// So many numbers in whole registers.
+fn registers<S: Simd>(count: usize) -> usize {
+    count.next_multiple_of(S::F64_LANES)
 }

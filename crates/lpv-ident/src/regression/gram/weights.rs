@@ -3,17 +3,29 @@
 use super::{BLOCK, pair, pair_off};
 use crate::planes::Planes;
 use crate::whiten::{Lower, Whitening};
+use faer::MatRef;
 use pulp::Simd;
 
-/// `B` on the lines of a block, for channels `s <= t`: real parts, imaginary parts off the diagonal.
+/// `B` on the lines of a block at each position of a group, for channels `s <= t`: real parts, imaginary parts off the diagonal,
+/// [`BLOCK`] numbers each.
 pub(super) struct Weights {
     outputs: usize,
     channels: usize,
-    pub(super) re: Vec<Vec<f64>>,
-    pub(super) im: Vec<Vec<f64>>,
+    re: Vec<f64>,
+    im: Vec<f64>,
     /// `2 C^-1` and `S^-1`, upper triangles row after row.
     c: Vec<Planes>,
     s: Vec<Planes>,
+}
+
+/// Those at one position.
+pub(super) struct WeightsAt<'a> {
+    outputs: usize,
+    channels: usize,
+    re: &'a mut [f64],
+    im: &'a mut [f64],
+    c: &'a mut [Planes],
+    s: &'a mut [Planes],
 }
 
 /// The weighted residuals of a block, by channel.
@@ -46,24 +58,62 @@ impl Weighted {
 }
 
 impl Weights {
-    pub(super) fn new(outputs: usize, inputs: usize) -> Self {
+    pub(super) fn new(outputs: usize, inputs: usize, positions: usize) -> Self {
         let channels = outputs * inputs;
         let pairs = channels * (channels + 1) / 2;
         Self {
             outputs,
             channels,
-            re: vec![vec![0.0; BLOCK]; pairs],
-            im: vec![vec![0.0; BLOCK]; pairs - channels],
+            re: vec![0.0; positions * pairs * BLOCK],
+            im: vec![0.0; positions * (pairs - channels) * BLOCK],
             c: vec![Planes::zeros(BLOCK); outputs * (outputs + 1) / 2],
             s: vec![Planes::zeros(BLOCK); inputs * (inputs + 1) / 2],
         }
     }
 
+    pub(super) fn at(&mut self, position: usize) -> WeightsAt<'_> {
+        let pairs = self.channels * (self.channels + 1) / 2;
+        let part = |pairs: usize| position * pairs * BLOCK..(position + 1) * pairs * BLOCK;
+        WeightsAt {
+            outputs: self.outputs,
+            channels: self.channels,
+            re: &mut self.re[part(pairs)],
+            im: &mut self.im[part(pairs - self.channels)],
+            c: &mut self.c,
+            s: &mut self.s,
+        }
+    }
+
+    /// Real parts, a column a pair of channels.
+    pub(super) fn re(&self, lines: usize) -> MatRef<'_, f64> {
+        columns(&self.re, lines)
+    }
+
+    /// Imaginary parts.
+    pub(super) fn im(&self, lines: usize) -> MatRef<'_, f64> {
+        columns(&self.im, lines)
+    }
+}
+
+/// Planes of a block as the columns of a matrix.
+fn columns(planes: &[f64], lines: usize) -> MatRef<'_, f64> {
+    MatRef::from_column_major_slice_with_stride(planes, lines, planes.len() / BLOCK, BLOCK)
+}
+
+fn plane(planes: &[f64], i: usize) -> &[f64] {
+    &planes[i * BLOCK..(i + 1) * BLOCK]
+}
+
+fn plane_mut(planes: &mut [f64], i: usize) -> &mut [f64] {
+    &mut planes[i * BLOCK..(i + 1) * BLOCK]
+}
+
+impl WeightsAt<'_> {
     #[inline(always)]
     pub(super) fn set(&mut self, whitening: &Whitening, lines: usize) {
-        square(&whitening.left, &mut self.c);
-        square(&whitening.right_adjoint, &mut self.s);
-        let (c, s) = (&self.c, &self.s);
+        square(&whitening.left, self.c);
+        square(&whitening.right_adjoint, self.s);
+        let (c, s) = (&*self.c, &*self.s);
         let ny = self.outputs;
         for i in 0..self.channels {
             for j in i..self.channels {
@@ -76,13 +126,13 @@ impl Weights {
                 };
                 let n = lines;
                 let ((sr, si), (cr, ci)) = (s.part(0..n), c.part(0..n));
-                let (re, rest) = self.re[pair(self.channels, i, j)].split_at_mut(n);
+                let (re, rest) = plane_mut(self.re, pair(self.channels, i, j)).split_at_mut(n);
                 for k in 0..n {
                     re[k] = sr[k] * cr[k] + si[k] * conjugate * ci[k];
                 }
                 rest.fill(0.0);
                 if i < j {
-                    let (im, rest) = self.im[pair_off(self.channels, i, j)].split_at_mut(n);
+                    let (im, rest) = plane_mut(self.im, pair_off(self.channels, i, j)).split_at_mut(n);
                     for k in 0..n {
                         im[k] = sr[k] * conjugate * ci[k] - si[k] * cr[k];
                     }
@@ -101,7 +151,7 @@ impl Weights {
             oi.fill(0.0);
             for (j, e) in residual.iter().enumerate() {
                 let (low, high) = (i.min(j), i.max(j));
-                let re = &self.re[pair(self.channels, low, high)][..BLOCK];
+                let re = plane(self.re, pair(self.channels, low, high));
                 let (er, ei) = (&e.re[..BLOCK], &e.im[..BLOCK]);
                 if i == j {
                     for k in 0..BLOCK {
@@ -110,7 +160,7 @@ impl Weights {
                     }
                     continue;
                 }
-                let im = &self.im[pair_off(self.channels, low, high)][..BLOCK];
+                let im = plane(self.im, pair_off(self.channels, low, high));
                 let sign = if i < j { 1.0 } else { -1.0 };
                 for k in 0..BLOCK {
                     let im = sign * im[k];

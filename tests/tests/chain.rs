@@ -308,7 +308,7 @@ fn bits(chain: &Chain) -> Vec<u64> {
     numbers.extend(gains.iter().chain(covariance.iter()));
     for (q, f) in local.fits().iter().enumerate() {
         numbers.extend(f.weights.iter());
-        numbers.extend([f.cost, f.condition]);
+        numbers.extend([f.cost, f.condition()]);
         numbers.extend(local.coefficient_covariance(q).iter());
     }
     for table in local.leave_one_out(&local.candidates(8)).unwrap() {

@@ -5,7 +5,7 @@ mod gram;
 mod solve;
 
 use crate::expansion::Expansion;
-use crate::triangle::solve_upper;
+use crate::triangle::invert_upper;
 use crate::{CheckedRegression, IdentError, RigidTerm, Weighting};
 use eliminate::Regressors;
 use gram::Equations;
@@ -42,8 +42,6 @@ pub struct LocalFit {
     pub equations: usize,
     /// Real unknowns at this position, the shared gains not counted.
     pub unknowns: usize,
-    /// Condition number of the column-scaled regressors.
-    pub condition: f64,
     /// Factorisations: one of the sums of products, or one a block of rows.
     pub factorisations: usize,
     /// `R11` of the whitened regressors `[Phi_W, Phi_c] = Q [R11 R12; 0 R22]`.
@@ -128,6 +126,13 @@ pub fn regress(
         gain_covariance: unit_covariance * row_variance,
         fits,
     })
+}
+
+impl LocalFit {
+    /// Condition number of the regressors, scaled to columns of one length; infinite for one that is zero in numbers.
+    pub fn condition(&self) -> f64 {
+        solve::condition(&self.r11).unwrap_or(f64::INFINITY)
+    }
 }
 
 fn filter_bank(basis: &StateSpace<Discrete>) -> Result<(), IdentError> {
@@ -237,7 +242,7 @@ impl LocalFits {
     pub fn coefficient_covariance(&self, position: usize) -> DMatrix<f64> {
         let f = &self.fits[position];
         let n = f.r11.nrows();
-        let inverse = solve_upper(&f.r11, &DMatrix::identity(n, n)).unwrap_or_else(|| DMatrix::zeros(n, n));
+        let inverse = invert_upper(&f.r11).unwrap_or_else(|| DMatrix::zeros(n, n));
         &inverse * inverse.transpose() * self.row_variance
             + &f.gain_response * &self.gain_covariance * f.gain_response.transpose()
     }

@@ -2,7 +2,8 @@
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::qr::no_pivoting::factor::{qr_in_place, qr_in_place_scratch};
-use faer::{Mat, MatMut, Par, Spec};
+use faer::linalg::triangular_inverse::invert_upper_triangular;
+use faer::{Mat, MatMut, MatRef, Par, Spec};
 use nalgebra::DMatrix;
 
 /// Columns of one blocked Householder step.
@@ -74,4 +75,17 @@ pub(crate) fn solve_upper(r: &DMatrix<f64>, rhs: &DMatrix<f64>) -> Option<DMatri
         return Some(DMatrix::zeros(r.ncols(), rhs.ncols()));
     }
     r.solve_upper_triangular(rhs)
+}
+
+/// `R^-1`; `None` where the diagonal has a zero.
+pub(crate) fn invert_upper(r: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let n = r.nrows();
+    if r.diagonal().iter().any(|d| *d == 0.0) {
+        return None;
+    }
+    let mut inverse = DMatrix::zeros(n, n);
+    let out = MatMut::from_column_major_slice_mut(inverse.as_mut_slice(), n, n);
+    let r = MatRef::from_column_major_slice(r.as_slice(), n, n);
+    invert_upper_triangular(out, r, Par::Seq);
+    Some(inverse)
 }

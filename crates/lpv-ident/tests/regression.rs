@@ -153,7 +153,12 @@ fn sums_of_products_give_way_to_reflections_where_functions_are_nearly_dependent
         let estimate = FrfEstimate::with_unit_covariance(frf, Some(0.4)).unwrap();
         let fits = regress(&[estimate], &bank, &RegressionSettings::new().check().unwrap()).unwrap();
         let fit = &fits.fits()[0];
-        assert_eq!(fit.factorisations, factorisations, "{distance} {}", fit.condition);
+        assert_eq!(
+            fit.factorisations,
+            factorisations,
+            "{distance} {}",
+            fit.condition()
+        );
         assert!((&fit.weights - truth(0.4)).norm() < accuracy, "{distance}");
     }
 }

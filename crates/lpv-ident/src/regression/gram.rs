@@ -18,6 +18,7 @@ mod weights;
 use super::LocalFit;
 use super::eliminate::{Eliminated, Regressors};
 use crate::planes::{Planes, WIDEST};
+use crate::triangle::invert_upper;
 use crate::whiten::Whitening;
 use crate::{CheckedRegression, IdentError};
 use lpv_core::FrfEstimate;
@@ -49,10 +50,18 @@ pub(super) struct Left {
     pub(super) gradient: DVector<f64>,
 }
 
+/// A position by its sums of products.
+pub(super) struct Summed {
+    pub(super) eliminated: Eliminated,
+    /// Bound from above of the condition number of the regressors, scaled to columns of one length.
+    pub(super) condition: f64,
+    /// What no model leaves.
+    pub(super) left: Left,
+}
+
 /// The triangular factors of `[Phi_W, Phi_c, F]`, whitened, without their last rows, of positions that share their
-/// regressors: the products of the functions serve all of them. With what no model leaves. None where equations are too badly
-/// conditioned for this way.
-pub(super) fn eliminate(group: &[Equations<'_>]) -> Result<Option<Vec<(Eliminated, Left)>>, IdentError> {
+/// regressors: the products of the functions serve all of them. None where equations are too badly conditioned for this way.
+pub(super) fn eliminate(group: &[Equations<'_>]) -> Result<Option<Vec<Summed>>, IdentError> {
     let Some(first) = group.first() else {
         return Ok(Some(Vec::new()));
     };
@@ -68,8 +77,7 @@ pub(super) fn eliminate(group: &[Equations<'_>]) -> Result<Option<Vec<(Eliminate
     }
     let factors = passes.iter().enumerate().map(|(position, pass)| {
         let gram = products.matrix(position, pass.equations);
-        let left = pass.left();
-        Some((pass.equations.factor(&gram, &left)?, left))
+        pass.equations.factor(&gram, pass.left())
     });
     Ok(factors.collect())
 }
@@ -108,14 +116,13 @@ impl Equations<'_> {
         Weights::new(frf.outputs(), frf.inputs(), positions)
     }
 
-    fn factor(&self, gram: &DMatrix<f64>, left: &Left) -> Option<Eliminated> {
+    fn factor(&self, gram: &DMatrix<f64>, left: Left) -> Option<Summed> {
         let columns = gram.nrows();
         let scale = gram.diagonal().map(f64::sqrt);
         let scaled = DMatrix::from_fn(columns, columns, |i, j| gram[(i, j)] / (scale[i] * scale[j]));
         let mut r = scaled.cholesky()?.unpack().transpose();
         // The product of the Frobenius norms bounds the condition number from above.
-        let inverse = r.solve_upper_triangular(&DMatrix::identity(columns, columns))?;
-        let condition = r.norm() * inverse.norm();
+        let condition = r.norm() * invert_upper(&r)?.norm();
         if condition.is_nan() || condition > MOST {
             return None;
         }
@@ -130,7 +137,11 @@ impl Equations<'_> {
             factorisations: 1,
         };
         eliminated.set_right(&left.gradient);
-        Some(eliminated)
+        Some(Summed {
+            eliminated,
+            condition,
+            left,
+        })
     }
 
     /// What a fit leaves; its right side becomes that of the factor.

@@ -3,7 +3,7 @@
 use super::eliminate::{Eliminated, eliminate};
 use super::gram::{self, Equations, Left};
 use super::{IdentError, LocalFit};
-use crate::triangle::{Triangle, solve_upper};
+use crate::triangle::{Triangle, invert_upper, solve_upper};
 use faer::MatRef;
 use nalgebra::{DMatrix, DVector, SVD};
 use rayon::prelude::*;
@@ -48,13 +48,18 @@ pub(super) fn by_products(
     let Some(eliminated) = eliminated.into_iter().collect::<Option<Vec<_>>>() else {
         return Ok(None);
     };
-    let (mut eliminated, left): (Vec<Eliminated>, Vec<Left>) = eliminated.into_iter().flatten().unzip();
+    let (mut eliminated, before): (Vec<Eliminated>, Vec<(f64, Left)>) = eliminated
+        .into_iter()
+        .flatten()
+        .map(|s| (s.eliminated, (s.condition, s.left)))
+        .unzip();
     let (mut gains, covariance) = shared_gains(&eliminated, nc)?;
     let mut fits = each(eliminated.par_iter(), |e| back_substitute(e, &gains, sizes))?;
     let mut lost = 1.0_f64;
-    for ((fit, e), left) in fits.iter_mut().zip(&eliminated).zip(&left) {
+    for ((fit, e), (condition, left)) in fits.iter_mut().zip(&eliminated).zip(&before) {
         fit.cost = e.cost(left, &e.solved(&gains)?, &gains);
-        lost = lost.max(fit.condition.powi(2)).max(left.cost / fit.cost.max(f64::MIN_POSITIVE));
+        let of_cost = left.cost / fit.cost.max(f64::MIN_POSITIVE);
+        lost = lost.max(condition.powi(2)).max(of_cost);
     }
     if lost > SPARE {
         let left = each(
@@ -82,7 +87,10 @@ pub(super) fn by_reflections(
         eliminate(e.estimate, e.position, e.regressors, e.settings)
     })?;
     let (gains, covariance) = shared_gains(&eliminated, nc)?;
-    let fits = each(eliminated.par_iter(), |e| back_substitute(e, &gains, sizes))?;
+    let fits = each(eliminated.par_iter(), |e| {
+        e.full_rank(sizes)?;
+        back_substitute(e, &gains, sizes)
+    })?;
     Ok(((gains, covariance), fits))
 }
 
@@ -118,7 +126,7 @@ fn shared_gains(eliminated: &[Eliminated], nc: usize) -> Result<(DVector<f64>, D
         return Err(deficient());
     }
     let gains = solve_upper(&r22, &r2).ok_or_else(deficient)?;
-    let inverse = solve_upper(&r22, &DMatrix::identity(nc, nc)).ok_or_else(deficient)?;
+    let inverse = invert_upper(&r22).ok_or_else(deficient)?;
     Ok((gains.column(0).into_owned(), &inverse * inverse.transpose()))
 }
 
@@ -150,7 +158,7 @@ fn most_dependent_column(m: &DMatrix<f64>) -> usize {
 
 /// Condition after scaling the columns to unit length: the units of the unknowns must not matter. None for a matrix that is
 /// not finite or singular.
-fn condition(r: &DMatrix<f64>) -> Option<f64> {
+pub(super) fn condition(r: &DMatrix<f64>) -> Option<f64> {
     let (largest, smallest) = extreme_singular_values(&scaled(r))?;
     (smallest > LEAST_RECIPROCAL * largest).then(|| largest / smallest)
 }
@@ -170,6 +178,17 @@ impl Eliminated {
             reciprocal,
             function,
         }
+    }
+
+    /// An error that names the function where the position's own regressors are dependent.
+    fn full_rank(&self, (.., functions): Sizes) -> Result<(), IdentError> {
+        let r11 = self.r11();
+        if condition(&r11).is_some() {
+            return Ok(());
+        }
+        let scaled = scaled(&r11);
+        let (largest, smallest) = extreme_singular_values(&scaled).unwrap_or((1.0, 0.0));
+        Err(self.deficient(smallest / largest, most_dependent_column(&scaled) % functions + 1))
     }
 
     fn r11(&self) -> DMatrix<f64> {
@@ -206,11 +225,6 @@ fn weights(w: &DVector<f64>, (ny, nu, ng): Sizes) -> DMatrix<f64> {
 fn back_substitute(e: &Eliminated, gains: &DVector<f64>, sizes: Sizes) -> Result<LocalFit, IdentError> {
     let (n, nc) = (e.unknowns, gains.len());
     let r11 = e.r11();
-    let condition = condition(&r11).ok_or_else(|| {
-        let scaled = scaled(&r11);
-        let (largest, smallest) = extreme_singular_values(&scaled).unwrap_or((1.0, 0.0));
-        e.deficient(smallest / largest, most_dependent_column(&scaled) % sizes.2 + 1)
-    })?;
     let r12 = e.r.view((0, n), (n, nc)).into_owned();
     let gain_response = solve_upper(&r11, &r12).ok_or_else(|| e.deficient(0.0, 0))?;
     let w = e.solved(gains)?;
@@ -225,7 +239,6 @@ fn back_substitute(e: &Eliminated, gains: &DVector<f64>, sizes: Sizes) -> Result
         cost,
         equations: e.equations,
         unknowns: n,
-        condition,
         factorisations: e.factorisations,
         r11,
         gain_response,

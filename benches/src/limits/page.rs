@@ -30,7 +30,7 @@ pub(crate) fn page(account: &Account) -> String {
             verdict(k.bar, k.bar.is_none_or(|b| k.fraction >= b))
         );
     }
-    out += "\nFRF, a quarter of four periods: what a period taken alone brings, and what is kept of it, in and out; four are taken together, so that less goes by than is \
+    out += "\nFRF, a quarter of four periods: what a period taken alone brings, and what is kept of it, in and out; two are taken together, so that less goes by than is \
             counted. Regression: the sums of products themselves, two fifths of the time, run at half the speed of the matrix product; the \
             correction by what the equations leave takes three tenths, weights from the covariances the rest. Without the correction the \
             result would lose twice as many digits to the condition of the functions. Moving p: the terms of a series follow from each \

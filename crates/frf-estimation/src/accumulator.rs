@@ -127,7 +127,7 @@ impl Experiment {
 ///
 /// Experiments may be interleaved in any order; the periods of an experiment come in order. The order changes the scatter,
 /// and what follows from it, by rounding. Memory does not grow with the number of periods: `2 (n_z + 2 n_r)` numbers a line
-/// and experiment, `n_z = n_y + n_u`, `n_z^2` a line for the scatter of all experiments, and `8 n_z` a line for periods that
+/// and experiment, `n_z = n_y + n_u`, `n_z^2` a line for the scatter of all experiments, and `4 n_z` a line for periods that
 /// are taken up together; so it helps to push those of one experiment in a row. The transform of a reference that repeats
 /// exactly is computed once an experiment, and skipped periods are not transformed at all.
 pub struct PeriodicAccumulator {

@@ -1,7 +1,11 @@
-//! Running means of complex vectors over all lines, and the scatter about them (Welford's update).
+//! Running means of complex vectors over all lines, and the scatter about them, a few observations at a time.
 //!
 //! The noise is some 1e-4 of the signal. A sum of squares would lose eight of sixteen digits to the signal; the update
-//! on deviations from the running mean loses none.
+//! on deviations from the running mean loses none (\[chan1983\], there as a difference of two sums).
+//!
+//! With `n` observations of mean `m` before, `k` new ones `z_i` and `d_i = z_i - m`, `s = sum d_i`, the mean moves by
+//! `s / (n + k)` and the scatter grows by `sum d_i d_i^H - s s^H / (n + k)`, which is `sum e_i e_i^H` of
+//! `e_i = d_i - s / (n + k + sqrt(n (n + k)))`: squares alone.
 
 use num_complex::Complex;
 use pulp::{Simd, WithSimd};
@@ -9,8 +13,8 @@ use pulp::{Simd, WithSimd};
 type C64 = Complex<f64>;
 
 /// Observations that are taken up together: what is kept is larger than the caches, and read and written once for all of
-/// them.
-pub(crate) const TOGETHER: usize = 4;
+/// them; so are the spectra, if more than two of them wait.
+pub(crate) const TOGETHER: usize = 2;
 
 /// Lines worked on at once, so that the deviations stay in the fastest cache.
 const CHUNK: usize = 64;
@@ -109,10 +113,7 @@ impl WithSimd for Observations<'_> {
             0 => (),
             TOGETHER => scatter.add::<TOGETHER>(mean, spectra),
             // The rest of an experiment.
-            _ => {
-                let each = spectra.chunks_exact(spectra.len() / count);
-                each.for_each(|one| scatter.add::<1>(mean, one));
-            }
+            _ => scatter.add::<1>(mean, spectra),
         }
     }
 }
@@ -128,7 +129,7 @@ impl Scatter {
         }
     }
 
-    /// Takes `count` observations of one experiment, at most [`TOGETHER`], one after the other; its mean goes along.
+    /// Takes `count` observations of one experiment, at most [`TOGETHER`]; its mean goes along.
     pub(crate) fn push(&mut self, mean: &mut Means, spectra: &[C64], count: usize) {
         pulp::Arch::new().dispatch(Observations {
             scatter: self,
@@ -140,9 +141,8 @@ impl Scatter {
 
     #[inline(always)]
     fn add<const COUNT: usize>(&mut self, mean: &mut Means, spectra: &[C64]) {
-        // Step of the mean, and what the square of a deviation from it counts.
-        let steps: [f64; COUNT] = std::array::from_fn(|m| 1.0 / (mean.count + m + 1) as f64);
-        let roots = steps.map(|step| (1.0 - step).sqrt());
+        let (before, all) = (mean.count as f64, (mean.count + COUNT) as f64);
+        let (step, share) = (1.0 / all, 1.0 / (all + (before * all).sqrt()));
         let lines = mean.lines;
         let size = spectra.len() / (COUNT * self.channels);
         for start in (0..lines).step_by(CHUNK) {
@@ -151,19 +151,30 @@ impl Scatter {
                 let plane = &mut mean.planes[2 * channel * lines..][..2 * lines];
                 let (re, im) = plane.split_at_mut(lines);
                 let (re, im) = (&mut re[start..start + width], &mut im[start..start + width]);
-                for m in 0..COUNT {
+                let out = &mut self.deviations[channel * TOGETHER..][..COUNT];
+                let (mut sum_re, mut sum_im) = ([0.0; CHUNK], [0.0; CHUNK]);
+                for (m, [a, b]) in out.iter_mut().enumerate() {
                     let from = (m * self.channels + channel) * size + 1 + start;
                     let z = &spectra[from..from + width];
-                    let [a, b] = &mut self.deviations[channel * TOGETHER + m];
-                    let (step, root) = (steps[m], roots[m]);
                     for l in 0..width {
-                        let (x, y) = (z[l].re - re[l], z[l].im - im[l]);
-                        re[l] += step * x;
-                        im[l] += step * y;
-                        a[l] = root * x;
-                        b[l] = root * y;
+                        a[l] = z[l].re - re[l];
+                        b[l] = z[l].im - im[l];
+                        sum_re[l] += a[l];
+                        sum_im[l] += b[l];
                     }
-                    // Lines beyond the last one have no deviation.
+                }
+                for l in 0..width {
+                    re[l] += step * sum_re[l];
+                    im[l] += step * sum_im[l];
+                }
+                for [a, b] in out.iter_mut() {
+                    for l in 0..CHUNK {
+                        a[l] -= share * sum_re[l];
+                        b[l] -= share * sum_im[l];
+                    }
+                }
+                // Lines beyond the last one have no deviation.
+                for [a, b] in out {
                     a[width..].fill(0.0);
                     b[width..].fill(0.0);
                 }
@@ -247,7 +258,7 @@ mod tests {
         let z = |(a, b): (f64, f64)| [zero, C64::new(1e6 + a, 0.0), zero, C64::new(0.0, 1e6 + b)];
         let all = [(0.0, 1.0), (3.0, 0.0), (6.0, -1.0), (3.0, 0.0), (3.0, 0.0)].map(z);
         // One after the other, or as many together as there may be, and a rest.
-        for parts in [vec![1; 5], vec![TOGETHER, 1], vec![1, TOGETHER], vec![3, 2]] {
+        for parts in [vec![1; 5], vec![2, 2, 1], vec![1, 2, 2], vec![2, 1, 2]] {
             let (mut mean, mut scatter) = (Means::new(2, 1), Scatter::new(2, 1));
             let mut left = &all[..];
             for part in parts {

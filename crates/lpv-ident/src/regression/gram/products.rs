@@ -4,7 +4,7 @@ use super::weights::Weights;
 use super::{BLOCK, Equations, pair, pair_off};
 use crate::planes::{Planes, WIDEST};
 use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, MatRef, Par};
+use faer::{Accum, Mat, Par};
 use nalgebra::DMatrix;
 use pulp::{Simd, WithSimd};
 use std::ops::Range;
@@ -17,9 +17,9 @@ pub(super) struct Products {
     re: Mat<f64>,
     /// Imaginary parts: rows `n < m`, columns `s < t`.
     im: Mat<f64>,
-    /// The products of the functions on a block, by those rows: a line after the other.
-    real: Vec<f64>,
-    imaginary: Vec<f64>,
+    /// The products of the functions on a block: those rows and room for a register, a line a column.
+    real: Mat<f64>,
+    imaginary: Mat<f64>,
 }
 
 /// Pairs of so many, with one of itself and of two different ones.
@@ -36,8 +36,8 @@ impl Products {
             channels,
             re: Mat::zeros(all, positions * weights),
             im: Mat::zeros(apart, positions * imaginary_weights),
-            real: vec![0.0; (all + WIDEST) * BLOCK],
-            imaginary: vec![0.0; (apart + WIDEST) * BLOCK],
+            real: Mat::zeros(all + WIDEST - 1, BLOCK),
+            imaginary: Mat::zeros(apart + WIDEST - 1, BLOCK),
         }
     }
 
@@ -54,8 +54,7 @@ impl Products {
             (&mut self.re, &self.real, weights.re(lines)),
             (&mut self.im, &self.imaginary, weights.im(lines)),
         ] {
-            let rows = sums.nrows();
-            let products = MatRef::from_column_major_slice_with_stride(products, rows, lines, rows + WIDEST);
+            let products = products.get(..sums.nrows(), ..lines);
             matmul(sums, Accum::Add, products, weights, 1.0, Par::Seq);
         }
     }
@@ -102,8 +101,8 @@ const NEAR: usize = 16;
 struct Pairs<'a> {
     functions: &'a [&'a Planes],
     range: Range<usize>,
-    real: &'a mut [f64],
-    imaginary: &'a mut [f64],
+    real: &'a mut Mat<f64>,
+    imaginary: &'a mut Mat<f64>,
 }
 
 impl WithSimd for Pairs<'_> {
@@ -112,13 +111,10 @@ impl WithSimd for Pairs<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let count = self.functions.len();
-        let (all, apart) = pairs(count);
         // The functions of a line beside each other, and zeros.
         let width = count + WIDEST;
         let (mut fr, mut fi) = (vec![0.0; width * NEAR], vec![0.0; width * NEAR]);
-        let real = self.real.chunks_mut((all + WIDEST) * NEAR);
-        let imaginary = self.imaginary.chunks_mut((apart + WIDEST) * NEAR);
-        for ((from, real), imaginary) in self.range.clone().step_by(NEAR).zip(real).zip(imaginary) {
+        for from in self.range.clone().step_by(NEAR) {
             let lines = from..(from + NEAR).min(self.range.end);
             for (n, f) in self.functions.iter().enumerate() {
                 let (re, im) = f.part(lines.clone());
@@ -133,12 +129,13 @@ impl WithSimd for Pairs<'_> {
                 for i in 0..lines.len() {
                     let (fr, fi) = (&fr[i * width + n..], &fi[i * width + n..]);
                     let (xr, xi) = (simd.splat_f64s(fr[0]), simd.splat_f64s(fi[0]));
-                    let out = &mut real[i * (all + WIDEST) + at..][..whole];
+                    let column = from - self.range.start + i;
+                    let out = &mut self.real.col_as_slice_mut(column)[at..][..whole];
                     let (yr, yi) = (S::as_simd_f64s(&fr[..whole]).0, S::as_simd_f64s(&fi[..whole]).0);
                     for ((o, yr), yi) in S::as_mut_simd_f64s(out).0.iter_mut().zip(yr).zip(yi) {
                         *o = simd.mul_add_f64s(xr, *yr, simd.mul_f64s(xi, *yi));
                     }
-                    let out = &mut imaginary[i * (apart + WIDEST) + at_apart..][..rest];
+                    let out = &mut self.imaginary.col_as_slice_mut(column)[at_apart..][..rest];
                     let (yr, yi) = (S::as_simd_f64s(&fr[1..=rest]).0, S::as_simd_f64s(&fi[1..=rest]).0);
                     for ((o, yr), yi) in S::as_mut_simd_f64s(out).0.iter_mut().zip(yr).zip(yi) {
                         *o = simd.sub_f64s(simd.mul_f64s(xr, *yi), simd.mul_f64s(xi, *yr));

@@ -20,8 +20,8 @@ fn estimates(lines: usize) -> (Vec<FrfEstimate>, StateSpace<Discrete>) {
 
 // Four positions, sixteen functions; twice the lines are to cost twice as much.
 #[library_benchmark]
-#[bench::lines_1023(args = (1023), setup = estimates)]
-#[bench::lines_2047(args = (2047), setup = estimates)]
+#[bench::lines_8191(args = (8191), setup = estimates)]
+#[bench::lines_16383(args = (16383), setup = estimates)]
 fn regression((estimates, basis): (Vec<FrfEstimate>, StateSpace<Discrete>)) {
     let settings = RegressionSettings::new().diagonal_rigid_body(2).check().unwrap();
     black_box(regress(black_box(&estimates), &basis, &settings).unwrap());

@@ -16,8 +16,8 @@ const TWICE: f64 = 2.1;
 const GROWTH: [(&str, &str, &str); 4] = [
     (
         "lines of the regression",
-        "regression lines_1023",
-        "regression lines_2047",
+        "regression lines_8191",
+        "regression lines_16383",
     ),
     (
         "samples of a period",

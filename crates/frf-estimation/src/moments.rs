@@ -13,7 +13,7 @@ use pulp::{Simd, WithSimd};
 type C64 = Complex<f64>;
 
 /// Observations that are taken up together: what is kept is larger than the caches, and read and written once for all of
-/// them; so are the spectra, if more than two of them wait.
+/// them. With more than two, the spectra that wait would leave the caches too.
 pub(crate) const TOGETHER: usize = 2;
 
 /// Lines worked on at once, so that the deviations stay in the fastest cache.
@@ -113,7 +113,10 @@ impl WithSimd for Observations<'_> {
             0 => (),
             TOGETHER => scatter.add::<TOGETHER>(mean, spectra),
             // The rest of an experiment.
-            _ => scatter.add::<1>(mean, spectra),
+            _ => {
+                let each = spectra.chunks_exact(spectra.len() / count);
+                each.for_each(|one| scatter.add::<1>(mean, one));
+            }
         }
     }
 }
@@ -167,14 +170,12 @@ impl Scatter {
                     re[l] += step * sum_re[l];
                     im[l] += step * sum_im[l];
                 }
-                for [a, b] in out.iter_mut() {
+                for [a, b] in out {
                     for l in 0..CHUNK {
                         a[l] -= share * sum_re[l];
                         b[l] -= share * sum_im[l];
                     }
-                }
-                // Lines beyond the last one have no deviation.
-                for [a, b] in out {
+                    // Lines beyond the last one have no deviation.
                     a[width..].fill(0.0);
                     b[width..].fill(0.0);
                 }
@@ -258,7 +259,12 @@ mod tests {
         let z = |(a, b): (f64, f64)| [zero, C64::new(1e6 + a, 0.0), zero, C64::new(0.0, 1e6 + b)];
         let all = [(0.0, 1.0), (3.0, 0.0), (6.0, -1.0), (3.0, 0.0), (3.0, 0.0)].map(z);
         // One after the other, or as many together as there may be, and a rest.
-        for parts in [vec![1; 5], vec![2, 2, 1], vec![1, 2, 2], vec![2, 1, 2]] {
+        for parts in [
+            vec![1; 5],
+            vec![TOGETHER, TOGETHER, 1],
+            vec![1, TOGETHER, TOGETHER],
+            vec![3, 2],
+        ] {
             let (mut mean, mut scatter) = (Means::new(2, 1), Scatter::new(2, 1));
             let mut left = &all[..];
             for part in parts {

@@ -346,6 +346,11 @@ impl Eliminated {
     }
 }
 
+/// Pairs of so many: with those of one and itself, and of different ones alone.
+pub(super) fn pairs(size: usize) -> (usize, usize) {
+    (size * (size + 1) / 2, size * size.saturating_sub(1) / 2)
+}
+
 /// Place of `(i, j)`, `i <= j`, in the upper triangle of a square of this size, row after row.
 fn pair(size: usize, i: usize, j: usize) -> usize {
     i * (2 * size - i + 1) / 2 + j - i

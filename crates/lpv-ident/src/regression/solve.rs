@@ -37,8 +37,8 @@ pub(super) fn by_products(
     nc: usize,
     sizes: Sizes,
 ) -> Result<Option<Solved>, IdentError> {
-    let channels = sizes.0 * sizes.1;
-    let most = (COLUMNS / (channels * (channels + 1) / 2)).max(1);
+    let (columns, _) = gram::pairs(sizes.0 * sizes.1);
+    let most = (COLUMNS / columns).max(1);
     let group = equations.len().div_ceil(rayon::current_num_threads()).min(most);
     let groups: Vec<&[Equations<'_>]> = equations
         .chunk_by(|a, b| std::ptr::eq(a.regressors, b.regressors))

@@ -1,7 +1,7 @@
 //! Sums over lines of the products of two functions with the weights of two channels.
 
 use super::weights::Weights;
-use super::{BLOCK, Equations, pair, pair_off};
+use super::{BLOCK, Equations, pair, pair_off, pairs};
 use crate::planes::{Planes, WIDEST};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
@@ -20,11 +20,6 @@ pub(super) struct Products {
     /// The products of the functions on a block: those rows and room for a register, a line a column.
     real: Mat<f64>,
     imaginary: Mat<f64>,
-}
-
-/// Pairs of so many, with one of itself and of two different ones.
-fn pairs(n: usize) -> (usize, usize) {
-    (n * (n + 1) / 2, n * n.saturating_sub(1) / 2)
 }
 
 impl Products {
@@ -64,13 +59,13 @@ impl Products {
         // The matrix is symmetric, and so is the product for a change of both pairs.
         let (s, n, t, m) = if s <= t { (s, n, t, m) } else { (t, m, s, n) };
         let (low, high) = (n.min(m), n.max(m));
-        let all = self.channels * (self.channels + 1) / 2;
+        let (all, apart) = pairs(self.channels);
         let column = position * all + pair(self.channels, s, t);
         let re = self.re[(pair(self.functions, low, high), column)];
         if s == t || n == m {
             return re;
         }
-        let column = position * (all - self.channels) + pair_off(self.channels, s, t);
+        let column = position * apart + pair_off(self.channels, s, t);
         let im = self.im[(pair_off(self.functions, low, high), column)];
         if n < m { re - im } else { re + im }
     }

@@ -1,6 +1,6 @@
 //! The weights of the channels of a line.
 
-use super::{BLOCK, pair, pair_off};
+use super::{BLOCK, pair, pair_off, pairs};
 use crate::planes::Planes;
 use crate::whiten::{Lower, Whitening};
 use faer::MatRef;
@@ -60,25 +60,25 @@ impl Weighted {
 impl Weights {
     pub(super) fn new(outputs: usize, inputs: usize, positions: usize) -> Self {
         let channels = outputs * inputs;
-        let pairs = channels * (channels + 1) / 2;
+        let (all, apart) = pairs(channels);
         Self {
             outputs,
             channels,
-            re: vec![0.0; positions * pairs * BLOCK],
-            im: vec![0.0; positions * (pairs - channels) * BLOCK],
-            c: vec![Planes::zeros(BLOCK); outputs * (outputs + 1) / 2],
-            s: vec![Planes::zeros(BLOCK); inputs * (inputs + 1) / 2],
+            re: vec![0.0; positions * all * BLOCK],
+            im: vec![0.0; positions * apart * BLOCK],
+            c: vec![Planes::zeros(BLOCK); pairs(outputs).0],
+            s: vec![Planes::zeros(BLOCK); pairs(inputs).0],
         }
     }
 
     pub(super) fn at(&mut self, position: usize) -> WeightsAt<'_> {
-        let pairs = self.channels * (self.channels + 1) / 2;
+        let (all, apart) = pairs(self.channels);
         let part = |pairs: usize| position * pairs * BLOCK..(position + 1) * pairs * BLOCK;
         WeightsAt {
             outputs: self.outputs,
             channels: self.channels,
-            re: &mut self.re[part(pairs)],
-            im: &mut self.im[part(pairs - self.channels)],
+            re: &mut self.re[part(all)],
+            im: &mut self.im[part(apart)],
             c: &mut self.c,
             s: &mut self.s,
         }

@@ -178,6 +178,7 @@ pub(crate) struct Reproduce {
 pub(crate) type TaskError = Box<dyn std::error::Error + Send + Sync>;
 
 fn main() -> ExitCode {
+    lpv_core::keep_freed_memory();
     let done = match Arguments::parse().command {
         Task::Reproduce(options) => reproduce::run(&options),
         Task::Measured(options) => run_measured(&options).map(|()| true),

@@ -72,6 +72,7 @@ struct Account {
 }
 
 fn main() -> ExitCode {
+    lpv_core::keep_freed_memory();
     match measure(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -103,6 +103,7 @@ const PACKAGES: [&str; 4] = [
 ];
 
 fn main() -> ExitCode {
+    lpv_core::keep_freed_memory();
     let arguments = Arguments::parse();
     let result = match &arguments.serve {
         Some(name) => serve(name, arguments.peer.as_deref(), arguments.threads),

@@ -8,6 +8,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    lpv_core::keep_freed_memory();
     let arguments = arguments::Arguments::parse();
     // A panic is a fault of the program and not of its input; its message is on standard error already.
     let Ok(done) = std::panic::catch_unwind(|| run::run(arguments.command)) else {

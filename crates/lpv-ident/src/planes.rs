@@ -21,34 +21,26 @@ impl Planes {
         }
     }
 
-    pub(crate) fn collect(values: impl Iterator<Item = Complex<f64>>) -> Self {
-        let (re, im) = values.map(|v| (v.re, v.im)).unzip();
-        Self { re, im }
+    /// So many lines, of which these come first and zeros follow.
+    pub(crate) fn collect(n: usize, values: impl Iterator<Item = Complex<f64>>) -> Self {
+        let mut all = Self::zeros(n);
+        for ((re, im), v) in all.re.iter_mut().zip(&mut all.im).zip(values) {
+            (*re, *im) = (v.re, v.im);
+        }
+        all
     }
 
-    /// Overwrites as many lines as are named with entry `at` of each times a factor; `values` has `size` entries a line.
+    /// Overwrites the first lines with entry `at` of each of `lines` times a factor; `values` has `size` entries a line.
     pub(crate) fn gather(
         &mut self,
         (values, size): (&[Complex<f64>], usize),
-        lines: &[usize],
+        lines: Range<usize>,
         at: usize,
         factor: f64,
     ) {
-        let (re, im) = (self.re.iter_mut(), self.im.iter_mut());
-        match lines {
-            // Neighbours mostly, which can be read as they stand.
-            [first, .., last] if last - first + 1 == lines.len() => {
-                let values = values[first * size..(last + 1) * size].chunks_exact(size);
-                for ((re, im), line) in re.zip(im).zip(values) {
-                    (*re, *im) = (factor * line[at].re, factor * line[at].im);
-                }
-            }
-            _ => {
-                for ((re, im), k) in re.zip(im).zip(lines) {
-                    let value = values[k * size + at];
-                    (*re, *im) = (factor * value.re, factor * value.im);
-                }
-            }
+        let lines = values[lines.start * size..lines.end * size].chunks_exact(size);
+        for ((re, im), line) in self.re.iter_mut().zip(&mut self.im).zip(lines) {
+            (*re, *im) = (factor * line[at].re, factor * line[at].im);
         }
     }
 

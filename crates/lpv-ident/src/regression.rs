@@ -14,6 +14,7 @@ use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
 use rayon::prelude::*;
 use solve::{by_products, by_reflections, each};
+use std::ops::Range;
 
 /// The regression's account: gains, samples of the coefficient functions, covariances, what remains.
 #[derive(Debug, Clone)]
@@ -68,26 +69,33 @@ pub fn regress(
     let positions = checked_positions(estimates, settings.rigid_body())?;
     filter_bank(basis)?;
     let has_rigid_body = !settings.rigid_body().is_empty();
+    let kept: Vec<Range<usize>> = estimates
+        .iter()
+        .zip(&positions)
+        .map(|(estimate, &position)| eliminate::kept(estimate, position, basis, settings))
+        .collect::<Result<_, _>>()?;
     // Positions mostly share their lines, and then also the responses of the filters.
     let shared = Regressors::new(
         basis,
         has_rigid_body,
-        eliminate::kept_frequencies(&estimates[0], positions[0], basis, settings)?,
+        frequencies(&estimates[0], &kept[0]).to_vec(),
     )?;
-    let own = each(estimates.par_iter().zip(&positions), |(estimate, &position)| {
-        let frequencies = eliminate::kept_frequencies(estimate, position, basis, settings)?;
+    let own = each(estimates.par_iter().zip(&kept), |(estimate, kept)| {
+        let frequencies = frequencies(estimate, kept);
         let others = frequencies != shared.frequencies_hz();
         others
-            .then(|| Regressors::new(basis, has_rigid_body, frequencies))
+            .then(|| Regressors::new(basis, has_rigid_body, frequencies.to_vec()))
             .transpose()
     })?;
     let equations: Vec<Equations<'_>> = estimates
         .iter()
         .zip(&positions)
+        .zip(kept)
         .zip(&own)
-        .map(|((estimate, &position), own)| Equations {
+        .map(|(((estimate, &position), kept), own)| Equations {
             estimate,
             position,
+            kept,
             regressors: own.as_ref().unwrap_or(&shared),
             settings,
         })
@@ -126,6 +134,10 @@ pub fn regress(
         gain_covariance: unit_covariance * row_variance,
         fits,
     })
+}
+
+fn frequencies<'a>(estimate: &'a FrfEstimate, kept: &Range<usize>) -> &'a [f64] {
+    &estimate.frf().frequencies_hz()[kept.clone()]
 }
 
 impl LocalFit {

@@ -1,6 +1,7 @@
 //! What is fitted and how it is weighted.
 
 use crate::IdentError;
+use std::ops::Range;
 
 /// A rigid-body term `c phi_R(q)` in one channel, `phi_R(z) = (z + 1) / (z - 1)^2`, equation (12); `c` is shared by all
 /// positions.
@@ -128,9 +129,10 @@ impl CheckedRegression {
     pub(crate) fn model_error(&self) -> f64 {
         self.0.model_error
     }
-    pub(crate) fn keeps(&self, frequency_hz: f64) -> bool {
-        self.0
-            .band_hz
-            .is_none_or(|(lower, upper)| frequency_hz >= lower && frequency_hz <= upper)
+    /// The lines of the band, of frequencies that rise.
+    pub(crate) fn kept(&self, frequencies_hz: &[f64]) -> Range<usize> {
+        let (lower, upper) = self.0.band_hz.unwrap_or((0.0, f64::INFINITY));
+        let first = frequencies_hz.partition_point(|f| *f < lower);
+        first..frequencies_hz.partition_point(|f| *f <= upper)
     }
 }

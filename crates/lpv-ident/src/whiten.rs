@@ -5,6 +5,7 @@ use crate::{CheckedRegression, IdentError, Weighting};
 use lpv_core::FrfEstimate;
 use num_complex::Complex;
 use pulp::{Simd, WithSimd};
+use std::ops::Range;
 
 /// A pivot below this part of its diagonal entry is rounding. It would be taken for a direction without noise and
 /// outweigh every other line.
@@ -47,7 +48,7 @@ impl Whitening {
     pub(crate) fn set(
         &mut self,
         estimate: &FrfEstimate,
-        lines: &[usize],
+        lines: Range<usize>,
         settings: &CheckedRegression,
         position: f64,
     ) -> Result<(), IdentError> {
@@ -55,7 +56,7 @@ impl Whitening {
         match settings.weighting() {
             Weighting::Uniform => {}
             Weighting::Relative => {
-                for (row, &k) in lines.iter().enumerate() {
+                for (row, k) in lines.enumerate() {
                     let size = frf.line(k).norm().max(f64::MIN_POSITIVE);
                     for i in 0..self.left.size {
                         self.left.entries[place(i, i)].set(row, Complex::from(1.0 / size));
@@ -64,15 +65,17 @@ impl Whitening {
             }
             Weighting::Covariance => {
                 // Half of C, for the factor sqrt(2).
-                self.left.gather(lines, estimate.output_covariances(), 0.5);
-                self.right_adjoint.gather(lines, estimate.input_factors(), 1.0);
-                self.add_model_error(estimate, lines, settings.model_error());
+                self.left
+                    .gather(lines.clone(), estimate.output_covariances(), 0.5);
+                self.right_adjoint
+                    .gather(lines.clone(), estimate.input_factors(), 1.0);
+                self.add_model_error(estimate, lines.clone(), settings.model_error());
                 let bad = pulp::Arch::new().dispatch(Inversion {
                     whitening: self,
                     lines: lines.len(),
                 });
                 if let Some(row) = bad {
-                    let line = lines[row];
+                    let line = lines.start + row;
                     return Err(IdentError::Covariance {
                         position,
                         line,
@@ -86,13 +89,13 @@ impl Whitening {
 
     /// What the basis cannot represent, as noise: `(relative ||F_i||)^2` for the variance of each row i of F, spread over
     /// its channels as the noise is, so that `C_ii` grows by that over `tr(S)`.
-    fn add_model_error(&mut self, estimate: &FrfEstimate, lines: &[usize], relative: f64) {
+    fn add_model_error(&mut self, estimate: &FrfEstimate, lines: Range<usize>, relative: f64) {
         if relative == 0.0 {
             return;
         }
         let (ny, nu) = (self.left.size, self.right_adjoint.size);
         let (values, factors) = (estimate.frf().values(), estimate.input_factors());
-        for (at, k) in lines.iter().enumerate() {
+        for (at, k) in lines.enumerate() {
             let line = &values[k * ny * nu..(k + 1) * ny * nu];
             let factor = &factors[k * nu * nu..(k + 1) * nu * nu];
             let trace: f64 = factor.iter().step_by(nu + 1).map(|v| v.re).sum();
@@ -142,11 +145,11 @@ impl Lower {
     }
 
     /// The lower triangles of matrices of all lines, times a factor.
-    fn gather(&mut self, lines: &[usize], matrices: &[Complex<f64>], factor: f64) {
+    fn gather(&mut self, lines: Range<usize>, matrices: &[Complex<f64>], factor: f64) {
         let n = self.size;
         for i in 0..n {
             for j in 0..=i {
-                self.entries[place(i, j)].gather((matrices, n * n), lines, j * n + i, factor);
+                self.entries[place(i, j)].gather((matrices, n * n), lines.clone(), j * n + i, factor);
             }
         }
     }

@@ -5,6 +5,7 @@
 //! are joined at the end: with two inputs and outputs this takes 0.4 of the work of treating all rows alike, and the
 //! result is the same up to rounding.
 
+use super::gram::Equations;
 use super::rigid_response;
 use crate::planes::{Planes, WIDEST};
 use crate::triangle::Triangle;
@@ -14,6 +15,7 @@ use lpv_core::{Discrete, Frf, FrfEstimate, StateSpace};
 use nalgebra::DMatrix;
 use num_complex::Complex;
 use rayon::prelude::*;
+use std::ops::Range;
 
 type C64 = Complex<f64>;
 
@@ -42,8 +44,8 @@ pub(super) struct Regressors {
 }
 
 /// With zeros behind, so that whole registers can be read.
-fn padded(values: impl Iterator<Item = C64>) -> Planes {
-    Planes::collect(values.chain([C64::from(0.0); WIDEST]))
+fn padded(lines: usize, values: impl Iterator<Item = C64>) -> Planes {
+    Planes::collect(lines + WIDEST, values)
 }
 
 impl Regressors {
@@ -59,12 +61,18 @@ impl Regressors {
         // The whole list again on an error, so that the error counts its lines from the first.
         let parts = parts.or_else(|_| basis.frequency_response(&frequencies_hz).map(|whole| vec![whole]))?;
         let functions = (0..basis.outputs())
-            .map(|i| padded(parts.iter().flat_map(|part| part.channel(i, 0))))
+            .map(|i| {
+                padded(
+                    frequencies_hz.len(),
+                    parts.iter().flat_map(|part| part.channel(i, 0)),
+                )
+            })
             .collect();
         let rigid = has_rigid_body
             .then(|| {
                 let phi_r = frequencies_hz.iter().map(|&f| rigid_response(basis.clock(), f));
-                Ok::<_, IdentError>(padded(phi_r.collect::<Result<Vec<_>, _>>()?.into_iter()))
+                let phi_r = phi_r.collect::<Result<Vec<_>, _>>()?;
+                Ok::<_, IdentError>(padded(phi_r.len(), phi_r.into_iter()))
             })
             .transpose()?;
         Ok(Self {
@@ -89,23 +97,16 @@ impl Regressors {
     }
 }
 
-pub(super) fn kept(estimate: &FrfEstimate, settings: &CheckedRegression) -> Vec<usize> {
-    let frequencies = estimate.frf().frequencies_hz();
-    (0..frequencies.len())
-        .filter(|&k| settings.keeps(frequencies[k]))
-        .collect()
-}
-
 /// The lines that the settings keep, if they are enough.
-pub(super) fn kept_frequencies(
+pub(super) fn kept(
     estimate: &FrfEstimate,
     position: f64,
     basis: &StateSpace<Discrete>,
     settings: &CheckedRegression,
-) -> Result<Vec<f64>, IdentError> {
+) -> Result<Range<usize>, IdentError> {
     let frf = estimate.frf();
     let channels = frf.outputs() * frf.inputs();
-    let lines = kept(estimate, settings);
+    let lines = settings.kept(frf.frequencies_hz());
     let (equations, unknowns) = (2 * channels * lines.len(), channels * basis.outputs());
     if equations < unknowns + settings.rigid_body().len() + 1 {
         return Err(IdentError::TooFewLines {
@@ -115,7 +116,7 @@ pub(super) fn kept_frequencies(
             unknowns,
         });
     }
-    Ok(lines.iter().map(|&k| frf.frequencies_hz()[k]).collect())
+    Ok(lines)
 }
 
 /// Channel (r, s) of the whitened rows.
@@ -151,11 +152,12 @@ impl Channel {
 /// The whitened channels. Factors are triangular with covariance weights, diagonal otherwise.
 fn channels(
     estimate: &FrfEstimate,
-    lines: &[usize],
+    lines: Range<usize>,
     position: f64,
     settings: &CheckedRegression,
 ) -> Result<Vec<Channel>, IdentError> {
     let (ny, nu) = (estimate.frf().outputs(), estimate.frf().inputs());
+    let count = lines.len();
     let mut channels = Vec::with_capacity(ny * nu);
     for s in 0..nu {
         for r in 0..ny {
@@ -164,12 +166,12 @@ fn channels(
                 Weighting::Relative | Weighting::Uniform => (r, s),
             };
             let parts = (first_b..=s)
-                .flat_map(|b| (first_a..=r).map(move |a| (a, b, Planes::zeros(lines.len()))))
+                .flat_map(|b| (first_a..=r).map(move |a| (a, b, Planes::zeros(count))))
                 .collect();
             channels.push(Channel { parts });
         }
     }
-    let mut whitening = Whitening::new(ny, nu, lines.len());
+    let mut whitening = Whitening::new(ny, nu, count);
     whitening.set(estimate, lines, settings, position)?;
     for (index, channel) in channels.iter_mut().enumerate() {
         let (r, s) = (index % ny, index / ny);
@@ -182,26 +184,28 @@ fn channels(
 }
 
 /// The triangular factor of one position.
-pub(super) fn eliminate(
-    estimate: &FrfEstimate,
-    position: f64,
-    regressors: &Regressors,
-    settings: &CheckedRegression,
-) -> Result<Eliminated, IdentError> {
+pub(super) fn eliminate(equations: &Equations<'_>) -> Result<Eliminated, IdentError> {
+    let Equations {
+        estimate,
+        position,
+        regressors,
+        settings,
+        ..
+    } = *equations;
+    let lines = equations.kept.clone();
     let frf = estimate.frf();
     let (ny, nu, ng) = (frf.outputs(), frf.inputs(), regressors.functions.len());
     let rigid_terms = settings.rigid_body();
-    let lines = kept(estimate, settings);
     let unknowns = ny * nu * ng;
     let columns = unknowns + rigid_terms.len() + 1;
     let block = (BLOCK_ROWS / (2 * ny * nu)).max(columns).min(lines.len());
     let entries: Vec<Planes> = (0..ny * nu)
-        .map(|ab| Planes::collect(lines.iter().map(|&k| frf.line_slice(k)[ab])))
+        .map(|ab| Planes::collect(lines.len(), lines.clone().map(|k| frf.line_slice(k)[ab])))
         .collect();
 
     let mut whole = Triangle::new(columns, (2 * block).max(columns));
     let mut stacked = 0;
-    for channel in channels(estimate, &lines, position, settings)? {
+    for channel in channels(estimate, lines.clone(), position, settings)? {
         let own = channel.columns(rigid_terms, ny, nu, ng);
         let rows = Rows {
             channel,
@@ -287,7 +291,7 @@ enum Write {
 
 /// The products of two planes over a range of lines: real parts, then imaginary parts. The order of rows does not matter
 /// to a least-squares problem.
-fn multiply(x: &Planes, y: &Planes, lines: std::ops::Range<usize>, out: &mut [f64], write: Write) {
+fn multiply(x: &Planes, y: &Planes, lines: Range<usize>, out: &mut [f64], write: Write) {
     let n = lines.len();
     let (re, rest) = out.split_at_mut(n);
     let im = &mut rest[..n];

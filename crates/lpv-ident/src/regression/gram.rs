@@ -39,6 +39,8 @@ const MOST: f64 = 3e5;
 pub(super) struct Equations<'a> {
     pub(super) estimate: &'a FrfEstimate,
     pub(super) position: f64,
+    /// Lines of the estimate that are fitted.
+    pub(super) kept: Range<usize>,
     pub(super) regressors: &'a Regressors,
     pub(super) settings: &'a CheckedRegression,
 }
@@ -92,7 +94,7 @@ impl Equations<'_> {
     }
 
     fn lines(&self) -> usize {
-        self.regressors.frequencies_hz().len()
+        self.kept.len()
     }
 
     fn blocks(&self) -> usize {
@@ -176,7 +178,6 @@ impl Equations<'_> {
 struct Pass<'a> {
     equations: &'a Equations<'a>,
     functions: Vec<&'a Planes>,
-    lines: Vec<usize>,
     whitening: Whitening,
     residual: Vec<Planes>,
     weighted: Weighted,
@@ -192,7 +193,6 @@ impl<'a> Pass<'a> {
         let functions = equations.all_functions();
         Self {
             equations,
-            lines: super::eliminate::kept(equations.estimate, equations.settings),
             whitening: Whitening::new(ny, nu, BLOCK),
             residual: vec![Planes::zeros(BLOCK); ny * nu],
             weighted: Weighted::new(ny * nu),
@@ -212,16 +212,17 @@ impl<'a> Pass<'a> {
         let Equations {
             estimate,
             position,
+            kept,
             settings,
             ..
         } = self.equations;
-        let end = (block + 1) * BLOCK;
-        let lines = &self.lines[block * BLOCK..end.min(self.lines.len())];
-        self.whitening.set(estimate, lines, settings, *position)?;
+        let start = kept.start + block * BLOCK;
+        let lines = start..kept.end.min(start + BLOCK);
+        self.whitening.set(estimate, lines.clone(), settings, *position)?;
         let size = self.residual.len();
         let values = estimate.frf().values();
         for (s, entry) in self.residual.iter_mut().enumerate() {
-            entry.gather((values, size), lines, s, 1.0);
+            entry.gather((values, size), lines.clone(), s, 1.0);
         }
         let (count, range) = (lines.len(), self.equations.range(block));
         pulp::Arch::new().dispatch(Step {

@@ -83,9 +83,7 @@ pub(super) fn by_reflections(
     nc: usize,
     sizes: Sizes,
 ) -> Result<Solved, IdentError> {
-    let eliminated = each(equations.par_iter(), |e| {
-        eliminate(e.estimate, e.position, e.regressors, e.settings)
-    })?;
+    let eliminated = each(equations.par_iter(), eliminate)?;
     let (gains, covariance) = shared_gains(&eliminated, nc)?;
     let fits = each(eliminated.par_iter(), |e| {
         e.full_rank(sizes)?;

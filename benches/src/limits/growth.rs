@@ -50,6 +50,12 @@ fn rows<'a>(bench: &'a Bench, model: &'a StateSpace<Discrete>) -> Vec<Row<'a>> {
             Box::new(|n| works::accumulation(n, 2)),
         ),
         row(
+            "FRF accumulation of a record against its periods (4,096 samples, 2x2)",
+            (2..=12).map(|i| 1 << i).collect(),
+            Some(1.05),
+            Box::new(works::record),
+        ),
+        row(
             "FRF accumulation of four periods against channels (period 8,192)",
             vec![2, 4, 8, 16],
             None,

@@ -39,7 +39,8 @@ pub(crate) fn page(account: &Account) -> String {
             fifths are reflections, column by column in blocks that fit the cache (normal equations would lose half of the digits), a \
             fifth the curvature, the rest the responses and their products; none of it is large enough for the speed of a large product.\n\
             \n## Growth\n\nA transform of N samples takes N log N operations: from 2^10 to 2^18 that alone is an exponent of 1.11; what is kept of an \
-            experiment (192 bytes a line) no longer fits the second cache from 2^15 on.\n\n| time | sizes | milliseconds | exponent | bar |\n|---|---|---|---|---|\n";
+            experiment (192 bytes a line) no longer fits the second cache from 2^15 on, nor do the buffers of a transform \
+            (24 bytes a sample) from 2^16 on.\n\n| time | sizes | milliseconds | exponent | bar |\n|---|---|---|---|---|\n";
     for g in &account.growth {
         let list = |v: Vec<String>| v.join(", ");
         let _ = writeln!(

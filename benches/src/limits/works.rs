@@ -1,6 +1,7 @@
 //! What is measured, its inputs made before.
 
 use crate::Failure;
+use frf_estimation::PeriodicAccumulator;
 use lfr_realize::{RefineSettings, refine};
 use lpv_benches::refinement::Case;
 use lpv_benches::{Bench, accumulator};
@@ -8,6 +9,7 @@ use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{Discrete, PeriodBlock, StateSpace};
 use lpv_ident::{RegressionSettings, regress};
 use std::hint::black_box;
+use std::ops::Range;
 use std::time::Instant;
 use xytable_plant::{MovingExperiment, MovingSettings, Noise, PlantError};
 
@@ -62,27 +64,46 @@ fn period(length: usize, channels: usize, seed: usize) -> Vec<Vec<f64>> {
 /// Periods of one experiment of many: as many as are taken up together.
 pub(crate) const TOGETHER: usize = 4;
 
+/// Outputs, inputs and references of a period.
+struct Signals([Vec<Vec<f64>>; 3]);
+
+impl Signals {
+    fn new(length: usize, channels: usize) -> Self {
+        Self([1, 2, 5].map(|seed| period(length, channels, seed)))
+    }
+
+    /// Pushes them as these periods of the first experiment.
+    fn push(&self, sums: &mut PeriodicAccumulator, periods: Range<usize>) -> Result<(), Failure> {
+        let [outputs, inputs, references] = &self.0;
+        for period in periods {
+            sums.push(&PeriodBlock {
+                experiment: 0,
+                period,
+                outputs,
+                inputs,
+                references,
+            })?;
+        }
+        Ok(())
+    }
+}
+
 /// So many periods pushed.
 pub(crate) fn accumulation(length: usize, channels: usize) -> Result<Work<'static>, Failure> {
     let mut sums = accumulator(length, channels, None)?;
-    let (outputs, inputs, references) = (
-        period(length, channels, 1),
-        period(length, channels, 2),
-        period(length, channels, 5),
-    );
+    let signals = Signals::new(length, channels);
     let mut count = 0;
     Ok(Box::new(move || {
-        for _ in 0..TOGETHER {
-            sums.push(&PeriodBlock {
-                experiment: 0,
-                period: count,
-                outputs: &outputs,
-                inputs: &inputs,
-                references: &references,
-            })?;
-            count += 1;
-        }
-        Ok(())
+        count += TOGETHER;
+        signals.push(&mut sums, count - TOGETHER..count)
+    }))
+}
+
+/// A record of so many periods of 4,096 samples.
+pub(crate) fn record<'a>(periods: usize) -> Result<Work<'a>, Failure> {
+    let signals = Signals::new(1 << 12, 2);
+    Ok(Box::new(move || {
+        signals.push(&mut accumulator(1 << 12, 2, None)?, 0..periods)
     }))
 }
 

@@ -56,6 +56,32 @@ pub struct AxisAccount {
     pub effective_rows: f64,
 }
 
+/// What both sides of the equations go through, by what the spectrum of the position tells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Filter {
+    /// Cut-off of the filter on the position.
+    pub position_cutoff_hz: f64,
+    /// Cut-off of the filter on the equations.
+    pub regression_cutoff_hz: f64,
+    /// Samples a row of the regression.
+    pub decimation: usize,
+}
+
+impl Filter {
+    /// That of the runs of one position; cut-offs of the settings go before.
+    #[must_use]
+    pub fn new(positions: &[&[f64]], clock: Discrete, settings: &CheckedRigidBodySettings) -> Self {
+        let (settings, found) = (settings.get(), cutoff::cutoffs(positions, clock));
+        let regression_cutoff_hz = settings.regression_cutoff_hz.unwrap_or(found.regression_hz);
+        let decimation = (1.0 / (2.5 * regression_cutoff_hz * clock.sample_time())) as usize;
+        Self {
+            position_cutoff_hz: settings.position_cutoff_hz.unwrap_or(found.position_hz),
+            regression_cutoff_hz,
+            decimation: decimation.max(1),
+        }
+    }
+}
+
 /// Position, velocity and acceleration of one axis, low-pass filtered forth and back.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
@@ -176,7 +202,7 @@ pub fn identify(
         }
     }
     let fits: Result<Vec<_>, LtiIdentError> = (0..axes)
-        .map(|axis| identify_axis(segments, axis, clock, settings.get()))
+        .map(|axis| identify_axis(segments, axis, clock, settings))
         .collect();
     let (bodies, axes): (Vec<_>, Vec<_>) = fits?.into_iter().unzip();
     Ok(RigidBodyFit {
@@ -189,23 +215,30 @@ fn identify_axis(
     segments: &[Segment],
     axis: usize,
     clock: Discrete,
-    settings: &RigidBodySettings,
+    settings: &CheckedRigidBodySettings,
 ) -> Result<(RigidBodyAxis, AxisAccount), LtiIdentError> {
     let channel = |s: &'_ Segment<'_>, signals: fn(&Record) -> &Signals| -> Vec<f64> {
         signals(s.record).columns[axis][s.range.clone()].to_vec()
     };
     let positions: Vec<Vec<f64>> = segments.iter().map(|s| channel(s, |r| &r.outputs)).collect();
     let runs: Vec<&[f64]> = positions.iter().map(Vec::as_slice).collect();
-    let found = cutoff::cutoffs(&runs, clock);
-    let regression_cutoff_hz = settings.regression_cutoff_hz.unwrap_or(found.regression_hz);
-    let position_cutoff_hz = settings.position_cutoff_hz.unwrap_or(found.position_hz);
-    let decimation = ((1.0 / (2.5 * regression_cutoff_hz * clock.sample_time())) as usize).max(1);
+    let Filter {
+        position_cutoff_hz,
+        regression_cutoff_hz,
+        decimation,
+    } = Filter::new(&runs, clock, settings);
+    let settings = settings.get();
     let reduced = |v: &[f64]| decimated(v, clock, regression_cutoff_hz, decimation);
-    let columns = |position: &[f64]| -> Result<[Vec<f64>; 3], LtiIdentError> {
+    let columns = |position: &[f64]| -> Result<Vec<Vec<f64>>, LtiIdentError> {
         let motion = Motion::new(position, clock, position_cutoff_hz)?;
         let acceleration = reduced(&motion.acceleration)?;
         let ones = vec![1.0; acceleration.len()];
-        Ok([acceleration, reduced(&motion.velocity)?, ones])
+        let mut columns = vec![acceleration, reduced(&motion.velocity)?, ones];
+        if settings.dry_friction {
+            let direction: Vec<f64> = motion.velocity.iter().map(|v| v.signum()).collect();
+            columns.push(reduced(&direction)?);
+        }
+        Ok(columns)
     };
     let with_references = settings.estimator != Estimator::LeastSquares
         && segments.iter().all(|s| s.record.references.channels() > axis);
@@ -275,8 +308,9 @@ fn solution(
 }
 
 /// The columns of all segments, one below the other.
-fn stacked(segments: &[[Vec<f64>; 3]]) -> DMatrix<f64> {
+fn stacked(segments: &[Vec<Vec<f64>>]) -> DMatrix<f64> {
     let rows = segments.iter().map(|s| s[0].len()).sum();
-    let values = (0..3).flat_map(|j| segments.iter().flat_map(move |s| s[j].iter().copied()));
-    DMatrix::from_iterator(rows, 3, values)
+    let columns = segments.first().map_or(0, Vec::len);
+    let values = (0..columns).flat_map(|j| segments.iter().flat_map(move |s| s[j].iter().copied()));
+    DMatrix::from_iterator(rows, columns, values)
 }

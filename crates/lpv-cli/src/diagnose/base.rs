@@ -10,7 +10,8 @@ use crate::{ModelFile, PipelineError, Structure, identify_bundle};
 use experiment_data::Bundle;
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{CoreError, Discrete, FrfEstimate, Model, Purpose, Record, SchedulingRange, StateSpace};
-use lti_ident::Segment;
+use lti_ident::rigid_body::RigidBodySettings;
+use lti_ident::{LtiIdentError, Segment};
 use residual_trace::{Axis, Base, BaseParameter, FrozenFit, Lpv, Prior, fit_table};
 use std::f64::consts::TAU;
 
@@ -132,8 +133,17 @@ pub(super) fn axis_of(model: &Model) -> Result<Base, PipelineError> {
 /// A model of a file.
 fn given(model: &Model, bundle: &Bundle, records: &[Record]) -> Result<Start, PipelineError> {
     if let Model::RigidBody(_) = model {
+        let base = axis_of(model)?;
+        let channels = &bundle.description().channels;
+        let bundle_has = (channels.input.len(), channels.output.len());
+        if bundle_has != (1, 1) {
+            return Err(PipelineError::Channels {
+                model: (1, 1),
+                bundle: bundle_has,
+            });
+        }
         return Ok(Start {
-            base: axis_of(model)?,
+            base,
             prior: None,
             free: None,
             model: None,
@@ -272,8 +282,15 @@ fn servo_axis(records: &[Record], clock: Discrete) -> Result<Base, PipelineError
         .filter(|r| r.purpose == Purpose::Estimation)
         .map(Segment::whole)
         .collect();
-    let settings = lti_ident::rigid_body::RigidBodySettings::new().check()?;
-    let found = lti_ident::rigid_body::identify(&segments, clock, &settings)?;
+    let identify = |dry_friction: bool| {
+        let settings = RigidBodySettings::new().dry_friction(dry_friction).check()?;
+        lti_ident::rigid_body::identify(&segments, clock, &settings)
+    };
+    // Friction that is larger than the inertial force makes the inertia negative where it is left out.
+    let found = identify(false).or_else(|error| match error {
+        LtiIdentError::Inertia { .. } => identify(true).map_err(|_| error),
+        _ => Err(error),
+    })?;
     let axis = found.model.axes()[0];
     Ok(Base::Axis(Axis::new(axis.inertia, axis.viscous, axis.offset)))
 }

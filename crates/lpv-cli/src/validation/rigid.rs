@@ -4,8 +4,7 @@ use super::simulate::Run;
 use crate::PipelineError;
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{Discrete, Record, RigidBody};
-use lti_ident::Segment;
-use lti_ident::rigid_body::{Motion, RigidBodySettings, centred, decimated, identify};
+use lti_ident::rigid_body::{Filter, Motion, RigidBodySettings, centred, decimated};
 use serde::{Deserialize, Serialize};
 
 /// Errors of one axis: `100 |measured - model| / |measured|`, norms over the record.
@@ -62,10 +61,8 @@ pub(crate) fn check_axis(
     open: &[f64],
     closed: Option<(Vec<f64>, Vec<f64>)>,
 ) -> Result<AxisCheck, PipelineError> {
-    // Only the cut-offs that this record asks for are taken from its own fit.
-    let settings = RigidBodySettings::new().check()?;
-    let filter = &identify(&[Segment::whole(record)], clock, &settings)?.axes[i];
     let (q, u) = (&record.outputs.columns[i], &record.inputs.columns[i]);
+    let filter = Filter::new(&[q], clock, &RigidBodySettings::new().check()?);
     // Simulated positions go through the same filter, so that derivatives compare like with like.
     let motion = |q: &[f64]| Motion::new(q, clock, filter.position_cutoff_hz);
     let kept = |x: &[f64]| decimated(x, clock, filter.regression_cutoff_hz, filter.decimation);

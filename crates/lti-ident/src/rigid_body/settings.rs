@@ -21,6 +21,7 @@ pub enum Estimator {
 /// | `position_cutoff_hz` | `None` | cut-off of the filter on the position; `None`: where the spectrum meets its noise | above 0, below Nyquist |
 /// | `regression_cutoff_hz` | `None` | cut-off of the filter on the equations; `None`: from the spectrum too | above 0, below Nyquist |
 /// | `estimator` | `Automatic` | how the equations are solved | |
+/// | `dry_friction` | `false` | estimate a constant force against the motion beside, which the model does not keep | |
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct RigidBodySettings {
     /// Cut-off of the filter on the position, cycles per unit of time.
@@ -29,6 +30,9 @@ pub struct RigidBodySettings {
     pub regression_cutoff_hz: Option<f64>,
     /// How the equations are solved.
     pub estimator: Estimator,
+    /// Whether a constant force against the motion is estimated beside. Where it is larger than the inertial force, equations without it
+    /// give an inertia that no mass has.
+    pub dry_friction: bool,
 }
 
 impl RigidBodySettings {
@@ -53,6 +57,12 @@ impl RigidBodySettings {
     #[must_use]
     pub fn estimator(mut self, estimator: Estimator) -> Self {
         self.estimator = estimator;
+        self
+    }
+    /// Sets whether a constant force against the motion is estimated beside.
+    #[must_use]
+    pub fn dry_friction(mut self, is_estimated: bool) -> Self {
+        self.dry_friction = is_estimated;
         self
     }
 

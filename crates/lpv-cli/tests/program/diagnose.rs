@@ -1,6 +1,7 @@
 //! `lpv diagnose`.
 
-use crate::common::{Desk, number, shared, stdout_of};
+use crate::common::{Desk, Noise, csv, entry, number, shared, stdout_of};
+use lpv_core::{Model, RigidBody, RigidBodyAxis};
 use std::ffi::OsStr;
 
 fn diagnosis(name: &str) -> Option<serde_json::Value> {
@@ -293,9 +294,76 @@ fn a_table_without_geometry_and_a_file_for_a_folder_are_refused() {
     assert_eq!(out.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&out.stderr).contains("folder"));
     assert_eq!(desk.text("taken"), "a file");
+    // A model of one axis, for a machine with two.
+    let axis = RigidBodyAxis {
+        inertia: 10.0,
+        viscous: 1.0,
+        offset: 0.0,
+        inertia_deviation: 0.1,
+        viscous_deviation: 0.1,
+        offset_deviation: 0.1,
+    };
+    desk.write_model(
+        "axis.json",
+        &Model::RigidBody(RigidBody::new(vec![axis]).unwrap()),
+    );
+    let said = desk.refused("diagnose bundle --model axis.json -o other");
+    assert!(said.contains("1 input(s)"), "{said}");
+    assert!(!desk.path("other").exists());
     // Without a geometry the small LFR of the bundle is the base.
     let said = desk.done("diagnose bundle -o found");
     assert!(said.contains("nothing-missing"), "{said}");
     let found: serde_json::Value = serde_json::from_str(&desk.text("found/diagnosis.json")).unwrap();
     assert!(found["base_model"].as_str().unwrap().contains("LFR"));
+}
+
+/// An axis whose friction is larger than its inertial force: without friction no inertia explains its records one by one.
+#[test]
+fn friction_above_the_inertial_force() {
+    /// Ten kilograms and two newtons of friction under a controller with a difference, integrated in small steps.
+    fn record(rate: f64, seed: u64) -> String {
+        const T: f64 = 0.01;
+        const STEPS: usize = 400;
+        let mut noise = Noise(seed);
+        let (mut x, mut v, mut before) = (0.0_f64, 0.0_f64, 0.0);
+        let [mut r, mut u, mut y] = [(); 3].map(|()| Vec::new());
+        for k in 0..1500 {
+            let t = k as f64 * T;
+            r.push(0.05 * (1.0 - (rate * t).cos()) * (1.0 + 0.3 * (0.37 * rate * t).sin()));
+            y.push(x + 1e-5 * noise.sample());
+            let error = r[k] - y[k];
+            u.push(3000.0 * error - 2900.0 * before);
+            before = error;
+            for _ in 0..STEPS {
+                v += T / STEPS as f64 * (u[k] - 2.0 * (v / 1e-3).tanh()) / 10.0;
+                x += T / STEPS as f64 * v;
+            }
+        }
+        csv(&[("r", &r), ("u", &u), ("y", &y)])
+    }
+    let desk = Desk::new();
+    let mut toml = String::from(
+        "format = 1\nname = \"axis\"\nsample_rate = 100.0\n\
+         [controller]\nreference_numerator = [3000.0, -2900.0]\nfeedback_numerator = [3000.0, -2900.0]\ndenominator = [1.0]\n",
+    );
+    for (group, name, unit) in [("output", "y", "m"), ("input", "u", "N"), ("reference", "r", "m")] {
+        toml += &format!("[channels.{group}]\ncolumns = [\"{name}\"]\nunits = [\"{unit}\"]\n");
+    }
+    for (file, rate, purpose) in [
+        ("a", 0.7, "estimation"),
+        ("b", 1.9, "estimation"),
+        ("c", 1.3, "validation"),
+    ] {
+        desk.write(
+            &format!("axis/{file}.csv"),
+            record(rate, file.as_bytes()[0].into()),
+        );
+        toml += &entry(&format!("{file}.csv"), None, purpose);
+    }
+    desk.write("axis/experiment.toml", toml);
+    let said = desk.done("diagnose axis -o found");
+    assert!(said.contains("axis: explained\ncoulomb-friction at u"), "{said}");
+    let found: serde_json::Value = serde_json::from_str(&desk.text("found/diagnosis.json")).unwrap();
+    let level = number(&found, "/effects/0/parameters/level/value");
+    assert!((level - 2.0).abs() < 1e-2, "{level}");
 }

@@ -49,6 +49,33 @@ fn two_axes_without_noise() {
     }
 }
 
+/// Without it the viscous friction takes what dry friction does.
+#[test]
+fn dry_friction_is_told_apart() {
+    let n = 10_000;
+    let motion: Vec<[f64; 3]> = (0..n).map(|k| waves(k as f64)).collect();
+    let middle: Vec<[f64; 3]> = (0..n).map(|k| waves(k as f64 + 0.5)).collect();
+    let q = DMatrix::from_fn(1, n, |_, k| motion[k][0]);
+    let (inertia, viscous, level) = (3.0, 20.0, 40.0);
+    let u = DMatrix::from_fn(1, n, |_, k| {
+        let [_, v, a] = middle[k];
+        inertia * a + viscous * v + level * v.signum()
+    });
+    let record = record(&u, &q);
+    let fit = |is_estimated: bool| {
+        let settings = RigidBodySettings::new()
+            .dry_friction(is_estimated)
+            .check()
+            .unwrap();
+        let fit = identify(&[Segment::whole(&record)], Discrete::new(T).unwrap(), &settings).unwrap();
+        fit.model.axes()[0]
+    };
+    let (without, with) = (fit(false), fit(true));
+    assert!(without.viscous > 2.0 * viscous, "{without:?}");
+    assert!((with.inertia / inertia - 1.0).abs() < 1e-2, "{with:?}");
+    assert!((with.viscous / viscous - 1.0).abs() < 5e-2, "{with:?}");
+}
+
 /// `J = 2`, `F_v = 10`, `o = 1` under a stiff PD loop that feeds the noise of the sensor back to the force.
 fn servo(seed: u64, disturbance_n: f64) -> Record {
     let (inertia, viscous, offset) = (2.0, 10.0, 1.0);

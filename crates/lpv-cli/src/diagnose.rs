@@ -74,14 +74,21 @@ pub fn diagnose(
     let transient = |i: usize| !description.records[i].is_periodic();
     let records = load_records(bundle, transient, progress)?;
     let mut reasons = Vec::new();
+    let (fit_records, judge_records) = split(records, &mut reasons)?;
     let Start {
         base,
         prior,
         free,
         responses,
         model,
-    } = base::start(bundle, model, &records, clock, &mut reasons, progress)?;
-    let (fit_records, judge_records) = split(records, &mut reasons)?;
+    } = base::start(
+        bundle,
+        model,
+        (&fit_records, &judge_records),
+        clock,
+        &mut reasons,
+        progress,
+    )?;
     let substeps = base.parts(clock.sample_time());
     let start = controller.start()?;
     let tracks = |records: &[Record]| -> Result<Vec<Track>, PipelineError> {
@@ -344,6 +351,7 @@ fn split(
     records: Vec<Record>,
     reasons: &mut Vec<String>,
 ) -> Result<(Vec<Record>, Vec<Record>), PipelineError> {
+    records.iter().try_for_each(Track::check)?;
     let moves = |r: &Record| {
         r.references
             .columns

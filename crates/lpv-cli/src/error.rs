@@ -143,8 +143,9 @@ impl PipelineError {
     /// 2 where the input or its use is at fault, 1 for anything else.
     pub fn exit_code(&self) -> u8 {
         match self {
-            // A folder in the place of a file is a slip of whoever called.
+            // A folder in the place of a file, or a file in that of a folder, is a slip of whoever called.
             Self::Write { file, .. } if file.is_dir() => 2,
+            Self::Write { source, .. } if source.kind() == std::io::ErrorKind::NotADirectory => 2,
             Self::Write { .. } | Self::Report(_) | Self::Format(_) => 1,
             _ => 2,
         }

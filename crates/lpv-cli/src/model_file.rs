@@ -83,7 +83,11 @@ impl ModelFile {
             file: file.to_owned(),
             problem,
         };
-        let text = std::fs::read_to_string(file).map_err(|e| refuse(e.to_string()))?;
+        let text = std::fs::read_to_string(file).map_err(|e| {
+            refuse(format!(
+                "cannot be read: {e}; give the model.json that `lpv identify` or `lpv diagnose` wrote"
+            ))
+        })?;
         let model = Model::from_json(&text).map_err(|e| refuse(e.to_string()))?;
         let whole: serde_json::Value = serde_json::from_str(&text).map_err(|e| refuse(e.to_string()))?;
         Ok(Self {

@@ -18,12 +18,10 @@ pub struct EquivalentForce {
     pub deviation: Vec<Pair>,
     /// Motor forces that do the same.
     pub motors: Vec<Pair>,
-    /// Prediction errors one step ahead over their deviations, given the past with such a force.
-    pub innovations: Vec<Pair>,
 }
 
-/// Steps of the random walk that are tried, over the root mean square of an input.
-const WALKS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
+/// Steps of the random walk that are tried, over the root mean square of an input; without any the force is constant.
+const WALKS: [f64; 8] = [0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0];
 
 /// Kalman filter and smoother along a moving p (Bierman, International Journal of Control 18, 1973, 65-75) for the departure of a
 /// record from the closed-loop simulation of a model: the departures of inputs and outputs belong to the linear part of
@@ -38,32 +36,9 @@ pub fn equivalent_force(
     track: &Track,
     noise: Pair,
 ) -> Result<EquivalentForce, TraceError> {
-    let run = model
-        .closed_loop(controller, track)
-        .ok_or_else(|| TraceError::Diverges {
-            record: track.name.clone(),
-        })?;
-    let channels = model.base.channels();
-    let vector = |a: &Pair, b: &Pair| DVector::from_fn(channels, |i, _| a[i] - b[i]);
-    let pairs = |a: &[Pair], b: &[Pair]| -> Vec<DVector<f64>> {
-        a.iter().zip(b).map(|(a, b)| vector(a, b)).collect()
-    };
-    let smoother = Smoother {
-        systems: systems(model, track)?,
-        inputs: pairs(&track.inputs, &run.inputs),
-        outputs: pairs(&track.outputs, &run.outputs),
-        noise: noise.map(|n| n.max(f64::MIN_POSITIVE)),
-        size: std::array::from_fn(|i| {
-            let sum: f64 = track.inputs.iter().map(|u| u[i] * u[i]).sum();
-            (sum / track.samples as f64).sqrt().max(f64::MIN_POSITIVE)
-        }),
-    };
-    let likeliest = WALKS
-        .par_iter()
-        .map(|walk| (smoother.filter(*walk).likelihood, *walk))
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map_or(WALKS[0], |best| best.1);
-    let (value, deviation, innovations) = smoother.smooth(likeliest);
+    let smoother = Smoother::new(model, controller, track, noise)?;
+    let walk = likeliest(&smoother);
+    let (value, deviation) = smoother.smooth(walk);
     let motors = value.iter().enumerate();
     Ok(EquivalentForce {
         motors: motors
@@ -71,8 +46,38 @@ pub fn equivalent_force(
             .collect(),
         value,
         deviation,
-        innovations,
     })
+}
+
+/// Errors one step ahead by record and sample: what the filter of [`equivalent_force`] finds in a sample that the past did not
+/// tell. The step of the walk that is the likeliest for the first record serves all.
+///
+/// # Errors
+/// Those of [`equivalent_force`].
+pub fn prediction_errors(
+    model: &Explained,
+    controller: &ControllerState,
+    tracks: &[Track],
+    noise: Pair,
+) -> Result<Vec<Vec<Pair>>, TraceError> {
+    let filters = tracks
+        .par_iter()
+        .map(|track| Smoother::new(model, controller, track, noise))
+        .collect::<Result<Vec<_>, _>>()?;
+    let Some(first) = filters.first() else {
+        return Ok(Vec::new());
+    };
+    let walk = likeliest(first);
+    Ok(filters.par_iter().map(|f| f.filter(walk).innovations).collect())
+}
+
+/// The step of the walk under which a record is the likeliest.
+fn likeliest(filter: &Smoother) -> f64 {
+    WALKS
+        .par_iter()
+        .map(|walk| (filter.filter(*walk).likelihood, *walk))
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map_or(WALKS[0], |best| best.1)
 }
 
 /// The machine from each sample to the next, at the scheduling half-way.
@@ -96,6 +101,7 @@ fn systems(model: &Explained, track: &Track) -> Result<Vec<StateSpace<Discrete>>
         .collect()
 }
 
+/// Filter and smoother of one record.
 struct Smoother {
     systems: Vec<StateSpace<Discrete>>,
     inputs: Vec<DVector<f64>>,
@@ -123,6 +129,34 @@ struct Step {
 }
 
 impl Smoother {
+    fn new(
+        model: &Explained,
+        controller: &ControllerState,
+        track: &Track,
+        noise: Pair,
+    ) -> Result<Self, TraceError> {
+        let run = model
+            .closed_loop(controller, track)
+            .ok_or_else(|| TraceError::Diverges {
+                record: track.name.clone(),
+            })?;
+        let channels = model.base.channels();
+        let pairs = |a: &[Pair], b: &[Pair]| -> Vec<DVector<f64>> {
+            let gap = |(a, b): (&Pair, &Pair)| DVector::from_fn(channels, |i, _| a[i] - b[i]);
+            a.iter().zip(b).map(gap).collect()
+        };
+        Ok(Self {
+            systems: systems(model, track)?,
+            inputs: pairs(&track.inputs, &run.inputs),
+            outputs: pairs(&track.outputs, &run.outputs),
+            noise: noise.map(|n| n.max(f64::MIN_POSITIVE)),
+            size: std::array::from_fn(|i| {
+                let sum: f64 = track.inputs.iter().map(|u| u[i] * u[i]).sum();
+                (sum / track.samples as f64).sqrt().max(f64::MIN_POSITIVE)
+            }),
+        })
+    }
+
     fn shape(&self) -> (usize, usize) {
         (self.systems[0].states(), self.systems[0].outputs())
     }
@@ -163,13 +197,7 @@ impl Smoother {
             let error = &self.outputs[k] - &c * &x;
             let cp = &c * &p;
             let spread = &cp * c.transpose() + &noise;
-            let of = |i: usize| {
-                if i < m {
-                    error[i] / spread[(i, i)].sqrt()
-                } else {
-                    0.0
-                }
-            };
+            let of = |i: usize| error.get(i).copied().unwrap_or(0.0);
             found.innovations.push(std::array::from_fn(of));
             let Some(root) = spread.cholesky() else {
                 found.likelihood = f64::NEG_INFINITY;
@@ -198,7 +226,7 @@ impl Smoother {
         found
     }
 
-    fn smooth(&self, walk: f64) -> (Vec<Pair>, Vec<Pair>, Vec<Pair>) {
+    fn smooth(&self, walk: f64) -> (Vec<Pair>, Vec<Pair>) {
         let (n, m) = self.shape();
         let found = self.filter(walk);
         let count = found.steps.len();
@@ -219,7 +247,7 @@ impl Smoother {
                 deviation[k][i] = p[(n + i, n + i)].max(0.0).sqrt();
             }
         }
-        (value, deviation, found.innovations)
+        (value, deviation)
     }
 }
 
@@ -227,7 +255,7 @@ impl Smoother {
 mod tests {
     use super::Smoother;
     use lpv_core::{Discrete, StateSpace};
-    use nalgebra::{DVector, dmatrix};
+    use nalgebra::{DMatrix, DVector, dmatrix};
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
 
@@ -264,12 +292,22 @@ mod tests {
             noise: [noise, 1.0],
             size: [1.0, 1.0],
         };
-        let (value, deviation, innovations) = smoother.smooth(walk);
+        let (value, deviation) = smoother.smooth(walk);
         let departure = |k: usize| (value[k][0] - forces[k]) / deviation[k][0];
         let mean = (50..n - 50).map(|k| departure(k).powi(2)).sum::<f64>() / (n - 100) as f64;
         assert!((0.7..1.3).contains(&mean), "{mean}");
-        let white = innovations.iter().map(|e| e[0] * e[0]).sum::<f64>() / n as f64;
-        assert!((0.9..1.1).contains(&white), "{white}");
+        // One step ahead the error has the variance that the stationary Riccati equation tells.
+        let f: DMatrix<f64> = dmatrix![1.0, step, 0.5 * step * step; 0.0, 1.0, step; 0.0, 0.0, 1.0];
+        let mut p = DMatrix::<f64>::identity(3, 3);
+        for _ in 0..3000 {
+            let gain: DVector<f64> = p.column(0) / (p[(0, 0)] + noise * noise);
+            p = &f * (&p - &gain * p.row(0)) * f.transpose();
+            p[(2, 2)] += walk * walk;
+        }
+        let told = p[(0, 0)] + noise * noise;
+        let innovations = smoother.filter(walk).innovations;
+        let ahead = innovations.iter().map(|e| e[0] * e[0]).sum::<f64>() / n as f64;
+        assert!((0.9..1.1).contains(&(ahead / told)), "{ahead}, {told}");
         let likelihood = |walk: f64| smoother.filter(walk).likelihood;
         assert!(likelihood(walk) > likelihood(0.1 * walk) && likelihood(walk) > likelihood(10.0 * walk));
         Ok(())

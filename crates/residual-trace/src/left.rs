@@ -2,9 +2,9 @@
 
 use crate::base::Pair;
 use crate::simulate::Response;
+use crate::trace::chance;
 use crate::track::Track;
 use nalgebra::{DMatrix, DVector};
-use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// What the white error of an output owes to one signal.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,7 +74,7 @@ pub(crate) fn what_is_left(
                 return;
             };
             let total: f64 = errors.iter().flat_map(|e| e.iter()).map(|e| e * e).sum();
-            let p_value = ChiSquared::new(delays as f64).map_or(1.0, |d| d.sf(fall));
+            let p_value = chance(fall, delays);
             all.push(Left {
                 output,
                 signal,

@@ -1,5 +1,5 @@
-//! Moves of a machine and its base model in, the effects that the model lacks out: found, fitted, and judged on records that
-//! were not used to find them.
+//! Moves of a machine and its base model in, the effects that the model lacks out: found and fitted on some records, and kept only
+//! where they lower the error on others that they were not fitted to.
 //!
 //! # The problem
 //!
@@ -29,7 +29,8 @@
 //!
 //! - *Base*: the machine without effects, an [`XyTable`] or an [`Axis`] from first principles, or an identified model ([`Lpv`]).
 //! - *Effect*: an entry of the [`catalogue`], one file with its parameters, its starts and its [`effect::Block`].
-//! - *Judged records*: held out, never fitted.
+//! - *Judged records*: held out, never fitted. They decide whether an effect is kept, and so its gain on them is that of the best of
+//!   a few.
 //! - *Noise*: as it leaves the loop; the controller feeds back what the sensors add.
 //! - *Left*: what tests find in the white error, with bounds that hold for all of them together.
 //! - *Equivalent force*: what has to be added to the inputs for the outputs to be those of the record ([`equivalent_force`]).
@@ -133,7 +134,7 @@ pub use base::{Axis, Base, BaseParameter, Forces, Lpv, Motion, Pair, XyTable, ta
 pub use character::{Character, characterise};
 pub use error::TraceError;
 pub use fit::{Explained, Prior};
-pub use force::{EquivalentForce, equivalent_force};
+pub use force::{EquivalentForce, equivalent_force, prediction_errors};
 pub use frozen::{FrozenFit, fit_table};
 pub use left::Left;
 pub use responses::{

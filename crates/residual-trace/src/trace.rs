@@ -13,7 +13,7 @@ use crate::base::{Base, Pair};
 use crate::catalogue::quantization;
 use crate::fit::{Explained, Fitted, Prior};
 use crate::track::Track;
-use crate::whiten::Whitening;
+use crate::whiten::{SHORT, Whitening};
 pub use account::{Added, Judged, Trace, Tried, Verdict};
 use bench::Bench;
 use chosen::Chosen;
@@ -106,7 +106,7 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
                 values: values.to_vec(),
                 then: found.bare.clone(),
                 gain_db: 0.0,
-                p_value: 0.0,
+                p_value: f64::MIN_POSITIVE,
                 runner_up: None,
             },
         );
@@ -124,7 +124,7 @@ fn alone(case: &Case<'_>) -> Result<(Whitening, Fitted), TraceError> {
         effects: Vec::new(),
     };
     let bench = Bench {
-        whitening: loop_noise(case, &bare)?,
+        whitening: loop_noise(case, &bare, SHORT)?,
         case,
     };
     let fit = bench.problem().fit(&bare, ITERATIONS, None)?;
@@ -164,9 +164,7 @@ fn compete(case: &Case<'_>, (whitening, bare): (Whitening, Fitted)) -> Contest {
         let Some(selection) = select(&bench, &bare.model.base, &chosen.now, chosen.judged.cost) else {
             break;
         };
-        if candidates.is_empty() {
-            candidates = selection.tried(&bench, before.cost);
-        }
+        candidates.extend(selection.tried(&bench, &chosen.now, chosen.judged.cost));
         if !chosen.add(&selection) {
             break;
         }
@@ -191,7 +189,7 @@ fn decibel(ratio: f64) -> f64 {
     if db.is_finite() { db } else { -300.0 }
 }
 
-/// Probability of such a fall of twice the negative logarithm of the likelihood by chance.
+/// Probability of such a fall of twice the negative logarithm of the likelihood by chance; no less than the least number above zero.
 pub(crate) fn chance(fall: f64, parameters: usize) -> f64 {
-    ChiSquared::new(parameters as f64).map_or(1.0, |d| d.sf(fall.max(0.0)))
+    ChiSquared::new(parameters as f64).map_or(1.0, |d| d.sf(fall.max(0.0)).max(f64::MIN_POSITIVE))
 }

@@ -38,33 +38,47 @@ pub struct Track {
 
 /// Outputs over the largest of the record beyond which a simulation has lost it.
 const LOST: f64 = 1e6;
+/// Samples that a record needs.
+const LEAST: usize = 32;
 
 impl Track {
-    /// A record begins at rest at its first references. Where its controller was moving already, as the logged inputs tell (see
-    /// [`ControllerState::begun`]), it begins with the outputs and rates that its first samples have.
+    /// Whether a record can be simulated.
     ///
     /// # Errors
-    /// [`TraceError::Record`] where there are no references, or more channels than a base model has.
-    pub fn new(
-        record: &Record,
-        step: f64,
-        substeps: usize,
-        controller: Option<&ControllerState>,
-    ) -> Result<Self, TraceError> {
+    /// [`TraceError::Record`] where there are no references, or more channels than a base model has, or too few samples.
+    pub fn check(record: &Record) -> Result<(), TraceError> {
         let refused = |problem: &str| TraceError::Record {
             record: record.name.clone(),
             problem: problem.to_owned(),
         };
-        let samples = record.len();
         if record.outputs.channels() > 2 || record.inputs.channels() > 2 {
             return Err(refused("a base model has one or two inputs and outputs"));
         }
         if record.references.channels() == 0 {
             return Err(refused("the closed loop needs [channels.reference]"));
         }
-        if samples < 32 {
-            return Err(refused("at least 32 samples are needed"));
+        if record.len() < LEAST {
+            return Err(refused(&format!(
+                "it has {} samples, and a simulation is compared over {LEAST} at least; leave it out or record longer",
+                record.len()
+            )));
         }
+        Ok(())
+    }
+
+    /// A record begins at rest at its first references. Where its controller was moving already, as the logged inputs tell (see
+    /// [`ControllerState::begun`]), it begins with the outputs and rates that its first samples have.
+    ///
+    /// # Errors
+    /// Those of [`Track::check`].
+    pub fn new(
+        record: &Record,
+        step: f64,
+        substeps: usize,
+        controller: Option<&ControllerState>,
+    ) -> Result<Self, TraceError> {
+        Self::check(record)?;
+        let samples = record.len();
         let pairs = |columns: &[Vec<f64>]| -> Vec<Pair> {
             (0..samples)
                 .map(|k| [0, 1].map(|i: usize| columns.get(i).map_or(0.0, |c| c[k])))

@@ -2,8 +2,10 @@
 
 use crate::base::Pair;
 
-/// Taps of the filter.
-const ORDER: usize = 24;
+/// Taps of the filter in a competition, where it is applied to every column of every fit.
+pub(crate) const SHORT: usize = 24;
+/// Taps for tests of whether anything is left: a loop with integrators colours the noise for long.
+pub(crate) const LONG: usize = 160;
 
 /// One prediction-error filter an output: `w = (e - prediction from the past) / deviation`.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,14 +18,14 @@ pub(crate) struct Whitening {
 
 impl Whitening {
     /// From samples of the noise as it leaves the loop, one vector a record.
-    pub(crate) fn new(noise: &[Vec<Pair>], channels: usize) -> Self {
+    pub(crate) fn new(noise: &[Vec<Pair>], channels: usize, order: usize) -> Self {
         let mut taps = [Vec::new(), Vec::new()];
         let mut deviation = [0.0; 2];
         for (i, taps) in taps.iter_mut().enumerate().take(channels) {
-            let mut r = vec![0.0; ORDER + 1];
+            let mut r = vec![0.0; order + 1];
             let mut count = 0.0;
             for record in noise {
-                for (lag, r) in r.iter_mut().enumerate() {
+                for (lag, r) in r.iter_mut().enumerate().take(record.len()) {
                     *r += record[lag..]
                         .iter()
                         .zip(record)

@@ -106,6 +106,16 @@ fn what_passed_for_a_simpler_effect_is_chosen_again() {
             assert_eq!(deviation.is_infinite(), p.name.starts_with("right"));
         }
     }
+    // The noise in the loop with the effects is white to the tests, and the error one step ahead that of the sensor.
+    assert!(found.left[0][0].adjusted < 1e-100);
+    let surest = &found.left[1][0];
+    assert!(surest.adjusted > 1e-3, "{surest:?}");
+    let [before, after] = found.one_step.map(|e| e.unwrap()[0] / NOISE);
+    assert!(before > 1.5 && (0.9..1.3).contains(&after), "{before} {after}");
+    // The table tells every look: without effects, and beside the first.
+    let looks = |n: usize| found.candidates.iter().filter(move |t| t.beside.len() == n);
+    assert!((0..2).all(|n| looks(n).any(|t| t.fitted)));
+    assert_eq!(found.candidates.iter().filter(|t| t.accepted).count(), 2);
     // What each brought, one after the other, is all that was gained.
     let gained: f64 = found.added.iter().map(|a| a.gain_db).sum();
     let fell = 10.0 * (found.before.cost / found.after.cost).log10();
@@ -120,6 +130,14 @@ fn a_machine_that_few_parts_of_a_sample_cannot_integrate() {
     let damped = |force: &dyn Fn(f64, f64) -> f64| find(&controller, 7400.0, |x, v| force(x, v) - 7500.0 * v);
     let plain = damped(&|_, _| 0.0);
     assert_eq!(plain.verdict, Verdict::NothingMissing);
+    assert!(plain.left[0][0].adjusted > 1e-3);
+    // What was looked at is told also where nothing is missing.
+    assert!(
+        plain
+            .candidates
+            .iter()
+            .any(|t| t.effect.name == "coulomb-friction" && t.gain_db.abs() < 0.1)
+    );
     let viscous = plain.model.base.parameters()[1].value;
     assert!((viscous - 7500.0).abs() < 4.0 * plain.deviations[1], "{viscous}");
     let rubs = damped(&|_, v| -20.0 * (v / 1e-3).tanh());

@@ -129,17 +129,23 @@ pub struct ResponseErrors {
     pub held_out: BTreeMap<String, f64>,
 }
 
-/// How one effect did.
+/// How one effect did in one look at the catalogue.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tested {
     /// Name in the catalogue.
     pub effect: String,
     /// Channel at which it acts.
     pub channel: String,
-    /// Fall of the squared error on the judged records.
+    /// Fall of the squared error on the judged records; -300 where the machine leaves all bounds with it.
     pub held_out_gain_db: f64,
     /// Whether it was added.
     pub accepted: bool,
+    /// Effects that were there already.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub beside: Vec<String>,
+    /// Whether it was fitted in full; else the gain is that of one linear step.
+    #[serde(default)]
+    pub fitted: bool,
 }
 
 impl Diagnosis {
@@ -153,7 +159,7 @@ impl Diagnosis {
             };
             names.get(index).cloned().unwrap_or_default()
         };
-        let errors = |judged: &Judged| Errors {
+        let errors = |judged: &Judged, one_step: Option<[f64; 2]>| Errors {
             validation: outputs
                 .iter()
                 .enumerate()
@@ -161,7 +167,7 @@ impl Diagnosis {
                     let error = OutputError {
                         rms: judged.closed_loop[i],
                         over_noise: judged.closed_loop[i] / found.noise[i],
-                        rms_one_step: Some(judged.one_step[i] * found.noise[i]),
+                        rms_one_step: one_step.map(|e| e[i]),
                     };
                     (name.clone(), error)
                 })
@@ -208,8 +214,8 @@ impl Diagnosis {
             verdict: found.verdict.name().to_owned(),
             effects: found.added.iter().map(effect).collect(),
             noise_floor: noise.into_iter().collect(),
-            before: errors(&found.before),
-            after: errors(&found.after),
+            before: errors(&found.before, found.one_step[0]),
+            after: errors(&found.after, found.one_step[1]),
             candidates: found
                 .candidates
                 .iter()
@@ -218,6 +224,8 @@ impl Diagnosis {
                     channel: channel(t.effect.family, t.effect.channel),
                     held_out_gain_db: t.gain_db,
                     accepted: t.accepted,
+                    beside: t.beside.iter().map(|e| e.name.to_owned()).collect(),
+                    fitted: t.fitted,
                 })
                 .collect(),
             left: Some(LeftTests {
@@ -279,6 +287,7 @@ impl Diagnosis {
                 before.rms, before.over_noise, after.rms, after.over_noise
             ));
         }
+        lines.extend(self.left.as_ref().map(LeftTests::text));
         if let Some(c) = &self.characterisation {
             let with: Vec<String> = c
                 .correlations

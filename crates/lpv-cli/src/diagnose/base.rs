@@ -9,7 +9,7 @@ use crate::signal::range;
 use crate::{ModelFile, PipelineError, Structure, identify_bundle};
 use experiment_data::Bundle;
 use lpv_core::nalgebra::{DMatrix, DVector};
-use lpv_core::{CoreError, Discrete, FrfEstimate, Model, Purpose, Record, SchedulingRange, StateSpace};
+use lpv_core::{CoreError, Discrete, FrfEstimate, Model, Record, SchedulingRange, StateSpace};
 use lti_ident::rigid_body::RigidBodySettings;
 use lti_ident::{LtiIdentError, Segment};
 use residual_trace::{Axis, Base, BaseParameter, FrozenFit, Lpv, Prior, fit_table};
@@ -37,11 +37,12 @@ const DOUBT: f64 = 3.0;
 pub(super) fn start(
     bundle: &Bundle,
     model: Option<&ModelFile>,
-    records: &[Record],
+    (fitted, judged): (&[Record], &[Record]),
     clock: Discrete,
     reasons: &mut Vec<String>,
     progress: Progress<'_>,
 ) -> Result<Start, PipelineError> {
+    let records: Vec<&Record> = fitted.iter().chain(judged).collect();
     let description = bundle.description();
     let plain = |base| Start {
         base,
@@ -51,7 +52,7 @@ pub(super) fn start(
         responses: Vec::new(),
     };
     if let Some(file) = model {
-        return told(file, bundle, records, reasons);
+        return told(file, bundle, &records, reasons);
     }
     if let Some(geometry) = &description.geometry {
         let (fit, estimates) = table(bundle, geometry, clock, reasons, progress)?;
@@ -65,7 +66,7 @@ pub(super) fn start(
     }
     let channels = &description.channels;
     if channels.scheduling.is_empty() && channels.input.len() == 1 && channels.output.len() == 1 {
-        return Ok(plain(servo_axis(records, clock)?));
+        return Ok(plain(servo_axis(fitted, clock)?));
     }
     let config = IdentifyConfig {
         structure: (!channels.scheduling.is_empty()).then_some(Structure::Lpv),
@@ -73,14 +74,14 @@ pub(super) fn start(
     };
     let found = identify_bundle(bundle, &config, progress)?;
     reasons.extend(found.summary.reasons);
-    given(&found.model, bundle, records)
+    given(&found.model, bundle, &records)
 }
 
 /// What a file holds: of a model with effects the base alone.
 fn told(
     file: &ModelFile,
     bundle: &Bundle,
-    records: &[Record],
+    records: &[&Record],
     reasons: &mut Vec<String>,
 ) -> Result<Start, PipelineError> {
     let Some(explanation) = &file.explanation else {
@@ -131,7 +132,7 @@ pub(super) fn axis_of(model: &Model) -> Result<Base, PipelineError> {
 }
 
 /// A model of a file.
-fn given(model: &Model, bundle: &Bundle, records: &[Record]) -> Result<Start, PipelineError> {
+fn given(model: &Model, bundle: &Bundle, records: &[&Record]) -> Result<Start, PipelineError> {
     if let Model::RigidBody(_) = model {
         let base = axis_of(model)?;
         let channels = &bundle.description().channels;
@@ -277,11 +278,7 @@ pub(crate) fn table(
 }
 
 fn servo_axis(records: &[Record], clock: Discrete) -> Result<Base, PipelineError> {
-    let segments: Vec<Segment<'_>> = records
-        .iter()
-        .filter(|r| r.purpose == Purpose::Estimation)
-        .map(Segment::whole)
-        .collect();
+    let segments: Vec<Segment<'_>> = records.iter().map(Segment::whole).collect();
     let identify = |dry_friction: bool| {
         let settings = RigidBodySettings::new().dry_friction(dry_friction).check()?;
         lti_ident::rigid_body::identify(&segments, clock, &settings)

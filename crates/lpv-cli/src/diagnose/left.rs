@@ -13,6 +13,36 @@ pub struct LeftTests {
     pub after: Vec<LeftTest>,
 }
 
+impl LeftTests {
+    /// What tests are sure of after the effects, in a line.
+    pub(super) fn text(&self) -> String {
+        /// Probability by chance from which a test is not sure.
+        const CHANCE: f64 = 0.01;
+        /// How many are told.
+        const TOLD: usize = 3;
+        let sure = self.after.iter().take_while(|t| t.adjusted < CHANCE).take(TOLD);
+        let told: Vec<String> = sure
+            .map(|t| {
+                format!(
+                    "{} with {} ({:.2} % of the white error, probability by chance {:.0e})",
+                    t.output,
+                    t.signal,
+                    100.0 * t.share,
+                    t.adjusted
+                )
+            })
+            .collect();
+        match told.as_slice() {
+            [] => format!("{} tests see nothing in what is left", self.after.len()),
+            told => format!(
+                "{} tests of what is left, the surest: {}",
+                self.after.len(),
+                told.join("; ")
+            ),
+        }
+    }
+}
+
 /// What the white error of an output owes to a signal and its past.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LeftTest {

@@ -3,6 +3,9 @@
 use super::{Diagnosed, LeftTests, OutputError};
 use lpv_report::{Cell, Format, Page, Section, Table};
 
+/// Gain, dB, that stands for a machine that leaves all bounds.
+const LOST_DB: f64 = -299.0;
+
 impl Diagnosed {
     /// What was found, the errors before and after, and every effect that was tried.
     pub fn page(&self) -> Page {
@@ -82,14 +85,21 @@ impl Diagnosed {
             page = page.section(self::left(left));
         }
         let mut table = Table::new(
-            "Every effect of the catalogue that these data could show, as it did alone on held-out records.",
-            ["effect", "channel", "gain, dB", "added"],
+            "Every effect of the catalogue that these data could show, look by look, as it did on held-out records beside what was \
+             there already: fitted in full with the machine, or after one linear step, where that did not promise enough.",
+            ["beside", "effect", "channel", "gain, dB", "fitted", "added"],
         );
         for c in &d.candidates {
+            let gain = match c.held_out_gain_db {
+                db if db > LOST_DB => Cell::number(db, Format::Fixed(2)),
+                _ => Cell::text("leaves all bounds"),
+            };
             table = table.row([
+                Cell::text(c.beside.join(", ")),
                 Cell::text(c.effect.as_str()),
                 Cell::text(c.channel.clone()),
-                Cell::number(c.held_out_gain_db, Format::Fixed(2)),
+                gain,
+                Cell::text(if c.fitted { "in full" } else { "one step" }),
                 Cell::text(if c.accepted { "yes" } else { "" }),
             ]);
         }
@@ -125,7 +135,8 @@ fn left(tests: &LeftTests) -> Section {
     let mut section = Section::new("Whether anything is left").paragraph(
         "The error one step ahead, in units of the noise, against its own past and against the past of every signal. \
          The probability of a share as large by chance holds for all tests of a list together (Holm). A model that is good to a \
-         hundredth of the noise still shows in long records: the share says how much there is.",
+         hundredth of the noise still shows in long records: the share says how much there is, and from a twentieth on the verdict is \
+         that more is missing.",
     );
     for (when, list) in [("Before", &tests.before), ("After", &tests.after)] {
         let mut table = Table::new(

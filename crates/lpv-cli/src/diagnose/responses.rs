@@ -193,11 +193,22 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
             })
         })
         .collect();
-    let tested = first.tried.iter().map(|(effect, gain)| Tested {
-        effect: effect.name.to_owned(),
-        channel: channel(effect.family),
-        held_out_gain_db: *gain,
-        accepted: last.model.effects.iter().any(|(e, _)| e.name == effect.name),
+    let tested = steps.iter().enumerate().flat_map(|(i, step)| {
+        let next = steps.get(i + 1).and_then(|s| s.effect);
+        let beside: Vec<String> = step
+            .model
+            .effects
+            .iter()
+            .map(|(e, _)| e.name.to_owned())
+            .collect();
+        step.tried.iter().map(move |(effect, gain)| Tested {
+            effect: effect.name.to_owned(),
+            channel: channel(effect.family),
+            held_out_gain_db: *gain,
+            accepted: next.is_some_and(|n| n.name == effect.name),
+            beside: beside.clone(),
+            fitted: true,
+        })
     });
     let base = last.model.base.fitted().zip(&last.deviations);
     Diagnosis {

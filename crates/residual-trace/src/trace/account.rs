@@ -22,10 +22,13 @@ pub struct Trace {
     pub deviations: Vec<f64>,
     /// The effects that were added, in their order.
     pub added: Vec<Added>,
-    /// Every effect that was tried, in the order of the catalogue, the first time.
+    /// Every effect that was tried, look by look, in each the most promising first.
     pub candidates: Vec<Tried>,
     /// Deviation of the noise as it leaves the loop of the model.
     pub noise: Pair,
+    /// Root mean square by output of the error one step ahead on the judged records ([`prediction_errors`](crate::prediction_errors)):
+    /// without effects, and with those that were added; none where the machine cannot be followed.
+    pub one_step: [Option<Pair>; 2],
     /// Errors in closed loop on the judged records, by record and sample: without effects, and with those that were added.
     pub errors: [Vec<Vec<Pair>>; 2],
     /// What the white errors on the judged records still show: without effects, and with those that were added; the surest first.
@@ -62,8 +65,8 @@ impl Verdict {
 pub struct Judged {
     /// Root mean square by output, simulated in closed loop.
     pub closed_loop: Pair,
-    /// The same of the whitened error, in units of the sensor's noise: the error one step ahead.
-    pub one_step: Pair,
+    /// The same of the white error, in units of the noise.
+    pub white: Pair,
     /// Sum of squares of the whitened error over its expectation.
     pub cost: f64,
     /// Whitened samples.
@@ -87,13 +90,17 @@ pub struct Added {
     pub runner_up: Option<(&'static Effect, f64)>,
 }
 
-/// How one effect did.
+/// How one effect did in one look at the catalogue.
 #[derive(Debug, Clone)]
 pub struct Tried {
     /// The effect.
     pub effect: &'static Effect,
-    /// Fall of the squared error on the judged records.
+    /// Those that were there already.
+    pub beside: Vec<&'static Effect>,
+    /// Fall of the squared error on the judged records, no less than -300.
     pub gain_db: f64,
+    /// Whether it was fitted in full, with the machine; else the gain is that of one linear step.
+    pub fitted: bool,
     /// Whether it was added.
     pub accepted: bool,
 }

@@ -70,14 +70,14 @@ impl<'a> Bench<'a> {
     pub(super) fn judge(&'a self, model: &Explained) -> Judged {
         let none = Judged {
             closed_loop: [f64::INFINITY; 2],
-            one_step: [f64::INFINITY; 2],
+            white: [f64::INFINITY; 2],
             cost: f64::INFINITY,
             samples: 1,
         };
         let Some(errors) = self.judging().errors(model) else {
             return none;
         };
-        let (mut closed_loop, mut one_step) = ([0.0; 2], [0.0; 2]);
+        let (mut closed_loop, mut each) = ([0.0; 2], [0.0; 2]);
         let (mut count, mut cost, mut samples) = (0, 0.0, 0);
         for error in &errors {
             let mut white = Vec::new();
@@ -87,13 +87,13 @@ impl<'a> Bench<'a> {
             cost += squares(&white);
             for i in 0..self.case.base.channels() {
                 closed_loop[i] += error.iter().map(|e| e[i] * e[i]).sum::<f64>();
-                one_step[i] += squares(&white[i * error.len()..(i + 1) * error.len()]);
+                each[i] += squares(&white[i * error.len()..(i + 1) * error.len()]);
             }
         }
         let root = |v: f64| (v / count.max(1) as f64).sqrt();
         Judged {
             closed_loop: closed_loop.map(root),
-            one_step: one_step.map(root),
+            white: each.map(root),
             cost: cost / samples.max(1) as f64,
             samples,
         }

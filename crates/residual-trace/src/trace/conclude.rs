@@ -6,9 +6,10 @@ use super::{Case, Contest, ITERATIONS, Judged, LEFT, NOISE, Trace, Verdict};
 use crate::TraceError;
 use crate::base::Pair;
 use crate::fit::{Explained, Fitted, Problem, Seen, deviations};
+use crate::force::prediction_errors;
 use crate::left::{Left, differences, what_is_left};
 use crate::track::Track;
-use crate::whiten::Whitening;
+use crate::whiten::{LONG, SHORT, Whitening};
 use rayon::prelude::*;
 
 /// Change of the errors by a finer integration, over the noise, that does not matter.
@@ -18,23 +19,15 @@ const STILL: f64 = 0.1;
 const SEEN: f64 = 0.2;
 const TAKEN: f64 = 0.5;
 
+/// Probability by chance below which a test is sure, and the part of the squared white error from which what it sees matters.
+const CHANCE: f64 = 1e-3;
+const PART: f64 = 0.05;
+
 /// Parts of a sample beyond which none are tried.
 const FINEST: usize = 48;
 
 impl Contest {
     pub(super) fn conclude(mut self, case: &Case<'_>) -> Result<Trace, TraceError> {
-        let left = (self.after.cost - 1.0).max(0.0) / (self.before.cost - 1.0).max(1e-9);
-        let verdict = match (self.added.is_empty(), self.after.cost <= NOISE) {
-            (true, true) => Verdict::NothingMissing,
-            (false, true) if !self.is_seen_to_fall() => Verdict::Unexplained,
-            (false, true) => Verdict::Explained,
-            (false, false) if left <= LEFT => Verdict::PartlyExplained,
-            (_, false) => Verdict::Unexplained,
-        };
-        if verdict == Verdict::Unexplained {
-            self.added.clear();
-            self.now = self.bare.clone();
-        }
         // A competition is held with an integration that all can afford.
         let finer = self.finer(case);
         let finer = finer.as_ref().map(|[fitted, judged]| Case {
@@ -42,15 +35,23 @@ impl Contest {
             judged,
             ..*case
         });
-        let case = finer.as_ref().unwrap_or(case);
         let bench = Bench {
             whitening: self.whitening.clone(),
-            case,
+            case: finer.as_ref().unwrap_or(case),
         };
         if finer.is_some() {
             self.now = bench.problem().fit(&self.now.model, ITERATIONS, None)?;
         }
-        if verdict == Verdict::PartlyExplained {
+        self.after = bench.judge(&self.now.model);
+        // The effects are in the loop through which the noise goes now.
+        let mut noise = loop_noise(bench.case, &self.now.model, LONG)?;
+        let verdict = self.verdict(&bench.told(&self.now.model, &noise).1);
+        if verdict == Verdict::Unexplained && !self.added.is_empty() {
+            self.added.clear();
+            self.now = self.bare.clone();
+            noise = loop_noise(bench.case, &self.now.model, LONG)?;
+        }
+        if verdict == Verdict::PartlyExplained && self.after.cost > NOISE {
             self.now = bench.by_force(&self.now.model)?;
             if let Some((last, earlier)) = self.added.split_last_mut() {
                 last.then = self.now.model.clone();
@@ -59,25 +60,44 @@ impl Contest {
                 }
             }
         }
-        let [before, after] = [&self.bare.model, &self.now.model].map(|m| bench.told(m));
         let model = self.now.model.clone();
         let machine = self.now.give_deviations(&mut self.added);
-        for tried in &mut self.candidates {
-            tried.accepted = self.added.iter().any(|a| a.effect.name == tried.effect.name);
+        for added in &self.added {
+            let tried = self.candidates.iter_mut();
+            if let Some(last) = tried.rev().find(|t| t.effect.name == added.effect.name) {
+                last.accepted = true;
+            }
         }
+        let with = bench.told(&model, &noise);
+        let without = bench.told(&self.bare.model, &noise);
         Ok(Trace {
             verdict,
             before: self.before,
             after: bench.judge(&model),
             deviations: machine,
-            noise: loop_noise(case, &model)?.deviation,
-            errors: [before.0, after.0],
-            left: [before.1, after.1],
+            noise: noise.deviation,
+            one_step: [&self.bare.model, &model].map(|m| bench.one_step(m)),
+            errors: [without.0, with.0],
+            left: [without.1, with.1],
             bare: self.bare.model,
             model,
             added: self.added,
             candidates: self.candidates,
         })
+    }
+
+    /// What the errors on the judged records amount to, and what tests still see in them. They are noise where they are as large,
+    /// and no test is sure of a part that matters.
+    fn verdict(&self, tests: &[Left]) -> Verdict {
+        let left = (self.after.cost - 1.0).max(0.0) / (self.before.cost - 1.0).max(1e-9);
+        let seen = tests.iter().any(|t| t.adjusted < CHANCE && t.share > PART);
+        match (self.added.is_empty(), self.after.cost <= NOISE && !seen) {
+            (true, true) => Verdict::NothingMissing,
+            (false, true) if !self.is_seen_to_fall() => Verdict::Unexplained,
+            (false, true) => Verdict::Explained,
+            (false, false) if left <= LEFT => Verdict::PartlyExplained,
+            (_, false) => Verdict::Unexplained,
+        }
     }
 
     /// Whether the errors themselves fall where they exceed the noise: white ones may, by an effect that hardly changes what one
@@ -113,7 +133,7 @@ impl Contest {
         let mut found = None;
         let mut coarse = errors(case.judged);
         let mut parts = case.judged.iter().map(Track::fine).max().unwrap_or(FINEST);
-        while 2 * parts <= FINEST && !self.added.is_empty() {
+        while 2 * parts <= FINEST {
             parts *= 2;
             let judged: Vec<Track> = case.judged.iter().map(|t| t.followed(parts)).collect();
             let fine = errors(&judged);
@@ -133,29 +153,46 @@ impl Contest {
 }
 
 impl Bench<'_> {
+    /// Root mean square of the error one step ahead on the judged records, by output.
+    fn one_step(&self, model: &Explained) -> Option<Pair> {
+        let Case {
+            controller,
+            judged,
+            noise,
+            ..
+        } = *self.case;
+        let errors = prediction_errors(model, controller, judged, noise).ok()?;
+        let count = errors.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+        let squares = |i: usize| errors.iter().flatten().map(|e| e[i] * e[i]).sum::<f64>();
+        Some(std::array::from_fn(|i| (squares(i) / count).sqrt()))
+    }
+
     /// A fit to what the controller gives, by its size: where errors are not noise, weights as if they were would follow the
     /// frequencies at which sensors are quiet and not those at which the model is wrong; and within the bandwidth the
     /// controller tells the force that the model lacks. The deviations are those of a noise with the spectrum of what is left.
     fn by_force(&self, model: &Explained) -> Result<Fitted, TraceError> {
-        let fit = |model: &Explained, iterations: usize, whitening: fn(&[Vec<Pair>], usize) -> Whitening| {
-            let inputs = Problem {
-                seen: Seen::Inputs,
-                ..self.problem()
+        let fit =
+            |model: &Explained, iterations: usize, whitening: &dyn Fn(&[Vec<Pair>], usize) -> Whitening| {
+                let inputs = Problem {
+                    seen: Seen::Inputs,
+                    ..self.problem()
+                };
+                let left = inputs.errors(model).unwrap_or_default();
+                let whitening = whitening(&left, self.case.base.channels());
+                let problem = Problem {
+                    whitening: &whitening,
+                    ..inputs
+                };
+                problem.fit(model, iterations, None)
             };
-            let left = inputs.errors(model).unwrap_or_default();
-            let whitening = whitening(&left, self.case.base.channels());
-            let problem = Problem {
-                whitening: &whitening,
-                ..inputs
-            };
-            problem.fit(model, iterations, None)
-        };
-        let sized = fit(model, ITERATIONS, Whitening::by_size)?;
-        fit(&sized.model, 0, Whitening::new)
+        let sized = fit(model, ITERATIONS, &Whitening::by_size)?;
+        fit(&sized.model, 0, &|left, channels| {
+            Whitening::new(left, channels, SHORT)
+        })
     }
 
     /// Errors on the judged records, and what tests find in them; nothing where the model diverges.
-    fn told(&self, model: &Explained) -> (Vec<Vec<Pair>>, Vec<Left>) {
+    fn told(&self, model: &Explained, noise: &Whitening) -> (Vec<Vec<Pair>>, Vec<Left>) {
         let tracks = self.case.judged;
         let runs = tracks
             .par_iter()
@@ -172,7 +209,7 @@ impl Bench<'_> {
             .iter()
             .map(|e| {
                 let mut out = Vec::new();
-                self.whitening.apply(e, &mut out);
+                noise.apply(e, &mut out);
                 out
             })
             .collect();

@@ -6,7 +6,7 @@ use crate::base::{Base, Pair};
 use crate::fit::Explained;
 use crate::simulate::simulate_in;
 use crate::track::Track;
-use crate::whiten::Whitening;
+use crate::whiten::{SHORT, Whitening};
 use experiment_data::ControllerState;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -66,10 +66,10 @@ fn draws(
     Ok(all.concat())
 }
 
-/// The noise as it leaves the loop of a model.
-pub(super) fn loop_noise(case: &Case<'_>, model: &Explained) -> Result<Whitening, TraceError> {
+/// The noise as it leaves the loop of a model, by a filter with so many taps.
+pub(super) fn loop_noise(case: &Case<'_>, model: &Explained, taps: usize) -> Result<Whitening, TraceError> {
     let left = draws(model, case.controller, case.fitted, case.noise)?;
-    Ok(Whitening::new(&left, model.base.channels()))
+    Ok(Whitening::new(&left, model.base.channels(), taps))
 }
 
 /// Bands of the spectrum in which the noise is looked at.
@@ -108,7 +108,7 @@ pub fn sensor_noise(
         effects: Vec::new(),
     };
     let still = draws(&bare, controller, &[like.at_rest(position)], size)?;
-    let whitening = Whitening::new(&still, base.channels());
+    let whitening = Whitening::new(&still, base.channels(), SHORT);
     let (found, expected) = (bands(&whitening, left), bands(&whitening, &still));
     Ok(std::array::from_fn(|i| {
         let mut ratios: Vec<f64> = found[i]

@@ -26,8 +26,8 @@ pub(super) struct Selection {
     pub(super) finals: Vec<Final>,
 }
 
-/// Effects that might stand beside those of a fit, whose cost on the judged records is `cost`; none where none promises what its
-/// parameters cost.
+/// Effects that might stand beside those of a fit, whose cost on the judged records is `cost`; none are fitted where none promises
+/// what its parameters cost.
 pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) -> Option<Selection> {
     let screen = bench.look(base, now)?;
     let taken: Vec<&str> = now.model.effects.iter().map(|(e, _)| e.name).collect();
@@ -50,7 +50,8 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
     let price = (now.residual.len() as f64).ln();
     let promising = |c: &Candidate| c.predicted > PROMISE * price * c.effect.parameters.len() as f64;
     if !screened.iter().any(promising) {
-        return None;
+        let finals = Vec::new();
+        return Some(Selection { screened, finals });
     }
     let mut actual: Vec<(f64, usize)> = screened
         .iter()
@@ -84,20 +85,35 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
 }
 
 impl Selection {
-    /// How each effect did; the cost on the judged records was `before` without it.
-    pub(super) fn tried(&self, bench: &Bench<'_>, before: f64) -> Vec<Tried> {
-        let fitted = |c: &Candidate| self.finals.iter().find(|(e, ..)| e.name == c.effect.name);
-        self.screened
-            .iter()
-            .map(|c| Tried {
-                effect: c.effect,
-                gain_db: match fitted(c) {
-                    Some((.., j)) => decibel(before / j.cost),
-                    None => decibel(before / bench.judge(&c.start).cost),
-                },
+    /// How each effect did beside those of `now`, without which the cost on the judged records was `before`.
+    pub(super) fn tried(&self, bench: &Bench<'_>, now: &Fitted, before: f64) -> Vec<Tried> {
+        let full = |effect: &Effect| self.finals.iter().find(|(e, ..)| e.name == effect.name);
+        let tried = |effect: &'static Effect, start: Option<&Explained>| {
+            let fitted = full(effect);
+            let cost = match (fitted, start) {
+                (Some((.., judged)), _) => judged.cost,
+                (None, Some(start)) => bench.judge(start).cost,
+                (None, None) => f64::INFINITY,
+            };
+            Tried {
+                effect,
+                beside: now.model.effects.iter().map(|(e, _)| *e).collect(),
+                gain_db: decibel(before / cost),
+                fitted: fitted.is_some(),
                 accepted: false,
-            })
-            .collect()
+            }
+        };
+        let looked_at = |e: &Effect| self.screened.iter().any(|c| c.effect.name == e.name);
+        // Refinements come without a look.
+        let finer = self.finals.iter().filter(|(e, ..)| !looked_at(e));
+        let mut all: Vec<Tried> = Vec::new();
+        for (effect, ..) in finer {
+            if all.iter().all(|t| t.effect.name != effect.name) {
+                all.push(tried(effect, None));
+            }
+        }
+        all.extend(self.screened.iter().map(|c| tried(c.effect, Some(&c.start))));
+        all
     }
 
     /// The best one, and what is worse by how much on the judged records.

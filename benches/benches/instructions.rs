@@ -4,12 +4,15 @@
 
 use frf_estimation::PeriodicAccumulator;
 use gungraun::{Callgrind, LibraryBenchmarkConfig, library_benchmark, library_benchmark_group, main};
+use lfr_realize::{CheckedRefineSettings, RefineSettings, refine};
+use lpv_benches::refinement::Case;
 use lpv_benches::{Bench, accumulator};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{Discrete, FrfEstimate, PeriodBlock, StateSpace};
 use lpv_ident::{RegressionSettings, regress};
 use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, Weighting, fit};
 use std::hint::black_box;
+use xytable_plant::{MovingExperiment, MovingSettings, Noise, PlantError, Setpoints};
 
 const PERIOD: usize = 1 << 12;
 
@@ -73,6 +76,42 @@ fn simulation((model, lines): (StateSpace<Discrete>, Vec<f64>)) {
     black_box(model.simulate(&start, black_box(&inputs)).unwrap());
 }
 
+fn motion(samples: usize) -> (Bench, Setpoints) {
+    let bench = Bench::new().unwrap();
+    let moves = bench.sweep(samples).unwrap();
+    (bench, moves)
+}
+
+// The plant in its loop while its carriage moves.
+#[library_benchmark]
+#[bench::samples_1000(args = (1000), setup = motion)]
+#[bench::samples_2000(args = (2000), setup = motion)]
+fn moving_p((bench, moves): (Bench, Setpoints)) {
+    let settings = MovingSettings {
+        noise: Noise::Off,
+        ..MovingSettings::default()
+    };
+    let experiment = MovingExperiment::new(&bench.machine, &bench.controller, moves, settings).unwrap();
+    let mut sink = |sample| -> Result<(), PlantError> {
+        black_box(sample);
+        Ok(())
+    };
+    experiment.stream(1, &mut sink).unwrap();
+}
+
+// An LFR of 8 states and 5 deltas on 21 positions: so many steps, each with its Jacobian.
+#[library_benchmark]
+#[bench::steps_2(args = (2), setup = refinement)]
+#[bench::steps_4(args = (4), setup = refinement)]
+fn lfr_refinement((case, settings): (Case, CheckedRefineSettings)) {
+    black_box(refine(&case.start, &case.data, &settings).unwrap());
+}
+
+fn refinement(steps: usize) -> (Case, CheckedRefineSettings) {
+    let settings = RefineSettings::new().tolerance(1e-12).max_iterations(steps);
+    (Case::new().unwrap(), settings.check().unwrap())
+}
+
 fn response(lines: usize) -> (FrfEstimate, Discrete) {
     let bench = Bench::new().unwrap();
     let frf = bench
@@ -98,7 +137,15 @@ fn poles((estimate, clock): (FrfEstimate, Discrete)) {
 
 library_benchmark_group!(
     name = kernels,
-    benchmarks = [regression, frf_push, frequency_response, simulation, poles]
+    benchmarks = [
+        regression,
+        frf_push,
+        frequency_response,
+        simulation,
+        moving_p,
+        lfr_refinement,
+        poles
+    ]
 );
 
 // Threads would make the counts depend on who takes which work. Valgrind 3.19 computes some vector code wrongly when it optimises

@@ -13,7 +13,7 @@ const TOLERANCE: f64 = 0.10;
 const TWICE: f64 = 2.1;
 
 /// Kernels with half and with all of the work.
-const GROWTH: [(&str, &str, &str); 4] = [
+const GROWTH: [(&str, &str, &str); 6] = [
     (
         "lines of the regression",
         "regression lines_8191",
@@ -33,6 +33,16 @@ const GROWTH: [(&str, &str, &str); 4] = [
         "samples of a simulation",
         "simulation samples_2000",
         "simulation samples_4000",
+    ),
+    (
+        "samples of a simulation at moving p",
+        "moving_p samples_1000",
+        "moving_p samples_2000",
+    ),
+    (
+        "steps of an LFR refinement",
+        "lfr_refinement steps_2",
+        "lfr_refinement steps_4",
     ),
 ];
 
@@ -182,7 +192,7 @@ mod tests {
         assert_eq!(counts["simulation samples_2000"], 1_632_146);
         assert_eq!(counts["simulation samples_4000"], 6_248_631);
         let wrong = growth(&counts);
-        assert_eq!(wrong.iter().filter(|w| w.contains("not counted")).count(), 3);
+        assert_eq!(wrong.iter().filter(|w| w.contains("not counted")).count(), 5);
         assert_eq!(wrong.iter().filter(|w| w.contains("3.828")).count(), 1);
     }
 }

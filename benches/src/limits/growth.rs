@@ -1,5 +1,6 @@
 //! How time and memory grow.
 
+use crate::disk;
 use crate::works::{self, Work, time};
 use crate::{Failure, Growth};
 use lpv_benches::Bench;
@@ -44,6 +45,12 @@ fn rows<'a>(bench: &'a Bench, model: &'a StateSpace<Discrete>) -> Vec<Row<'a>> {
             Box::new(|n| works::regression(bench, 1, 4095, n)),
         ),
         row(
+            "regression against channels (one position, 255 lines, 4 functions)",
+            vec![2, 4, 8, 16],
+            None,
+            Box::new(|n| works::channels(bench, n)),
+        ),
+        row(
             "FRF accumulation of four periods against their length (2x2)",
             (10..=18).map(|i| 1 << i).collect(),
             Some(1.05),
@@ -67,13 +74,28 @@ fn rows<'a>(bench: &'a Bench, model: &'a StateSpace<Discrete>) -> Vec<Row<'a>> {
             Some(1.05),
             Box::new(|n| Ok(works::simulation(model, n))),
         ),
+        row(
+            "simulation at moving p against samples (the plant in its loop)",
+            (10..=16).map(|i| 1 << i).collect(),
+            Some(1.05),
+            Box::new(|n| works::motion(bench, n)),
+        ),
+        row(
+            "responses of a bundle on disk against its MB (NPZ, two positions, periods of 32,768 samples)",
+            vec![100, 200, 400, 800, 1500, 3000, 6000, 10_400],
+            Some(1.05),
+            Box::new(disk::responses),
+        ),
     ]
 }
 
-/// All rows.
-pub(crate) fn all(bench: &Bench) -> Result<Vec<Growth>, Failure> {
+/// All rows; bundles on disk have at most so many GB.
+pub(crate) fn all(bench: &Bench, gigabytes: f64) -> Result<Vec<Growth>, Failure> {
     let model = bench.large_model(24)?;
-    let rows = rows(bench, &model);
+    let mut rows = rows(bench, &model);
+    if let Some(disk) = rows.last_mut() {
+        disk.sizes.retain(|mb| *mb as f64 <= 1100.0 * gigabytes);
+    }
     rows.into_iter().enumerate().map(measured).collect()
 }
 
@@ -83,11 +105,29 @@ fn measured((index, row): (usize, Row<'_>)) -> Result<Growth, Failure> {
         mib.push(memory_of(index, size)?);
         seconds.push(time((row.make)(size)?)?);
     }
-    let points: Vec<(f64, f64)> = row
-        .sizes
+    let exponent = slope(&row.sizes, &seconds);
+    println!("{}: exponent {exponent:.3}", row.what);
+    let mib: Option<Vec<f64>> = mib.into_iter().collect();
+    // The upper half, and two at the least.
+    let from = (row.sizes.len() / 2).min(row.sizes.len().saturating_sub(2));
+    let mib_exponent = mib.as_ref().map(|m| slope(&row.sizes[from..], &m[from..]));
+    Ok(Growth {
+        mib_exponent: mib_exponent.filter(|e| e.is_finite()),
+        what: row.what,
+        sizes: row.sizes,
+        seconds,
+        exponent,
+        bar: row.bar,
+        mib,
+    })
+}
+
+/// Slope of the logarithms, least squares.
+fn slope(sizes: &[usize], values: &[f64]) -> f64 {
+    let points: Vec<(f64, f64)> = sizes
         .iter()
-        .zip(&seconds)
-        .map(|(n, s)| ((*n as f64).ln(), s.ln()))
+        .zip(values)
+        .map(|(n, v)| ((*n as f64).ln(), v.ln()))
         .collect();
     let count = points.len() as f64;
     let (mx, my) = points
@@ -96,16 +136,7 @@ fn measured((index, row): (usize, Row<'_>)) -> Result<Growth, Failure> {
     let (xy, xx) = points.iter().fold((0.0, 0.0), |(xy, xx), p| {
         (xy + (p.0 - mx) * (p.1 - my), xx + (p.0 - mx).powi(2))
     });
-    let exponent = xy / xx;
-    println!("{}: exponent {exponent:.3}", row.what);
-    Ok(Growth {
-        what: row.what,
-        sizes: row.sizes,
-        seconds,
-        exponent,
-        bar: row.bar,
-        mib: mib.into_iter().collect(),
-    })
+    xy / xx
 }
 
 /// What a run takes at its peak beyond its inputs, MiB; none where the system does not tell.

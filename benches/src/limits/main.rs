@@ -3,6 +3,7 @@
 //! `cargo xtask limits` runs this, on one thread. Operations and bytes are the least that the method of a kernel needs, not those that
 //! the code happens to do.
 
+mod disk;
 mod growth;
 mod kernels;
 mod page;
@@ -24,6 +25,9 @@ struct Arguments {
     /// Write docs/limits.md too.
     #[arg(long)]
     bless: bool,
+    /// Bundles of up to so many GB are written to target/ and read again.
+    #[arg(long, default_value_t = 1.5, value_name = "GB")]
+    disk: f64,
     /// Tell the peak memory of one row at one size.
     #[arg(long, hide = true)]
     memory: Option<String>,
@@ -59,6 +63,8 @@ struct Growth {
     bar: Option<f64>,
     /// What a run takes at its peak beyond its inputs; none where the system does not tell.
     mib: Option<Vec<f64>>,
+    /// Slope of its logarithms over the upper half of the sizes, where what any run takes no longer counts.
+    mib_exponent: Option<f64>,
 }
 
 #[derive(Debug, Serialize)]
@@ -93,7 +99,7 @@ fn measure(arguments: &Arguments) -> Result<(), Failure> {
         gemm,
         copy,
         kernels: kernels::all(&bench, gemm, copy)?,
-        growth: growth::all(&bench)?,
+        growth: growth::all(&bench, arguments.disk)?,
     };
     let page = page::page(&account);
     print!("{page}");

@@ -53,14 +53,15 @@ pub(crate) fn page(account: &Account) -> String {
             verdict(g.bar, g.bar.is_none_or(|b| g.exponent <= b))
         );
     }
-    out += "\n| peak memory beyond the inputs | sizes | MiB |\n|---|---|---|\n";
+    out += "\n| peak memory beyond the inputs | sizes | MiB | exponent, upper half |\n|---|---|---|---|\n";
     for g in &account.growth {
         let list = |v: Vec<String>| v.join(", ");
         let mib = g.mib.as_ref().map_or("not told".to_owned(), |m| {
             list(m.iter().map(|m| format!("{m:.1}")).collect())
         });
         let sizes = list(g.sizes.iter().map(usize::to_string).collect());
-        let _ = writeln!(out, "| {} | {sizes} | {mib} |", g.what);
+        let exponent = g.mib_exponent.map_or("-".to_owned(), |e| format!("{e:.2}"));
+        let _ = writeln!(out, "| {} | {sizes} | {mib} | {exponent} |", g.what);
     }
     out += "\nEach in a process of its own, which gives back at once what it frees. Counts of work (transforms, factorisations, bytes \
             read) are held by `tests/tests/work.rs`, instructions by `cargo xtask bench --growth`, both in CI.\n";

@@ -5,13 +5,15 @@ use frf_estimation::PeriodicAccumulator;
 use lfr_realize::{RefineSettings, refine};
 use lpv_benches::refinement::Case;
 use lpv_benches::{Bench, accumulator};
-use lpv_core::nalgebra::{DMatrix, DVector};
-use lpv_core::{Discrete, PeriodBlock, StateSpace};
+use lpv_core::nalgebra::{Complex, DMatrix, DVector};
+use lpv_core::{Discrete, Frf, FrfEstimate, PeriodBlock, StateSpace};
 use lpv_ident::{RegressionSettings, regress};
 use std::hint::black_box;
 use std::ops::Range;
 use std::time::Instant;
 use xytable_plant::{MovingExperiment, MovingSettings, Noise, PlantError};
+
+type C64 = Complex<f64>;
 
 /// One run.
 pub(crate) type Work<'a> = Box<dyn FnMut() -> Result<(), Failure> + 'a>;
@@ -46,6 +48,42 @@ pub(crate) fn regression(
     let settings = RegressionSettings::new().diagonal_rigid_body(2).check()?;
     Ok(Box::new(move || {
         black_box(regress(&estimates, &basis, &settings)?);
+        Ok(())
+    }))
+}
+
+/// The same with as many inputs and outputs at one position: responses of two by two on the diagonal, a thousandth of them beside
+/// it, and covariances of that shape.
+pub(crate) fn channels(bench: &Bench, channels: usize) -> Result<Work<'_>, Failure> {
+    const LINES: usize = 255;
+    const FUNCTIONS: usize = 4;
+    const BESIDE: f64 = 1e-3;
+    let (one, basis) = (bench.estimate(0.1, LINES)?, bench.basis(FUNCTIONS)?);
+    let whole = |of: &dyn Fn(usize) -> DMatrix<C64>, beside: f64| -> Vec<C64> {
+        let entry = |k: usize| {
+            let part = of(k);
+            DMatrix::from_fn(channels, channels, |i, j| {
+                part[(i % 2, j % 2)] * if i / 2 == j / 2 { 1.0 } else { beside }
+            })
+        };
+        (0..LINES).flat_map(|k| entry(k).data.as_vec().clone()).collect()
+    };
+    let frf = Frf::new(
+        one.frf().frequencies_hz().to_vec(),
+        channels,
+        channels,
+        whole(&|k| one.frf().line(k).into_owned(), BESIDE),
+    )?;
+    let estimate = FrfEstimate::new(
+        frf,
+        whole(&|k| one.output_covariance(k).into_owned(), 0.0),
+        whole(&|k| one.input_factor(k).into_owned(), 0.0),
+        one.degrees_of_freedom(),
+        one.position(),
+    )?;
+    let settings = RegressionSettings::new().diagonal_rigid_body(channels).check()?;
+    Ok(Box::new(move || {
+        black_box(regress(std::slice::from_ref(&estimate), &basis, &settings)?);
         Ok(())
     }))
 }

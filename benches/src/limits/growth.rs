@@ -82,7 +82,7 @@ fn rows<'a>(bench: &'a Bench, model: &'a StateSpace<Discrete>) -> Vec<Row<'a>> {
         ),
         row(
             "responses of a bundle on disk against its MB (NPZ, two positions, periods of 32,768 samples)",
-            vec![100, 200, 400, 800, 1500, 3000, 6000, 10_400],
+            vec![200, 400, 800, 1500, 3000, 6000, 10_400],
             Some(1.05),
             Box::new(disk::responses),
         ),

@@ -50,6 +50,9 @@ impl End {
     }
 }
 
+/// Samples that are looked at together.
+const PART: usize = 64;
+
 /// Upwards and downwards.
 const SIGNS: [f64; 2] = [1.0, -1.0];
 
@@ -58,7 +61,13 @@ impl Ends {
         self.samples += x.len();
         add_levels(&mut self.seen, x);
         for (end, sign) in self.ends.iter_mut().zip(SIGNS) {
-            x.iter().for_each(|v| end.push(sign * v));
+            // Most parts have nothing as large as the two largest: that is seen of many samples at once.
+            for part in x.chunks(PART) {
+                let next = end.next.0;
+                if part.iter().fold(false, |any, v| any | (sign * v >= next)) {
+                    part.iter().for_each(|v| end.push(sign * v));
+                }
+            }
         }
     }
 

@@ -84,8 +84,8 @@ fn motion(samples: usize) -> (Bench, Setpoints) {
 
 // The plant in its loop while its carriage moves.
 #[library_benchmark]
-#[bench::samples_1000(args = (1000), setup = motion)]
-#[bench::samples_2000(args = (2000), setup = motion)]
+#[bench::samples_4000(args = (4000), setup = motion)]
+#[bench::samples_8000(args = (8000), setup = motion)]
 fn moving_p((bench, moves): (Bench, Setpoints)) {
     let settings = MovingSettings {
         noise: Noise::Off,

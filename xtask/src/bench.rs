@@ -36,8 +36,8 @@ const GROWTH: [(&str, &str, &str); 6] = [
     ),
     (
         "samples of a simulation at moving p",
-        "moving_p samples_1000",
-        "moving_p samples_2000",
+        "moving_p samples_4000",
+        "moving_p samples_8000",
     ),
     (
         "steps of an LFR refinement",

@@ -50,17 +50,34 @@ impl Diagnosed {
         }
         let what = match d.responses.is_empty() {
             true => {
-                "Root mean square on held-out records, simulated in closed loop, in brackets over the noise as it leaves the loop."
+                "Root mean square on held-out records: simulated in closed loop, in brackets over the noise as it leaves the loop; and one \
+                 step ahead, by a Kalman filter that follows the scheduling and lets a force at the inputs walk at random."
             }
             false => {
                 "Error of the held-out responses over their size, roots of sums of squares over all lines, in brackets over that of the noise."
             }
         };
-        let mut table = Table::new(what, ["output", "before", "after"]);
+        let columns = ["output", "before", "after", "one step before", "one step after"];
+        // Responses have no step ahead.
+        let columns = if d.responses.is_empty() {
+            &columns[..]
+        } else {
+            &columns[..3]
+        };
+        let mut table = Table::new(what, columns.iter().copied());
         for (name, before) in &d.before.validation {
             let after = &d.after.validation[name];
-            let cell = |e: &OutputError| Cell::text(format!("{:.3e} ({:.2})", e.rms, e.over_noise));
-            table = table.row([Cell::text(name.clone()), cell(before), cell(after)]);
+            let simulated = |e: &OutputError| Cell::text(format!("{:.3e} ({:.2})", e.rms, e.over_noise));
+            let ahead =
+                |e: &OutputError| Cell::text(e.rms_one_step.map_or("-".to_owned(), |e| format!("{e:.3e}")));
+            let cells = [
+                Cell::text(name.clone()),
+                simulated(before),
+                simulated(after),
+                ahead(before),
+                ahead(after),
+            ];
+            table = table.row(cells.into_iter().take(columns.len()));
         }
         page = page.section(
             Section::new("Before and after")

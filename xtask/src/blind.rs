@@ -138,11 +138,7 @@ pub(crate) fn run(
     for outcome in &outcomes {
         writeln!(file, "{}", serde_json::to_string(outcome)?)?;
     }
-    // Alone, for the clock.
-    let seconds = match all.iter().find(|c| c.effects.is_empty()) {
-        Some(case) => Some(solve(case, false)?.seconds),
-        None => None,
-    };
+    let seconds = extent.only.is_empty().then(|| longest(&all));
     let left = Mutex::new(cases.iter());
     let told = Mutex::new((file, outcomes));
     let next = || {
@@ -180,6 +176,35 @@ pub(crate) fn run(
         println!("{} of {count} machines", outcomes.len());
     }
     Ok((outcomes, seconds))
+}
+
+/// Seconds that a diagnosis alone takes at the most: of a clean machine, of one with each effect at its largest deviation, and of one
+/// with two.
+fn longest(all: &[Case]) -> f64 {
+    let kind = |case: &Case| match case.effects.as_slice() {
+        [_, _, ..] => None,
+        single => Some(single.first().copied()),
+    };
+    let mut timed: Vec<&Case> = Vec::new();
+    for case in all {
+        match timed.iter_mut().find(|t| kind(t) == kind(case)) {
+            Some(smaller) if smaller.deviation < case.deviation => *smaller = case,
+            Some(_) => {}
+            None => timed.push(case),
+        }
+    }
+    let alone = |case: &Case| match solve(case, false) {
+        Ok(outcome) => {
+            println!("alone: {}", score::line(&outcome));
+            outcome.seconds
+        }
+        // A severity that the integration cannot hold, say.
+        Err(error) => {
+            println!("alone: not simulated: {error}");
+            0.0
+        }
+    };
+    timed.into_iter().map(alone).fold(0.0, f64::max)
 }
 
 /// What an earlier run left in its log; a line that was cut off counts as not run.

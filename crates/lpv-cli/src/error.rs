@@ -45,6 +45,16 @@ pub enum PipelineError {
     /// The diagnosis failed.
     #[error(transparent)]
     Trace(#[from] residual_trace::TraceError),
+    /// The model that the bundle's own responses give is none that effects can be added to.
+    #[error(
+        "effects cannot be added to the model that the responses of this bundle give ({source}); an effect may have bent them, as \
+         friction does where the excitation is small: give --model with a model of an experiment without it, excite more, or give the \
+         [geometry] of an xy-table"
+    )]
+    NoBase {
+        /// What is wrong with it.
+        source: residual_trace::TraceError,
+    },
     /// The simulated machine refuses its settings.
     #[error(transparent)]
     Plant(#[from] xytable_plant::PlantError),

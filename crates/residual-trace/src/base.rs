@@ -14,6 +14,20 @@ use nalgebra::DMatrix;
 /// Most states of a base model and its effects together.
 pub(crate) const MOST_STATES: usize = 16;
 
+/// What a simulation asks of a base model.
+pub(crate) trait Body {
+    /// The state in which outputs begin so, at rest in itself.
+    fn begin(&self, p: f64, start: &Start, x: &mut [f64]);
+    /// Forces of the motors from the inputs.
+    fn commanded(&self, p: f64, u: Pair) -> Pair;
+    /// Where the effects find it.
+    fn motion(&self, x: &[f64], p: f64) -> Motion;
+    /// Rates of its states.
+    fn rates(&self, x: &[f64], p: f64, forces: &Forces, rates: &mut [f64]);
+    /// What its sensors tell.
+    fn outputs(&self, x: &[f64], p: f64) -> Pair;
+}
+
 /// A number for each motor, or for each channel; axes with one leave the second zero.
 pub type Pair = [f64; 2];
 
@@ -196,24 +210,9 @@ impl Base {
         each!(&mut other, b => b.set(values));
         other
     }
-    /// The state in which outputs begin so, at rest in itself.
-    pub(crate) fn begin(&self, p: f64, start: &Start, x: &mut [f64]) {
-        each!(self, b => b.begin(p, start, x));
-    }
     #[inline]
     pub(crate) fn commanded(&self, p: f64, u: Pair) -> Pair {
         each!(self, b => b.commanded(p, u))
-    }
-    #[inline]
-    pub(crate) fn motion(&self, x: &[f64], p: f64) -> Motion {
-        each!(self, b => b.motion(x, p))
-    }
-    #[inline]
-    pub(crate) fn rates(&self, x: &[f64], p: f64, forces: &Forces, rates: &mut [f64]) {
-        each!(self, b => b.rates(x, p, forces, rates));
-    }
-    pub(crate) fn outputs(&self, x: &[f64], p: f64) -> Pair {
-        each!(self, b => b.outputs(x, p))
     }
     /// Whether it is the table with its couplings.
     pub(crate) fn is_table(&self) -> bool {

@@ -1,6 +1,6 @@
 //! A base model with effects in the loop of the experiment.
 
-use crate::base::{Base, Forces, MOST_STATES, Motion, Pair};
+use crate::base::{Base, Body, Forces, MOST_STATES, Motion, Pair};
 use crate::effect::{Block, Moment};
 use crate::fit::Explained;
 use crate::track::Track;
@@ -115,80 +115,195 @@ pub(crate) fn simulate_in(
     noise: Option<&[Pair]>,
     watch: &mut impl Watch,
 ) -> Option<Response> {
-    let stride = track.substeps / parts;
-    let h = track.step / parts as f64;
     let mut machine = base.clone();
     blocks.iter().for_each(|b| b.mount(&mut machine));
-    let mut controller = controller.map(|at_rest| track.moving.as_ref().unwrap_or(at_rest).clone());
-    let own: Vec<usize> = blocks.iter().map(|b| b.states()).collect();
-    let bodies = machine.states();
-    let total = bodies + own.iter().sum::<usize>();
-    if total > MOST_STATES {
-        return None;
-    }
-    let mut x = [0.0; MOST_STATES];
-    machine.begin(track.path[0][0], &track.start, &mut x);
-    let first = moment(&machine, track, &x, (0, 0), h, true);
-    let mut from = bodies;
-    for (block, states) in blocks.iter().zip(&own) {
-        block.start(&first, &mut x[from..from + states]);
-        from += states;
-    }
-    let delay: f64 = blocks.iter().map(|b| b.delay()).sum();
-    let lag: f64 = blocks.iter().map(|b| b.lag()).sum();
-    // Before the first sample there was no command, or the first one where the machine moves already.
-    let before = if track.moving.is_some() {
-        track.inputs[0]
-    } else {
-        [0.0; 2]
+    let run = Run {
+        machine: &machine,
+        blocks,
+        own: blocks.iter().map(|b| b.states()).collect(),
+        controller,
+        track,
+        noise,
+        stride: track.substeps / parts,
+        part: track.step / parts as f64,
+        parts,
     };
-    let mut lagged = machine.commanded(track.path[0][0], before);
-    let mut response = Response {
-        outputs: Vec::with_capacity(track.samples),
-        inputs: Vec::with_capacity(track.samples),
-    };
-    for k in 0..track.samples {
-        let now = moment(&machine, track, &x, (k, 0), h, true);
-        watch.sample(k, &now.motion);
-        let mut y = machine.outputs(&x, now.p);
-        blocks.iter().for_each(|b| b.sense(&now, &mut y));
-        if let Some(noise) = noise {
-            (0..2).for_each(|i| y[i] += noise[k][i]);
+    match &machine {
+        Base::XyTable(body) => run.wide(body, watch),
+        Base::Axis(body) => run.wide(body, watch),
+        Base::Lpv(body) => run.wide(body, watch),
+    }
+}
+
+/// One simulation.
+struct Run<'a> {
+    machine: &'a Base,
+    blocks: &'a [Box<dyn Block>],
+    /// States of the blocks.
+    own: Vec<usize>,
+    controller: Option<&'a ControllerState>,
+    track: &'a Track,
+    noise: Option<&'a [Pair]>,
+    /// Parts of a sample, how many of those of the track one is, and its time.
+    parts: usize,
+    stride: usize,
+    part: f64,
+}
+
+impl Run<'_> {
+    /// With room for the states that there are.
+    fn wide(&self, body: &impl Body, watch: &mut impl Watch) -> Option<Response> {
+        match self.machine.states() + self.own.iter().sum::<usize>() {
+            0..=4 => self.run::<4>(body, watch),
+            5..=8 => self.run::<8>(body, watch),
+            9..=12 => self.run::<12>(body, watch),
+            13..=MOST_STATES => self.run::<MOST_STATES>(body, watch),
+            _ => None,
         }
-        let u = match &mut controller {
-            Some(controller) => {
-                let mut u = track.injections[k];
-                let mut own = [0.0; 2];
-                controller.step(&track.references[k], &y, &mut own);
-                (0..2).for_each(|i| u[i] += own[i]);
-                u
-            }
-            None => track.inputs[k],
+    }
+
+    fn run<const N: usize>(&self, body: &impl Body, watch: &mut impl Watch) -> Option<Response> {
+        let (track, blocks) = (self.track, self.blocks);
+        let at_rest = self.controller;
+        let mut controller = at_rest.map(|at_rest| track.moving.as_ref().unwrap_or(at_rest).clone());
+        let bodies = self.machine.states();
+        let mut x = [0.0; N];
+        body.begin(track.path[0][0], &track.start, &mut x[..bodies]);
+        let first = self.moment(body, &x, (0, 0), true);
+        let mut from = bodies;
+        for (block, states) in blocks.iter().zip(&self.own) {
+            block.start(&first, &mut x[from..from + states]);
+            from += states;
+        }
+        let delay: f64 = blocks.iter().map(|b| b.delay()).sum();
+        let lag: f64 = blocks.iter().map(|b| b.lag()).sum();
+        // Before the first sample there was no command, or the first one where the machine moves already.
+        let before = if track.moving.is_some() {
+            track.inputs[0]
+        } else {
+            [0.0; 2]
         };
-        response.outputs.push(y);
-        response.inputs.push(u);
-        // Also where an output is not a number.
-        if !(0..2).all(|i| y[i].abs() <= track.bound[i]) {
-            return None;
-        }
-        for part in 0..parts {
-            let from = 2 * part * stride;
-            let points = [from, from + stride, from + 2 * stride];
-            let commands = if delay <= 0.0 {
-                [u; 3]
-            } else {
-                let (from, wide) = (part as f64 / parts as f64, 1.0 / parts as f64);
-                delayed(&response.inputs, before, k, from, wide, delay / track.step).along()
-            };
-            let mut motors =
-                [0, 1, 2].map(|i: usize| machine.commanded(track.at(k, points[i])[0], commands[i]));
-            if lag > 0.0 {
-                motors = follow(&mut lagged, motors, h, lag).along();
+        let mut lagged = body.commanded(track.path[0][0], before);
+        let mut response = Response {
+            outputs: Vec::with_capacity(track.samples),
+            inputs: Vec::with_capacity(track.samples),
+        };
+        for k in 0..track.samples {
+            let now = self.moment(body, &x, (k, 0), true);
+            watch.sample(k, &now.motion);
+            let mut y = body.outputs(&x, now.p);
+            blocks.iter().for_each(|b| b.sense(&now, &mut y));
+            if let Some(noise) = self.noise {
+                (0..2).for_each(|i| y[i] += noise[k][i]);
             }
-            runge_kutta(&machine, blocks, &own, track, &mut x, k, points, motors, h);
+            let u = match &mut controller {
+                Some(controller) => {
+                    let mut u = track.injections[k];
+                    let mut own = [0.0; 2];
+                    controller.step(&track.references[k], &y, &mut own);
+                    (0..2).for_each(|i| u[i] += own[i]);
+                    u
+                }
+                None => track.inputs[k],
+            };
+            response.outputs.push(y);
+            response.inputs.push(u);
+            // Also where an output is not a number.
+            if !(0..2).all(|i| y[i].abs() <= track.bound[i]) {
+                return None;
+            }
+            for part in 0..self.parts {
+                let from = 2 * part * self.stride;
+                let points = [from, from + self.stride, from + 2 * self.stride];
+                let commands = if delay <= 0.0 {
+                    [u; 3]
+                } else {
+                    let wide = 1.0 / self.parts as f64;
+                    let from = part as f64 * wide;
+                    delayed(&response.inputs, before, k, from, wide, delay / track.step).along()
+                };
+                let mut motors =
+                    [0, 1, 2].map(|i: usize| body.commanded(track.at(k, points[i])[0], commands[i]));
+                if lag > 0.0 {
+                    motors = follow(&mut lagged, motors, self.part, lag).along();
+                }
+                self.runge_kutta(body, &mut x, k, points, motors);
+            }
+        }
+        Some(response)
+    }
+
+    /// One part of a sample.
+    #[inline(always)]
+    fn runge_kutta<const N: usize>(
+        &self,
+        body: &impl Body,
+        x: &mut [f64; N],
+        k: usize,
+        points: [usize; 3],
+        motors: [Pair; 3],
+    ) {
+        let h = self.part;
+        let along = |rates: &[f64; N], h: f64| -> [f64; N] { std::array::from_fn(|i| x[i] + h * rates[i]) };
+        let rates = |x: &[f64; N], stage: usize| self.rates(body, x, (k, points[stage]), motors[stage]);
+        let k1 = rates(x, 0);
+        let k2 = rates(&along(&k1, 0.5 * h), 1);
+        let k3 = rates(&along(&k2, 0.5 * h), 1);
+        let k4 = rates(&along(&k3, h), 2);
+        // States that there are not stay zero.
+        *x = std::array::from_fn(|i| x[i] + h / 6.0 * ((k1[i] + k4[i]) + 2.0 * (k2[i] + k3[i])));
+    }
+
+    #[inline(always)]
+    fn rates<const N: usize>(
+        &self,
+        body: &impl Body,
+        x: &[f64; N],
+        at: (usize, usize),
+        motors: Pair,
+    ) -> [f64; N] {
+        let mut out = [0.0; N];
+        let at = self.moment(body, x, at, !self.blocks.is_empty());
+        let mut forces = Forces {
+            motors,
+            ..Forces::default()
+        };
+        let mut from = self.machine.states();
+        for (block, states) in self.blocks.iter().zip(&self.own) {
+            let own = from..from + states;
+            block.act(&at, &x[own.clone()], &mut out[own], &mut forces);
+            from += states;
+        }
+        body.rates(x, at.p, &forces, &mut out);
+        out
+    }
+
+    #[inline(always)]
+    fn moment<const N: usize>(
+        &self,
+        body: &impl Body,
+        x: &[f64; N],
+        (k, point): (usize, usize),
+        whole: bool,
+    ) -> Moment<'_> {
+        let part = point as f64 * self.track.half;
+        let [p, rate] = self.track.at(k, point);
+        Moment {
+            time: (k as f64 + part) * self.track.step,
+            p,
+            rate,
+            step: self.part,
+            motion: if whole {
+                body.motion(x, p)
+            } else {
+                Motion::default()
+            },
+            machine: self.machine,
+            track: self.track,
+            sample: k,
+            part,
         }
     }
-    Some(response)
 }
 
 /// A signal over one part of a sample, known by its mean and by its first moment about the middle, both over the length.
@@ -247,84 +362,6 @@ fn delayed(inputs: &[Pair], before: Pair, k: usize, from: f64, wide: f64, delay:
     Slope {
         mean: [0, 1].map(|i: usize| before[i] + late * change[i]),
         moment: change.map(|c| 0.5 * c * late * (1.0 - late)),
-    }
-}
-
-#[allow(clippy::too_many_arguments)]
-#[inline]
-fn runge_kutta(
-    machine: &Base,
-    blocks: &[Box<dyn Block>],
-    own: &[usize],
-    track: &Track,
-    x: &mut [f64; MOST_STATES],
-    k: usize,
-    points: [usize; 3],
-    motors: [Pair; 3],
-    h: f64,
-) {
-    let rates = |x: &[f64; MOST_STATES], stage: usize, out: &mut [f64; MOST_STATES]| {
-        let at = moment(machine, track, x, (k, points[stage]), h, !blocks.is_empty());
-        let mut forces = Forces {
-            motors: motors[stage],
-            ..Forces::default()
-        };
-        let mut from = machine.states();
-        for (block, states) in blocks.iter().zip(own) {
-            block.act(
-                &at,
-                &x[from..from + states],
-                &mut out[from..from + states],
-                &mut forces,
-            );
-            from += states;
-        }
-        machine.rates(x, at.p, &forces, out);
-    };
-    let along = |x: &[f64; MOST_STATES], k: &[f64; MOST_STATES], h: f64| {
-        let mut to = *x;
-        for (to, k) in to.iter_mut().zip(k) {
-            *to += h * k;
-        }
-        to
-    };
-    let mut k1 = [0.0; MOST_STATES];
-    let (mut k2, mut k3, mut k4) = (k1, k1, k1);
-    rates(x, 0, &mut k1);
-    rates(&along(x, &k1, 0.5 * h), 1, &mut k2);
-    rates(&along(x, &k2, 0.5 * h), 1, &mut k3);
-    rates(&along(x, &k3, h), 2, &mut k4);
-    // States that there are not stay zero; loops of a constant length are wide.
-    for i in 0..MOST_STATES {
-        x[i] += h / 6.0 * ((k1[i] + k4[i]) + 2.0 * (k2[i] + k3[i]));
-    }
-}
-
-#[inline]
-fn moment<'a>(
-    machine: &'a Base,
-    track: &'a Track,
-    x: &[f64],
-    (k, point): (usize, usize),
-    step: f64,
-    whole: bool,
-) -> Moment<'a> {
-    let part = point as f64 * track.half;
-    let [p, rate] = track.at(k, point);
-    Moment {
-        time: (k as f64 + part) * track.step,
-        p,
-        rate,
-        step,
-        motion: if whole {
-            machine.motion(x, p)
-        } else {
-            Motion::default()
-        },
-        machine,
-        track,
-        sample: k,
-        part,
     }
 }
 

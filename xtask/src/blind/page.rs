@@ -19,7 +19,11 @@ const BARS: [(&str, f64, bool); 9] = [
     ("false alarms on clean machines", 0.01, false),
     ("two effects at once, both named and nothing else", 0.85, true),
     ("effects outside the catalogue, a wrong name", 0.05, false),
-    ("one diagnosis alone, seconds", 10.0, false),
+    (
+        "one diagnosis alone, the longest of one of each kind, seconds",
+        10.0,
+        false,
+    ),
 ];
 
 /// The page, with the command that makes it and how many machines that asks for.

@@ -23,7 +23,7 @@ pub(crate) struct Metrics {
     pub(crate) pairs_named: Option<f64>,
     /// Part of the machines with an effect outside the catalogue where an effect is named.
     pub(crate) outside_wrong_name: Option<f64>,
-    /// Wall clock of one diagnosis alone.
+    /// Wall clock of one diagnosis alone, the longest of one of each kind.
     pub(crate) seconds: Option<f64>,
 }
 

@@ -12,7 +12,7 @@ use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{CoreError, Discrete, FrfEstimate, Model, Record, SchedulingRange, StateSpace};
 use lti_ident::rigid_body::RigidBodySettings;
 use lti_ident::{LtiIdentError, Segment};
-use residual_trace::{Axis, Base, BaseParameter, FrozenFit, Lpv, Prior, fit_table};
+use residual_trace::{Axis, Base, BaseParameter, FrozenFit, Lpv, Prior, TraceError, fit_table};
 use std::f64::consts::TAU;
 
 /// A base model, and what is known of it.
@@ -74,7 +74,12 @@ pub(super) fn start(
     };
     let found = identify_bundle(bundle, &config, progress)?;
     reasons.extend(found.summary.reasons);
-    given(&found.model, bundle, &records)
+    given(&found.model, bundle, &records).map_err(|error| match error {
+        PipelineError::Trace(source @ (TraceError::Core(_) | TraceError::NoBase { .. })) => {
+            PipelineError::NoBase { source }
+        }
+        other => other,
+    })
 }
 
 /// What a file holds: of a model with effects the base alone.

@@ -1,6 +1,6 @@
 //! A mass on a guide with one motor.
 
-use super::{BaseParameter, Forces, Motion, Pair, Start};
+use super::{BaseParameter, Body, Forces, Motion, Pair, Start};
 use nalgebra::{DMatrix, dmatrix};
 use num_complex::Complex64 as C64;
 
@@ -76,16 +76,18 @@ impl Axis {
         self.viscous = v[1];
         self.offset = v[2];
     }
+}
 
-    pub(super) fn begin(&self, _p: f64, start: &Start, x: &mut [f64]) {
+impl Body for Axis {
+    fn begin(&self, _p: f64, start: &Start, x: &mut [f64]) {
         x[..2].copy_from_slice(&[start.position[0], start.speed[0]]);
     }
 
-    pub(super) fn commanded(&self, _p: f64, u: Pair) -> Pair {
+    fn commanded(&self, _p: f64, u: Pair) -> Pair {
         u
     }
 
-    pub(super) fn motion(&self, x: &[f64], _p: f64) -> Motion {
+    fn motion(&self, x: &[f64], _p: f64) -> Motion {
         Motion {
             motor_position: [x[0], 0.0],
             motor_speed: [x[1], 0.0],
@@ -95,12 +97,12 @@ impl Axis {
         }
     }
 
-    pub(super) fn rates(&self, x: &[f64], _p: f64, forces: &Forces, rates: &mut [f64]) {
+    fn rates(&self, x: &[f64], _p: f64, forces: &Forces, rates: &mut [f64]) {
         rates[0] = x[1];
         rates[1] = (forces.motors[0] + forces.load[0] - self.viscous * x[1] - self.offset) / self.mass;
     }
 
-    pub(super) fn outputs(&self, x: &[f64], _p: f64) -> Pair {
+    fn outputs(&self, x: &[f64], _p: f64) -> Pair {
         [x[0], 0.0]
     }
 }

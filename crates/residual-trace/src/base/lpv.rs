@@ -2,7 +2,7 @@
 
 mod grid;
 
-use super::{BaseParameter, Forces, Motion, Pair, Start};
+use super::{BaseParameter, Body, Forces, Motion, Pair, Start};
 use crate::TraceError;
 use experiment_data::Geometry;
 use grid::{Grid, ROOM, times};
@@ -135,87 +135,6 @@ impl Lpv {
         self.tempo = v[v.len() - 1];
     }
 
-    /// The state at which outputs stand still, or move at a steady speed.
-    pub(super) fn begin(&self, p: f64, start: &Start, x: &mut [f64]) {
-        let (n, m) = (self.grid.states, self.grid.channels);
-        let (a, b, c) = self.matrices(p);
-        let size = a.amax().max(f64::MIN_POSITIVE);
-        // The input holds it there, none where an integrator does.
-        let push = b.amax().max(f64::MIN_POSITIVE);
-        let moves = start.speed.iter().any(|v| *v != 0.0);
-        // At rest `A x + B u = 0`; at a steady speed its rate is zero, and `C (A x + B u)` is the speed.
-        let (a, b) = (a / size, b / push);
-        let mut rows = DMatrix::zeros(n + 2 * m, n + m);
-        let (still, drive) = if moves {
-            (&a * &a, &a * &b)
-        } else {
-            (a.clone(), b.clone())
-        };
-        rows.view_mut((0, 0), (n, n)).copy_from(&still);
-        rows.view_mut((0, n), (n, m)).copy_from(&drive);
-        rows.view_mut((n, 0), (m, n)).copy_from(&c);
-        let mut right = DVector::zeros(n + 2 * m);
-        (0..m).for_each(|i| right[n + i] = start.position[i] - self.offsets[1][i]);
-        if moves {
-            rows.view_mut((n + m, 0), (m, n)).copy_from(&(&c * &a));
-            rows.view_mut((n + m, n), (m, m)).copy_from(&(&c * &b));
-            (0..m).for_each(|i| right[n + m + i] = start.speed[i] / (size * self.tempo));
-        }
-        // A matrix of finite numbers has singular values.
-        if let Ok(found) = rows.svd(true, true).solve(&right, 1e-10) {
-            x[..n].copy_from_slice(&found.as_slice()[..n]);
-        }
-    }
-
-    pub(super) fn commanded(&self, p: f64, u: Pair) -> Pair {
-        times(&self.grid.drive.force_at(p), u)
-    }
-
-    pub(super) fn motion(&self, x: &[f64], p: f64) -> Motion {
-        let (n, m) = (self.grid.states, self.grid.channels);
-        let mut node = [0.0; ROOM];
-        let first = n * (n + m);
-        self.grid.at(p, first..first + 2 * m * n, &mut node);
-        let row = |k: usize| -> f64 { node[k * n..(k + 1) * n].iter().zip(x).map(|(c, x)| c * x).sum() };
-        let mut motion = Motion::default();
-        for i in 0..m {
-            motion.load_position[i] = row(i) + self.offsets[1][i];
-            motion.load_speed[i] = self.tempo * row(m + i);
-        }
-        let motor = &self.grid.drive.motor;
-        motion.motor_position = times(motor, motion.load_position);
-        motion.motor_speed = times(motor, motion.load_speed);
-        motion
-    }
-
-    pub(super) fn rates(&self, x: &[f64], p: f64, forces: &Forces, rates: &mut [f64]) {
-        let (n, m) = (self.grid.states, self.grid.channels);
-        let mut node = [0.0; ROOM];
-        self.grid.at(p, 0..n * (n + m), &mut node);
-        let (gains, u) = (self.gains(p), self.grid.drive.as_input(p, forces));
-        let u = [0, 1].map(|i: usize| gains[i] * (u[i] - self.offsets[0][i]));
-        for (i, rate) in rates.iter_mut().enumerate().take(n) {
-            let row = &node[i * (n + m)..(i + 1) * (n + m)];
-            let own: f64 = row[..n].iter().zip(x).map(|(a, x)| a * x).sum();
-            let input: f64 = row[n..].iter().zip(&u).map(|(b, u)| b * u).sum();
-            *rate = self.tempo * own + input / self.tempo;
-        }
-    }
-
-    pub(super) fn outputs(&self, x: &[f64], p: f64) -> Pair {
-        let (n, m) = (self.grid.states, self.grid.channels);
-        let mut node = [0.0; ROOM];
-        let first = n * (n + m);
-        self.grid.at(p, first..first + m * n, &mut node);
-        std::array::from_fn(|i| match i < m {
-            true => {
-                let row = node[i * n..(i + 1) * n].iter().zip(x);
-                self.offsets[1][i] + row.map(|(c, x)| c * x).sum::<f64>()
-            }
-            false => 0.0,
-        })
-    }
-
     /// The model in the middle of the range, sampled; commands are held.
     pub(crate) fn sampled(&self, clock: Discrete) -> Result<StateSpace<Discrete>, CoreError> {
         let [low, high] = self.grid.range;
@@ -254,6 +173,89 @@ impl Lpv {
             both.columns(n, m).into_owned(),
             c,
         )
+    }
+}
+
+impl Body for Lpv {
+    /// The state at which outputs stand still, or move at a steady speed.
+    fn begin(&self, p: f64, start: &Start, x: &mut [f64]) {
+        let (n, m) = (self.grid.states, self.grid.channels);
+        let (a, b, c) = self.matrices(p);
+        let size = a.amax().max(f64::MIN_POSITIVE);
+        // The input holds it there, none where an integrator does.
+        let push = b.amax().max(f64::MIN_POSITIVE);
+        let moves = start.speed.iter().any(|v| *v != 0.0);
+        // At rest `A x + B u = 0`; at a steady speed its rate is zero, and `C (A x + B u)` is the speed.
+        let (a, b) = (a / size, b / push);
+        let mut rows = DMatrix::zeros(n + 2 * m, n + m);
+        let (still, drive) = if moves {
+            (&a * &a, &a * &b)
+        } else {
+            (a.clone(), b.clone())
+        };
+        rows.view_mut((0, 0), (n, n)).copy_from(&still);
+        rows.view_mut((0, n), (n, m)).copy_from(&drive);
+        rows.view_mut((n, 0), (m, n)).copy_from(&c);
+        let mut right = DVector::zeros(n + 2 * m);
+        (0..m).for_each(|i| right[n + i] = start.position[i] - self.offsets[1][i]);
+        if moves {
+            rows.view_mut((n + m, 0), (m, n)).copy_from(&(&c * &a));
+            rows.view_mut((n + m, n), (m, m)).copy_from(&(&c * &b));
+            (0..m).for_each(|i| right[n + m + i] = start.speed[i] / (size * self.tempo));
+        }
+        // A matrix of finite numbers has singular values.
+        if let Ok(found) = rows.svd(true, true).solve(&right, 1e-10) {
+            x[..n].copy_from_slice(&found.as_slice()[..n]);
+        }
+    }
+
+    fn commanded(&self, p: f64, u: Pair) -> Pair {
+        times(&self.grid.drive.force_at(p), u)
+    }
+
+    fn motion(&self, x: &[f64], p: f64) -> Motion {
+        let (n, m) = (self.grid.states, self.grid.channels);
+        let mut node = [0.0; ROOM];
+        let first = n * (n + m);
+        self.grid.at(p, first..first + 2 * m * n, &mut node);
+        let row = |k: usize| -> f64 { node[k * n..(k + 1) * n].iter().zip(x).map(|(c, x)| c * x).sum() };
+        let mut motion = Motion::default();
+        for i in 0..m {
+            motion.load_position[i] = row(i) + self.offsets[1][i];
+            motion.load_speed[i] = self.tempo * row(m + i);
+        }
+        let motor = &self.grid.drive.motor;
+        motion.motor_position = times(motor, motion.load_position);
+        motion.motor_speed = times(motor, motion.load_speed);
+        motion
+    }
+
+    fn rates(&self, x: &[f64], p: f64, forces: &Forces, rates: &mut [f64]) {
+        let (n, m) = (self.grid.states, self.grid.channels);
+        let mut node = [0.0; ROOM];
+        self.grid.at(p, 0..n * (n + m), &mut node);
+        let (gains, u) = (self.gains(p), self.grid.drive.as_input(p, forces));
+        let u = [0, 1].map(|i: usize| gains[i] * (u[i] - self.offsets[0][i]));
+        for (i, rate) in rates.iter_mut().enumerate().take(n) {
+            let row = &node[i * (n + m)..(i + 1) * (n + m)];
+            let own: f64 = row[..n].iter().zip(x).map(|(a, x)| a * x).sum();
+            let input: f64 = row[n..].iter().zip(&u).map(|(b, u)| b * u).sum();
+            *rate = self.tempo * own + input / self.tempo;
+        }
+    }
+
+    fn outputs(&self, x: &[f64], p: f64) -> Pair {
+        let (n, m) = (self.grid.states, self.grid.channels);
+        let mut node = [0.0; ROOM];
+        let first = n * (n + m);
+        self.grid.at(p, first..first + m * n, &mut node);
+        std::array::from_fn(|i| match i < m {
+            true => {
+                let row = node[i * n..(i + 1) * n].iter().zip(x);
+                self.offsets[1][i] + row.map(|(c, x)| c * x).sum::<f64>()
+            }
+            false => 0.0,
+        })
     }
 }
 

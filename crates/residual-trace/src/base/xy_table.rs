@@ -1,6 +1,6 @@
 //! Carriage and beam: the machine of Tóth et al. (2011), (7) to (9), at a position that is given.
 
-use super::{BaseParameter, Forces, Motion, Pair, Start};
+use super::{BaseParameter, Body, Forces, Motion, Pair, Start};
 use crate::TraceError;
 use lpv_core::{Continuous, CoreError, LpvStateSpace, MatrixFunction, SchedulingRange};
 use nalgebra::DMatrix;
@@ -143,54 +143,6 @@ impl XyTable {
         translation.min(rotation).sqrt() / TAU
     }
 
-    pub(super) fn begin(&self, p: f64, start: &Start, x: &mut [f64]) {
-        for (x, [y, r]) in x.chunks_exact_mut(4).zip([start.position, start.speed]) {
-            x.copy_from_slice(&[y + p * r, r, y, r]);
-        }
-    }
-
-    #[inline]
-    pub(super) fn commanded(&self, p: f64, u: Pair) -> Pair {
-        let at =
-            |i: usize, j: usize| self.force[0][i][j] + p * (self.force[1][i][j] + p * self.force[2][i][j]);
-        [
-            at(0, 0) * u[0] + at(0, 1) * u[1],
-            at(1, 0) * u[0] + at(1, 1) * u[1],
-        ]
-    }
-
-    #[inline]
-    pub(super) fn motion(&self, x: &[f64], p: f64) -> Motion {
-        let arms = [self.arms[0] * self.lever, self.arms[1] * self.lever];
-        Motion {
-            motor_position: [x[2] + arms[0] * x[3], x[2] + arms[1] * x[3]],
-            motor_speed: [x[6] + arms[0] * x[7], x[6] + arms[1] * x[7]],
-            load_position: [x[0], x[1]],
-            load_speed: [x[4], x[5]],
-            deflection: [x[0] - x[2] - p * x[3], x[1] - x[3]],
-        }
-    }
-
-    #[inline]
-    pub(super) fn rates(&self, x: &[f64], p: f64, forces: &Forces, rates: &mut [f64]) {
-        let pull =
-            |i: usize, e: f64, v: f64| self.stiffness[i] * e + self.damping[i] * v + forces.coupling[i];
-        let f_y = pull(0, x[0] - x[2] - p * x[3], x[4] - x[6] - p * x[7]);
-        let f_r = pull(1, x[1] - x[3], x[5] - x[7]);
-        let [left, right] = forces.motors;
-        let torque = self.lever * (self.arms[0] * left + self.arms[1] * right);
-        rates[..4].copy_from_slice(&x[4..8]);
-        rates[4] = (forces.load[0] - f_y) / self.carriage_mass;
-        rates[5] = (forces.load[1] - f_r) / self.carriage_inertia;
-        rates[6] = (f_y + left + right) / self.beam_mass;
-        rates[7] = (p * f_y + f_r + torque) / self.beam_inertia;
-    }
-
-    #[inline]
-    pub(super) fn outputs(&self, x: &[f64], p: f64) -> Pair {
-        [x[0] - p * x[1], x[1]]
-    }
-
     /// The table as an LPV state space with coefficients of second degree in p, which it is.
     ///
     /// # Errors
@@ -227,5 +179,55 @@ impl XyTable {
             b.column_mut(j).copy_from_slice(&column);
         }
         [a, b, c]
+    }
+}
+
+impl Body for XyTable {
+    fn begin(&self, p: f64, start: &Start, x: &mut [f64]) {
+        for (x, [y, r]) in x.chunks_exact_mut(4).zip([start.position, start.speed]) {
+            x.copy_from_slice(&[y + p * r, r, y, r]);
+        }
+    }
+
+    #[inline]
+    fn commanded(&self, p: f64, u: Pair) -> Pair {
+        let at =
+            |i: usize, j: usize| self.force[0][i][j] + p * (self.force[1][i][j] + p * self.force[2][i][j]);
+        [
+            at(0, 0) * u[0] + at(0, 1) * u[1],
+            at(1, 0) * u[0] + at(1, 1) * u[1],
+        ]
+    }
+
+    #[inline]
+    fn motion(&self, x: &[f64], p: f64) -> Motion {
+        let arms = [self.arms[0] * self.lever, self.arms[1] * self.lever];
+        Motion {
+            motor_position: [x[2] + arms[0] * x[3], x[2] + arms[1] * x[3]],
+            motor_speed: [x[6] + arms[0] * x[7], x[6] + arms[1] * x[7]],
+            load_position: [x[0], x[1]],
+            load_speed: [x[4], x[5]],
+            deflection: [x[0] - x[2] - p * x[3], x[1] - x[3]],
+        }
+    }
+
+    #[inline]
+    fn rates(&self, x: &[f64], p: f64, forces: &Forces, rates: &mut [f64]) {
+        let pull =
+            |i: usize, e: f64, v: f64| self.stiffness[i] * e + self.damping[i] * v + forces.coupling[i];
+        let f_y = pull(0, x[0] - x[2] - p * x[3], x[4] - x[6] - p * x[7]);
+        let f_r = pull(1, x[1] - x[3], x[5] - x[7]);
+        let [left, right] = forces.motors;
+        let torque = self.lever * (self.arms[0] * left + self.arms[1] * right);
+        rates[..4].copy_from_slice(&x[4..8]);
+        rates[4] = (forces.load[0] - f_y) / self.carriage_mass;
+        rates[5] = (forces.load[1] - f_r) / self.carriage_inertia;
+        rates[6] = (f_y + left + right) / self.beam_mass;
+        rates[7] = (p * f_y + f_r + torque) / self.beam_inertia;
+    }
+
+    #[inline]
+    fn outputs(&self, x: &[f64], p: f64) -> Pair {
+        [x[0] - p * x[1], x[1]]
     }
 }

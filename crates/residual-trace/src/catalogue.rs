@@ -79,6 +79,11 @@ pub(crate) fn first_of_equals<T>(
     }
 }
 
+/// The sign of a speed over that which creeps: its hyperbolic tangent, to the rounding of one and not of itself.
+fn smooth_sign(over_creep: f64) -> f64 {
+    1.0 - 2.0 / ((2.0 * over_creep).exp() + 1.0)
+}
+
 /// Forces of the motors that together do what this input does in the middle of the range.
 fn motor_forces(machine: &Base, input: f64) -> Pair {
     machine.commanded(0.0, [input, 0.0])

@@ -222,8 +222,8 @@ impl Run<'_> {
                     let from = part as f64 * wide;
                     delayed(&response.inputs, before, k, from, wide, delay / track.step).along()
                 };
-                let mut motors =
-                    [0, 1, 2].map(|i: usize| body.commanded(track.at(k, points[i])[0], commands[i]));
+                let motor = |i: usize| body.commanded(track.at(k, points[i])[0], commands[i]);
+                let mut motors = [motor(0), motor(1), motor(2)];
                 if lag > 0.0 {
                     motors = follow(&mut lagged, motors, self.part, lag).along();
                 }

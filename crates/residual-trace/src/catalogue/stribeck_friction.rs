@@ -76,7 +76,7 @@ impl Block for Stribeck {
         for i in 0..2 {
             let v = at.motion.motor_speed[i];
             let level = self.level[i] + self.more[i] * (-(v / self.fall).powi(2)).exp();
-            forces.motors[i] -= level * (v / self.creep).tanh();
+            forces.motors[i] -= level * super::smooth_sign(v / self.creep);
         }
     }
 }

@@ -81,6 +81,9 @@ pub(crate) fn first_of_equals<T>(
 
 /// The sign of a speed over that which creeps: its hyperbolic tangent, to the rounding of one and not of itself.
 fn smooth_sign(over_creep: f64) -> f64 {
+    if over_creep.abs() > 20.0 {
+        return over_creep.signum();
+    }
     1.0 - 2.0 / ((2.0 * over_creep).exp() + 1.0)
 }
 

@@ -7,7 +7,6 @@ use experiment_data::ControllerState;
 use lpv_core::{Discrete, StateSpace};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use std::f64::consts::TAU;
 
 /// The records along the present model, and its residual with all that the machine's parameters explain taken out.
 pub struct Screen<'a> {
@@ -176,30 +175,26 @@ impl Screen<'_> {
         let Some(known) = &self.known else {
             return Vec::new();
         };
-        let (width, top) = (0.5 / self.duration(), 0.45 / self.step());
-        let lines = (top / width) as usize;
-        let power: Vec<f64> = (1..=lines)
-            .into_par_iter()
-            .map(|line| {
-                let (s, c) = (TAU * width * line as f64 * self.step()).sin_cos();
-                let mut first = 0;
-                let mut sum = 0.0;
-                for track in self.tracks {
-                    for _ in 0..self.base.channels() {
-                        let w = &known.left.as_slice()[first..first + track.samples];
-                        first += track.samples;
-                        // Goertzel: one rotating sum.
-                        let (mut a, mut b) = (0.0, 0.0);
-                        for w in w {
-                            (a, b) = (w + 2.0 * c * a - b, a);
-                        }
-                        let (re, im) = (a - c * b, s * b);
-                        sum += re * re + im * im;
-                    }
+        // Twice the longest record: lines at half its resolution.
+        let length = 2 * self.tracks.iter().map(|t| t.samples).max().unwrap_or(1);
+        let width = 1.0 / (length as f64 * self.step());
+        let lines = (0.45 * length as f64) as usize;
+        let transform = realfft::RealFftPlanner::<f64>::new().plan_fft_forward(length);
+        let mut power = vec![0.0; lines];
+        let mut first = 0;
+        for samples in self.tracks.iter().map(|t| t.samples) {
+            for _ in 0..self.base.channels() {
+                let mut padded = transform.make_input_vec();
+                padded[..samples].copy_from_slice(&known.left.as_slice()[first..first + samples]);
+                first += samples;
+                let mut spectrum = transform.make_output_vec();
+                // Lengths are those of the plan.
+                if transform.process(&mut padded, &mut spectrum).is_ok() {
+                    let each = power.iter_mut().zip(&spectrum[1..]);
+                    each.for_each(|(sum, line)| *sum += line.norm_sqr());
                 }
-                sum
-            })
-            .collect();
+            }
+        }
         let mut order: Vec<usize> = (0..lines).collect();
         order.sort_by(|a, b| power[*b].total_cmp(&power[*a]));
         let mut chosen: Vec<usize> = Vec::new();

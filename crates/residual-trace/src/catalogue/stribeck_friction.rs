@@ -71,11 +71,16 @@ struct Stribeck {
     fall: f64,
 }
 
+/// Squares of the speed over that of the fall from which nothing of the peak is left.
+const FAR: f64 = 700.0;
+
 impl Block for Stribeck {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
         for i in 0..2 {
             let v = at.motion.motor_speed[i];
-            let level = self.level[i] + self.more[i] * (-(v / self.fall).powi(2)).exp();
+            let far = (v / self.fall).powi(2);
+            let peak = if far < FAR { (-far).exp() } else { 0.0 };
+            let level = self.level[i] + self.more[i] * peak;
             forces.motors[i] -= level * super::smooth_sign(v / self.creep);
         }
     }

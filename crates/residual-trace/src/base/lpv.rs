@@ -262,8 +262,7 @@ impl Body for Lpv {
 #[cfg(test)]
 mod tests {
     use super::{Forces, Lpv};
-    use crate::base::Start;
-    use crate::base::{Base, table_from_geometry};
+    use crate::base::{Base, Body, Start, table_from_geometry};
     use crate::{Explained, Track};
     use experiment_data::{Controller, Geometry};
     use lpv_core::{Continuous, Purpose, Record, RecordKind, Signals, StateSpace};

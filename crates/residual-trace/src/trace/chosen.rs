@@ -45,13 +45,10 @@ impl Chosen {
         let mut changed = false;
         let mut i = 0;
         while i + 1 < self.added.len() {
-            let mut rest = self.now.model.clone();
-            rest.effects.remove(i);
-            let Ok(rest) = bench.problem().fit(&rest, ITERATIONS, Some(&self.now)) else {
+            let Some((rest, without)) = self.without(bench, i) else {
                 i += 1;
                 continue;
             };
-            let without = bench.judge(&rest.model);
             if !earns((&self.now, &self.judged), (&rest, &without)) {
                 self.added.remove(i);
                 (self.now, self.judged) = (rest, without);
@@ -73,6 +70,32 @@ impl Chosen {
         if changed {
             self.account(bench, bare);
         }
+    }
+
+    /// Effects that explain nothing beside the others go, the last first; one stays.
+    pub(super) fn keep_what_earns(&mut self, bench: &Bench<'_>, bare: &Fitted) {
+        let before = self.added.len();
+        for i in (0..before).rev() {
+            if self.added.len() > 1
+                && let Some((rest, without)) = self.without(bench, i)
+                && !earns((&self.now, &self.judged), (&rest, &without))
+            {
+                self.added.remove(i);
+                (self.now, self.judged) = (rest, without);
+            }
+        }
+        if self.added.len() < before {
+            self.account(bench, bare);
+        }
+    }
+
+    /// A fit without one of the effects.
+    fn without(&self, bench: &Bench<'_>, i: usize) -> Option<(Fitted, Judged)> {
+        let mut rest = self.now.model.clone();
+        rest.effects.remove(i);
+        let rest = bench.problem().fit(&rest, ITERATIONS, Some(&self.now)).ok()?;
+        let judged = bench.judge(&rest.model);
+        Some((rest, judged))
     }
 
     /// Whether another effect in the place of one explains the records in clearly fewer words, or as few with no more parameters;

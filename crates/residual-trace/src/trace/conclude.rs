@@ -1,6 +1,7 @@
 //! From the end of a competition to what is told.
 
 use super::bench::Bench;
+use super::chosen::Chosen;
 use super::noise::loop_noise;
 use super::{Case, Contest, ITERATIONS, Judged, LEFT, NOISE, Trace, Verdict};
 use crate::TraceError;
@@ -40,7 +41,15 @@ impl Contest {
             case: finer.as_ref().unwrap_or(case),
         };
         if finer.is_some() {
-            self.now = bench.problem().fit(&self.now.model, ITERATIONS, None)?;
+            let now = bench.problem().fit(&self.now.model, ITERATIONS, None)?;
+            let mut chosen = Chosen {
+                judged: bench.judge(&now.model),
+                now,
+                added: std::mem::take(&mut self.added),
+            };
+            // What an effect explained may have been the coarse integration.
+            chosen.keep_what_earns(&bench, &self.bare);
+            (self.now, self.added) = (chosen.now, chosen.added);
         }
         self.after = bench.judge(&self.now.model);
         // The effects are in the loop through which the noise goes now.

@@ -22,7 +22,7 @@ use crate::responses::{load_records, rests};
 use crate::summary::Summary;
 use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
 use base::Start;
-use experiment_data::{Bundle, ControllerState, DataError};
+use experiment_data::{Bundle, ControllerState, DataError, Description};
 use figures::Along;
 use lpv_core::{FrfEstimate, Model, Purpose, Record, RigidBody, RigidBodyAxis, SchedulingRange};
 use lpv_report::Figure;
@@ -63,8 +63,14 @@ pub fn diagnose(
 ) -> Result<Diagnosed, PipelineError> {
     let description = bundle.description();
     let clock = bundle.clock()?;
-    if model.is_none() && is_traced_on_responses(bundle) {
-        return responses::diagnose(bundle, progress);
+    if is_traced_on_responses(bundle) {
+        return match model {
+            None => responses::diagnose(bundle, progress),
+            Some(_) => Err(PipelineError::Structure {
+                problem: "effects are traced on the frequency responses of this bundle, which has no moves and no [controller], from a \
+                          rigid axis: leave out --model",
+            }),
+        };
     }
     let Some(controller) = &description.controller else {
         return Err(PipelineError::Structure {
@@ -98,14 +104,15 @@ pub fn diagnose(
             .collect::<Result<Vec<_>, _>>()?)
     };
     reasons.extend(wrong_controller(&fit_records, &start));
-    let rough = roughness(&fit_records);
     let (fitted, judged) = (tracks(&fit_records)?, tracks(&judge_records)?);
     let noise = match unrepeated(bundle, progress)? {
         (_, left) if left.is_empty() => {
             reasons.push(
-                "no periodic records: the noise of a sample is taken from the third differences of the outputs".to_owned(),
+                "no periodic records: the noise of a sample is taken from the third differences of the outputs, or of what the base \
+                 leaves of them where those are smaller"
+                    .to_owned(),
             );
-            rough
+            roughness(&base, &start, &fitted)
         }
         (position, left) => sensor_noise(&base, &start, &fitted[0], position, &left)?,
     };
@@ -139,14 +146,14 @@ pub fn diagnose(
     explanation.effects.clone_from(&diagnosis.effects);
     let first = |i: usize| found.errors[i].first().map_or(&[][..], Vec::as_slice);
     let (step, channels) = (clock.sample_time(), &description.channels);
-    let outputs = &channels.output.columns;
+    let outputs = figures::with_units(&channels.output.columns, &channels.output.units);
     Ok(Diagnosed {
         diagnosis,
         model,
         explanation,
-        force: force_figures(&found, &start, &judged[0], noise, &channels.input.columns),
-        errors: figures::in_time(outputs, step, [first(0), first(1)]),
-        spectrum: Some(figures::in_spectrum(outputs, step, &found.errors)),
+        force: force_figures(&found, &start, &judged[0], noise, description),
+        errors: figures::in_time(&outputs, step, [first(0), first(1)]),
+        spectrum: Some(figures::in_spectrum(&outputs, step, &found.errors)),
         frozen: figures::frozen(&found.model.base, &responses, clock).unwrap_or_default(),
     })
 }
@@ -189,7 +196,7 @@ fn force_figures(
     controller: &ControllerState,
     track: &Track,
     noise: [f64; 2],
-    inputs: &[String],
+    description: &Description,
 ) -> Vec<Figure> {
     let force = |model: &Explained| equivalent_force(model, controller, track, noise).ok();
     // A base that was fitted without the effects is bent by them; that of the model shows them as they are.
@@ -202,6 +209,8 @@ fn force_figures(
     let (Some(before), Some(after), Some(motions)) = (force(&plain), force(&found.model), motions) else {
         return Vec::new();
     };
+    let channels = &description.channels;
+    let inputs = figures::with_units(&channels.input.columns, &channels.input.units);
     let effects = found.model.forces_along(track, &motions);
     let along = Along {
         position: motions.iter().map(|m| m.motor_position[0]).collect(),
@@ -209,8 +218,8 @@ fn force_figures(
         effects: effects.iter().map(|f| f[0]).collect(),
     };
     vec![
-        figures::over_motion(&along, &before),
-        figures::force_in_time(inputs, track.step, [&before, &after]),
+        figures::over_motion(&along, &before, channels.output.units.first()),
+        figures::force_in_time(&inputs, track.step, [&before, &after]),
     ]
 }
 
@@ -332,17 +341,32 @@ fn wrong_controller(records: &[Record], controller: &ControllerState) -> Option<
     })
 }
 
-/// Deviation of white noise with these third differences.
-fn roughness(records: &[Record]) -> [f64; 2] {
+/// Deviation of white noise with the third differences of the outputs, or with those of the errors of the base, which the moves do
+/// not enlarge.
+fn roughness(base: &Base, controller: &ControllerState, tracks: &[Track]) -> [f64; 2] {
+    let third = |records: &[Vec<[f64; 2]>], i: usize| {
+        let squares: Vec<f64> = records
+            .iter()
+            .flat_map(|y| y.windows(4))
+            .map(|w| (w[3][i] - 3.0 * w[2][i] + 3.0 * w[1][i] - w[0][i]).powi(2))
+            .collect();
+        (squares.iter().sum::<f64>() / (20.0 * squares.len().max(1) as f64)).sqrt()
+    };
+    let outputs: Vec<Vec<[f64; 2]>> = tracks.iter().map(|t| t.outputs.clone()).collect();
+    let bare = Explained {
+        base: base.clone(),
+        effects: Vec::new(),
+    };
+    let errors = |track: &Track| -> Option<Vec<[f64; 2]>> {
+        let run = bare.closed_loop(controller, track)?;
+        let pairs = track.outputs.iter().zip(run.outputs);
+        Some(pairs.map(|(a, b)| [a[0] - b[0], a[1] - b[1]]).collect())
+    };
+    // Where the base diverges the outputs alone tell.
+    let errors: Option<Vec<_>> = tracks.iter().map(errors).collect();
     std::array::from_fn(|i| {
-        let (mut sum, mut count) = (0.0, 0);
-        for y in records.iter().filter_map(|r| r.outputs.columns.get(i)) {
-            for w in y.windows(4) {
-                sum += (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).powi(2);
-                count += 1;
-            }
-        }
-        (sum / f64::from(20 * count.max(1))).sqrt()
+        let left = errors.as_ref().map_or(f64::INFINITY, |e| third(e, i));
+        third(&outputs, i).min(left)
     })
 }
 

@@ -50,10 +50,26 @@ pub enum Scale {
     Linear,
     /// As its logarithm.
     Logarithmic,
+    /// As its logarithm; a length over which something repeats, and a record must travel all of it to tell.
+    Wavelength,
+    /// As its logarithm; a time in which something changes, and a record must have samples meanwhile to tell.
+    Duration,
+    /// As its logarithm; of something that repeats in time, and a record must be longer than its period to tell.
+    Frequency,
     /// As it is, and not below zero.
     NotNegative,
     /// As it is; a fit may go below zero, but what it finds there is not this effect.
     Positive,
+}
+
+impl Scale {
+    /// Whether a fit sees the logarithm.
+    pub fn is_logarithm(self) -> bool {
+        matches!(
+            self,
+            Self::Logarithmic | Self::Wavelength | Self::Duration | Self::Frequency
+        )
+    }
 }
 
 /// One parameter of an effect.
@@ -126,8 +142,9 @@ impl Effect {
             v.is_finite()
                 && match p.scale {
                     Scale::Linear => true,
-                    Scale::Logarithmic | Scale::Positive => *v > 0.0,
                     Scale::NotNegative => *v >= 0.0,
+                    Scale::Positive => *v > 0.0,
+                    scale => scale.is_logarithm() && *v > 0.0,
                 }
         };
         values.len() == self.parameters.len() && values.iter().zip(self.parameters).all(fits)

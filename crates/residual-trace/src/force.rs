@@ -37,7 +37,7 @@ pub fn equivalent_force(
     noise: Pair,
 ) -> Result<EquivalentForce, TraceError> {
     let smoother = Smoother::new(model, controller, track, noise)?;
-    let walk = likeliest(&smoother);
+    let walk = likeliest(std::slice::from_ref(&smoother));
     let (value, deviation) = smoother.smooth(walk);
     let motors = value.iter().enumerate();
     Ok(EquivalentForce {
@@ -50,7 +50,7 @@ pub fn equivalent_force(
 }
 
 /// Errors one step ahead by record and sample: what the filter of [`equivalent_force`] finds in a sample that the past did not
-/// tell. The step of the walk that is the likeliest for the first record serves all.
+/// tell. One step of the walk serves all records, the one under which all together are the likeliest.
 ///
 /// # Errors
 /// Those of [`equivalent_force`].
@@ -64,18 +64,21 @@ pub fn prediction_errors(
         .par_iter()
         .map(|track| Smoother::new(model, controller, track, noise))
         .collect::<Result<Vec<_>, _>>()?;
-    let Some(first) = filters.first() else {
-        return Ok(Vec::new());
-    };
-    let walk = likeliest(first);
+    let walk = likeliest(&filters);
     Ok(filters.par_iter().map(|f| f.filter(walk).innovations).collect())
 }
 
-/// The step of the walk under which a record is the likeliest.
-fn likeliest(filter: &Smoother) -> f64 {
+/// The step of the walk under which records together are the likeliest.
+fn likeliest(filters: &[Smoother]) -> f64 {
+    let likelihood = |walk: f64| {
+        filters
+            .par_iter()
+            .map(|f| f.filter(walk).likelihood)
+            .collect::<Vec<_>>()
+    };
     WALKS
         .par_iter()
-        .map(|walk| (filter.filter(*walk).likelihood, *walk))
+        .map(|walk| (likelihood(*walk).iter().sum::<f64>(), *walk))
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map_or(WALKS[0], |best| best.1)
 }

@@ -74,7 +74,9 @@ pub(crate) fn what_is_left(
                 return;
             };
             let total: f64 = errors.iter().flat_map(|e| e.iter()).map(|e| e * e).sum();
-            let p_value = chance(fall, delays);
+            let count = errors.iter().map(|e| e.len()).sum::<usize>().max(1);
+            // Errors that are larger than the noise make larger sums by chance too.
+            let p_value = chance(fall / (total / count as f64).max(1.0), delays);
             all.push(Left {
                 output,
                 signal,

@@ -72,8 +72,11 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
         });
     }
     // Readings on a grid: rounding is noise to all that follows.
-    let steps = quantization::steps(case.fitted);
-    let coarse: [bool; 2] = std::array::from_fn(|i| steps[i].0 > ROUGH * case.noise[i]);
+    let [steps, judged_steps] = [case.fitted, case.judged].map(quantization::steps);
+    let coarse: [bool; 2] = std::array::from_fn(|i| {
+        let times = judged_steps[i].0 / steps[i].0;
+        steps[i].0 > ROUGH * case.noise[i] && times > 0.5 && (times - times.round()).abs() < 0.01
+    });
     let noise = std::array::from_fn(|i| match coarse[i] {
         true => case.noise[i].hypot(steps[i].0 / 12.0_f64.sqrt()),
         false => case.noise[i],
@@ -108,6 +111,17 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
                 gain_db: 0.0,
                 p_value: f64::MIN_POSITIVE,
                 runner_up: None,
+            },
+        );
+        // It moves no error: the readings of all records lie on its grid.
+        found.candidates.insert(
+            0,
+            Tried {
+                effect: &quantization::EFFECT,
+                beside: Vec::new(),
+                gain_db: 0.0,
+                fitted: true,
+                accepted: true,
             },
         );
         if found.verdict == Verdict::NothingMissing {

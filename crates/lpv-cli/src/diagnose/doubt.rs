@@ -6,6 +6,9 @@ use residual_trace::{Base, Trace, Verdict};
 /// Margin on the judged records, dB, below which two effects do as well as each other.
 const EQUAL_DB: f64 = 0.02;
 
+/// Part of the squared white error that a test may see in what counts as white.
+const WHITE: f64 = 0.02;
+
 /// Look-alikes that the records do not tell apart, refinements that they do not ask for, and a base that may be the limit.
 pub(super) fn doubts(found: &Trace) -> Vec<String> {
     let mut words: Vec<String> = found
@@ -31,6 +34,14 @@ pub(super) fn doubts(found: &Trace) -> Vec<String> {
             }
         })
         .collect();
+    let is_white = found.left[1].iter().all(|l| l.share < WHITE);
+    if found.verdict == Verdict::Unexplained && !found.left[1].is_empty() && is_white {
+        words.push(
+            "what is left is white: on the moves the sensors are noisier than on the periodic records, or their noise does not reach the \
+             controller"
+                .to_owned(),
+        );
+    }
     let more = matches!(found.verdict, Verdict::Unexplained | Verdict::PartlyExplained);
     if more && matches!(found.model.base, Base::Lpv(_)) {
         words.push(

@@ -9,6 +9,15 @@ use residual_trace::{Base, EquivalentForce};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use std::f64::consts::TAU;
 
+/// Names of channels with their units, where they have some.
+pub(super) fn with_units(names: &[String], units: &[String]) -> Vec<String> {
+    let one = |(i, name): (usize, &String)| match units.get(i) {
+        Some(unit) if !unit.is_empty() => format!("{name}, {unit}"),
+        _ => name.clone(),
+    };
+    names.iter().enumerate().map(one).collect()
+}
+
 /// The force of the first motor along a record, by sample: where the motor is, what it does there.
 pub(super) struct Along {
     pub(super) position: Vec<f64>,
@@ -18,7 +27,15 @@ pub(super) struct Along {
 }
 
 /// The force that the model lacks over speed and over position, with what the effects add.
-pub(super) fn over_motion(along: &Along, before: &EquivalentForce) -> Figure {
+/// `unit` is that of the position.
+pub(super) fn over_motion(along: &Along, before: &EquivalentForce, unit: Option<&String>) -> Figure {
+    let [speed, position] = match unit {
+        Some(unit) if !unit.is_empty() => [
+            format!("Speed, {unit} per unit of time"),
+            format!("Position, {unit}"),
+        ],
+        _ => ["Speed", "Position"].map(String::from),
+    };
     let panel = |axis: &str, at: &[f64]| {
         let dots = |force: &[f64]| at.iter().copied().zip(force.iter().copied()).collect();
         let measured: Vec<f64> = before.motors.iter().map(|f| f[0]).collect();
@@ -40,8 +57,8 @@ pub(super) fn over_motion(along: &Along, before: &EquivalentForce) -> Figure {
     };
     Figure::new("")
         .columns(2)
-        .panel(panel("Speed", &along.speed))
-        .panel(panel("Position", &along.position))
+        .panel(panel(&speed, &along.speed))
+        .panel(panel(&position, &along.position))
         .caption(
             "Force that the first motor would need beside the base model, with the parameters that it has with the effects, along the first held-out record: what the Kalman smoother \
              finds in the record, and what the fitted effects add as forces. Effects of sensors and of timing are no such forces.",

@@ -35,7 +35,7 @@ pub(super) static EFFECT: Effect = Effect {
         EffectParameter {
             name: "pitch",
             unit: "y",
-            scale: Scale::Logarithmic,
+            scale: Scale::Wavelength,
         },
     ],
     extends: None,

@@ -25,7 +25,7 @@ pub(super) static EFFECT: Effect = Effect {
         EffectParameter {
             name: "frequency",
             unit: "Hz",
-            scale: Scale::Logarithmic,
+            scale: Scale::Frequency,
         },
     ],
     extends: None,

@@ -25,7 +25,7 @@ pub(super) static EFFECT: Effect = Effect {
         EffectParameter {
             name: "period",
             unit: "y",
-            scale: Scale::Logarithmic,
+            scale: Scale::Wavelength,
         },
     ],
     extends: None,

@@ -18,7 +18,7 @@ pub(super) static EFFECT: Effect = Effect {
         EffectParameter {
             name: "time_constant",
             unit: "s",
-            scale: Scale::Logarithmic,
+            scale: Scale::Duration,
         },
     ],
     extends: None,

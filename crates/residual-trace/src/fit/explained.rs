@@ -32,21 +32,24 @@ impl Explained {
     pub(crate) fn coordinates(&self) -> Vec<f64> {
         let mut all = self.base.coordinates();
         for (effect, values) in &self.effects {
-            all.extend(values.iter().zip(effect.parameters).map(|(v, p)| match p.scale {
-                Scale::Logarithmic => v.ln(),
-                _ => *v,
-            }));
+            all.extend(
+                values
+                    .iter()
+                    .zip(effect.parameters)
+                    .map(|(v, p)| match p.scale.is_logarithm() {
+                        true => v.ln(),
+                        false => *v,
+                    }),
+            );
         }
         all
     }
 
     /// Which coordinates are logarithms.
-    pub(super) fn bounded(&self) -> Vec<bool> {
+    pub(crate) fn bounded(&self) -> Vec<bool> {
         let machine = self.base.fitted().map(|p| p.positive);
         let effects = self.effects.iter().flat_map(|(e, _)| e.parameters);
-        machine
-            .chain(effects.map(|p| p.scale == Scale::Logarithmic))
-            .collect()
+        machine.chain(effects.map(|p| p.scale.is_logarithm())).collect()
     }
 
     /// Derivatives of the values by their coordinates: of the machine's that are fitted, then of the effects'.
@@ -56,9 +59,9 @@ impl Explained {
             .effects
             .iter()
             .flat_map(|(e, values)| values.iter().zip(e.parameters));
-        let effect = |(v, p): (&f64, &EffectParameter)| match p.scale {
-            Scale::Logarithmic => v.abs(),
-            _ => 1.0,
+        let effect = |(v, p): (&f64, &EffectParameter)| match p.scale.is_logarithm() {
+            true => v.abs(),
+            false => 1.0,
         };
         machine.chain(effects.map(effect)).collect()
     }
@@ -75,8 +78,8 @@ impl Explained {
                     let values = effect.parameters.iter().zip(rest.by_ref());
                     let value = |(p, c): (&EffectParameter, &f64)| match p.scale {
                         Scale::Linear | Scale::Positive => *c,
-                        Scale::Logarithmic => c.exp(),
                         Scale::NotNegative => c.max(0.0),
+                        _ => c.exp(),
                     };
                     (*effect, values.map(value).collect())
                 })

@@ -179,7 +179,7 @@ impl<'a> Bench<'a> {
         let amplitudes = effect
             .parameters
             .iter()
-            .take_while(|p| p.scale != Scale::Logarithmic)
+            .take_while(|p| !p.scale.is_logarithm())
             .count();
         let absent = values.iter().take(amplitudes).all(|v| *v == 0.0);
         let mut start = now.model.clone();

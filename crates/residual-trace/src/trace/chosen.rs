@@ -72,13 +72,21 @@ impl Chosen {
         }
     }
 
-    /// Effects that explain nothing beside the others go, the last first; one stays.
-    pub(super) fn keep_what_earns(&mut self, bench: &Bench<'_>, bare: &Fitted) {
+    /// Effects whose amplitudes may as well be zero go, the last first, and where the integration has changed also those that explain
+    /// nothing beside the others.
+    pub(super) fn keep_what_earns(&mut self, bench: &Bench<'_>, bare: &Fitted, has_changed: bool) {
         let before = self.added.len();
         for i in (0..before).rev() {
-            if self.added.len() > 1
-                && let Some((rest, without)) = self.without(bench, i)
-                && !earns((&self.now, &self.judged), (&rest, &without))
+            let shows = self.now.shows(i);
+            if shows && !has_changed {
+                continue;
+            }
+            let without = match self.added.len() {
+                1 => Some((bare.clone(), bench.judge(&bare.model))),
+                _ => self.without(bench, i),
+            };
+            if let Some((rest, without)) = without
+                && !(shows && earns((&self.now, &self.judged), (&rest, &without)))
             {
                 self.added.remove(i);
                 (self.now, self.judged) = (rest, without);

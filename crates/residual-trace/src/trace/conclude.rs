@@ -6,6 +6,7 @@ use super::noise::loop_noise;
 use super::{Case, Contest, ITERATIONS, Judged, LEFT, NOISE, Trace, Verdict};
 use crate::TraceError;
 use crate::base::Pair;
+use crate::effect::EffectParameter;
 use crate::fit::{Explained, Fitted, Problem, Seen, deviations};
 use crate::force::prediction_errors;
 use crate::left::{Left, differences, what_is_left};
@@ -24,6 +25,12 @@ const TAKEN: f64 = 0.5;
 const CHANCE: f64 = 1e-3;
 const PART: f64 = 0.05;
 
+/// Iterations of a fit that is nearly there.
+const FEW: usize = 4;
+
+/// Deviations from zero that an amplitude must have to be one.
+const SIGNIFICANT: f64 = 3.0;
+
 /// Parts of a sample beyond which none are tried.
 const FINEST: usize = 48;
 
@@ -41,16 +48,18 @@ impl Contest {
             case: finer.as_ref().unwrap_or(case),
         };
         if finer.is_some() {
-            let now = bench.problem().fit(&self.now.model, ITERATIONS, None)?;
-            let mut chosen = Chosen {
-                judged: bench.judge(&now.model),
-                now,
-                added: std::mem::take(&mut self.added),
-            };
-            // What an effect explained may have been the coarse integration.
-            chosen.keep_what_earns(&bench, &self.bare);
-            (self.now, self.added) = (chosen.now, chosen.added);
+            self.bare = bench.problem().fit(&self.bare.model, FEW, None)?;
+            self.before = bench.judge(&self.bare.model);
+            self.now = bench.problem().fit(&self.now.model, ITERATIONS, None)?;
         }
+        let mut chosen = Chosen {
+            judged: bench.judge(&self.now.model),
+            now: self.now,
+            added: std::mem::take(&mut self.added),
+        };
+        // What an effect explained may have been the coarse integration, or what a later one explains.
+        chosen.keep_what_earns(&bench, &self.bare, finer.is_some());
+        (self.now, self.added) = (chosen.now, chosen.added);
         self.after = bench.judge(&self.now.model);
         // The effects are in the loop through which the noise goes now.
         let mut noise = loop_noise(bench.case, &self.now.model, LONG)?;
@@ -60,8 +69,14 @@ impl Contest {
             self.now = self.bare.clone();
             noise = loop_noise(bench.case, &self.now.model, LONG)?;
         }
-        if verdict == Verdict::PartlyExplained && self.after.cost > NOISE {
-            self.now = bench.by_force(&self.now.model)?;
+        let forced = match verdict == Verdict::PartlyExplained && self.after.cost > NOISE {
+            true => Some(bench.by_force(&self.now.model)?),
+            false => None,
+        };
+        let shows_all = |f: &Fitted| (0..f.model.effects.len()).all(|i| f.shows(i));
+        let is_better = |f: &Fitted| shows_all(f) && self.falls_everywhere(&bench.judge(&f.model));
+        if let Some(forced) = forced.filter(is_better) {
+            self.now = forced;
             if let Some((last, earlier)) = self.added.split_last_mut() {
                 last.then = self.now.model.clone();
                 for added in earlier {
@@ -104,9 +119,23 @@ impl Contest {
             (true, true) => Verdict::NothingMissing,
             (false, true) if !self.is_seen_to_fall() => Verdict::Unexplained,
             (false, true) => Verdict::Explained,
-            (false, false) if left <= LEFT => Verdict::PartlyExplained,
+            (false, false)
+                if left <= LEFT && self.is_seen_to_fall() && self.falls_everywhere(&self.after) =>
+            {
+                Verdict::PartlyExplained
+            }
             (_, false) => Verdict::Unexplained,
         }
+    }
+
+    /// Whether no output is further off than without the effects.
+    fn falls_everywhere(&self, after: &Judged) -> bool {
+        /// Factor by which an error that is not noise may grow by chance.
+        const SAME: f64 = 1.1;
+        (0..2).all(|i| {
+            let before = self.before.closed_loop[i].max(self.whitening.deviation[i]);
+            after.closed_loop[i] <= SAME * before
+        })
     }
 
     /// Whether the errors themselves fall where they exceed the noise: white ones may, by an effect that hardly changes what one
@@ -228,14 +257,35 @@ impl Bench<'_> {
 }
 
 impl Fitted {
+    /// Standard deviations of all parameters that are fitted.
+    fn deviations(&self) -> impl Iterator<Item = f64> {
+        let spread = self.excess.sqrt();
+        // Of a logarithm that is hardly known, one deviation above tells more than the slope.
+        let one = move |((d, s), is_logarithm): ((f64, f64), bool)| match is_logarithm {
+            true => s * (spread * d).exp_m1(),
+            false => s * spread * d,
+        };
+        let coordinates = deviations(&self.factor).into_iter().zip(self.model.scales());
+        coordinates.zip(self.model.bounded()).map(one)
+    }
+
+    /// Whether an effect has an amplitude that is not zero for all that is known.
+    pub(super) fn shows(&self, i: usize) -> bool {
+        let effects = &self.model.effects;
+        let earlier = effects[..i].iter().map(|(_, v)| v.len()).sum::<usize>();
+        let deviations = self
+            .deviations()
+            .skip(self.model.base.coordinates().len() + earlier);
+        let (effect, values) = &effects[i];
+        let shows = |((v, d), p): ((&f64, f64), &EffectParameter)| {
+            !p.scale.is_logarithm() && v.abs() > SIGNIFICANT * d
+        };
+        values.iter().zip(deviations).zip(effect.parameters).any(shows)
+    }
+
     /// Standard deviations of the machine's parameters, infinite where they are held; those of the effects go to them.
     fn give_deviations(&self, added: &mut [super::Added]) -> Vec<f64> {
-        let spread = self.excess.sqrt();
-        let scales = self.model.scales();
-        let mut deviations = deviations(&self.factor)
-            .into_iter()
-            .zip(scales)
-            .map(|(d, s)| spread * d * s);
+        let mut deviations = self.deviations();
         let mut next = || deviations.next().unwrap_or(f64::INFINITY);
         let parameters = self.model.base.parameters();
         let machine = parameters

@@ -4,8 +4,9 @@ use super::bench::{Bench, Candidate};
 use super::{EQUAL, Judged, Tried, decibel, refine};
 use crate::base::Base;
 use crate::catalogue::{CATALOGUE, first_of_equals};
-use crate::effect::Effect;
+use crate::effect::{Effect, EffectParameter, Scale};
 use crate::fit::{Explained, Fitted};
+use crate::screen::Screen;
 use rayon::prelude::*;
 
 /// Effects that are fitted in full after the quick look.
@@ -70,7 +71,7 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
     let refined = refine::refined(bench, &finals, now, &screen)?;
     finals.extend(bench.finals(&refined.iter().collect::<Vec<_>>(), now));
     refine::simplified(bench, &mut finals, now);
-    finals.retain(|(_, fit)| is_possible(&fit.model));
+    finals.retain(|(_, fit)| is_possible(&fit.model, &screen));
     let mut finals: Vec<Final> = finals
         .into_iter()
         .map(|(e, f)| {
@@ -138,7 +139,17 @@ fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)]) {
     );
 }
 
-/// Whether the last effect is one with the values that were found.
-fn is_possible(model: &Explained) -> bool {
-    model.effects.last().is_none_or(|(e, values)| e.allows(values))
+/// Whether the last effect is one with the values that were found, and shows what repeats at least once: less of a wave passes for
+/// any force that changes slowly.
+fn is_possible(model: &Explained, screen: &Screen<'_>) -> bool {
+    let shown = |(v, p): (&f64, &EffectParameter)| match p.scale {
+        Scale::Wavelength => *v <= screen.travel(),
+        Scale::Duration => *v >= screen.step(),
+        Scale::Frequency => v * screen.duration() >= 1.0,
+        _ => true,
+    };
+    model
+        .effects
+        .last()
+        .is_none_or(|(e, values)| e.allows(values) && values.iter().zip(e.parameters).all(shown))
 }

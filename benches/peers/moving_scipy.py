@@ -50,7 +50,14 @@ def run():
         forward = (v1[min(k + 1, len(v1) - 1)] - v1[k]) / t
         force = servo_mass * (forward + servo.next(x1[k] - x[0]))
         solution = solve_ivp(
-            rates, (0.0, t), x, method="DOP853", rtol=tolerance, atol=1e-2 * tolerance, args=(force, u1, u2)
+            rates,
+            (0.0, t),
+            x,
+            method="DOP853",
+            rtol=tolerance,
+            atol=1e-2 * tolerance,
+            first_step=t,
+            args=(force, u1, u2),
         )
         x = solution.y[:, -1]
     return out

@@ -68,8 +68,8 @@ pub(crate) fn all(bench: &Bench, gemm: f64, copy: f64) -> Result<Vec<Kernel>, Fa
         time(works::accumulation(PERIOD, 2)?)? / works::TOGETHER as f64,
         // Four transforms of real signals, sums of ten products of the spectra.
         4.0 * transform + 0.5 * n * 8.0 * 10.0,
-        // Signals in; sums of the means and of the products in and out.
-        n * (8.0 * 6.0 + 0.5 * 2.0 * 8.0 * 24.0),
+        // Signals in; sums of the means and of the products in and out, once for two periods.
+        n * (8.0 * 6.0 + 0.5 * 2.0 * 8.0 * 24.0 / 2.0),
         Some(0.6),
     );
     let model = bench.large_model(24)?;

@@ -30,8 +30,7 @@ pub(crate) fn page(account: &Account) -> String {
             verdict(k.bar, k.bar.is_none_or(|b| k.fraction >= b))
         );
     }
-    out += "\nFRF, a quarter of four periods: what a period taken alone brings, and what is kept of it, in and out; two are taken together, so that less goes by than is \
-            counted. Regression: the sums of products are one matrix product for all \
+    out += "\nFRF, a quarter of four periods: what a period brings, and what is kept, in and out once for the two that are taken together. Regression: the sums of products are one matrix product for all \
             positions and take two fifths of the time, at the speed of that product; what is left reads the covariances once, makes a \
             weight of each and a right side, and the response of the basis; eleven runs on one day gave 49 to 56 %, their median is 51 %. A correction by what the equations leave is computed only \
             where more than six digits would be lost without. Moving p: the terms of a series follow from each \

@@ -12,8 +12,8 @@ use xytable_plant::{
 
 const SAMPLES: usize = 4000;
 
-/// The tolerance at which an integrator stays below 1e-10.
-const THEIRS: f64 = 1e-11;
+/// A tolerance at which an integrator of order eight takes a sample in one step, and stays far below 1e-10.
+const THEIRS: f64 = 1e-6;
 
 fn settings() -> MovingSettings {
     MovingSettings {
@@ -191,7 +191,10 @@ pub(super) fn peer() -> Result<Run, Failure> {
             let next = (k + 1).min(SAMPLES - 1);
             let forward = (velocity[next] - velocity[k]) / t;
             bodies.force = bodies.machine.servo_mass_kg * (forward + law.next(position[k] - x[0]));
-            let method = ExplicitRungeKutta::dop853().rtol(THEIRS).atol(1e-2 * THEIRS);
+            let method = ExplicitRungeKutta::dop853()
+                .rtol(THEIRS)
+                .atol(1e-2 * THEIRS)
+                .h0(t);
             let solution = IVP::ode(&bodies, 0.0, t, x)
                 .method(method)
                 .solve()

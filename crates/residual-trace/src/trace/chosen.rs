@@ -72,12 +72,12 @@ impl Chosen {
         }
     }
 
-    /// Effects whose amplitudes may as well be zero go, the last first, and where the integration has changed also those that explain
+    /// Effects whose amplitudes may as well be zero, or whose times no record shows, go, the last first, and where the integration has changed also those that explain
     /// nothing beside the others.
     pub(super) fn keep_what_earns(&mut self, bench: &Bench<'_>, bare: &Fitted, has_changed: bool) {
         let before = self.added.len();
         for i in (0..before).rev() {
-            let shows = self.now.shows(i);
+            let shows = self.now.shows(i) && bench.lasts(&self.now.model, i);
             if shows && !has_changed {
                 continue;
             }

@@ -73,7 +73,8 @@ impl Contest {
             true => Some(bench.by_force(&self.now.model)?),
             false => None,
         };
-        let shows_all = |f: &Fitted| (0..f.model.effects.len()).all(|i| f.shows(i));
+        let shows_all =
+            |f: &Fitted| (0..f.model.effects.len()).all(|i| f.shows(i) && bench.lasts(&f.model, i));
         let is_better = |f: &Fitted| shows_all(f) && self.falls_everywhere(&bench.judge(&f.model));
         if let Some(forced) = forced.filter(is_better) {
             self.now = forced;

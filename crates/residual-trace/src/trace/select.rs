@@ -71,7 +71,7 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
     let refined = refine::refined(bench, &finals, now, &screen)?;
     finals.extend(bench.finals(&refined.iter().collect::<Vec<_>>(), now));
     refine::simplified(bench, &mut finals, now);
-    finals.retain(|(_, fit)| is_possible(&fit.model, &screen));
+    finals.retain(|(_, fit)| is_possible(bench, &fit.model, &screen));
     let mut finals: Vec<Final> = finals
         .into_iter()
         .map(|(e, f)| {
@@ -139,17 +139,14 @@ fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)]) {
     );
 }
 
-/// Whether the last effect is one with the values that were found, and shows what repeats at least once: less of a wave passes for
-/// any force that changes slowly.
-fn is_possible(model: &Explained, screen: &Screen<'_>) -> bool {
-    let shown = |(v, p): (&f64, &EffectParameter)| match p.scale {
-        Scale::Wavelength => *v <= screen.travel(),
-        Scale::Duration => *v >= screen.step(),
-        Scale::Frequency => v * screen.duration() >= 1.0,
-        _ => true,
+/// Whether the last effect is one with the values that were found, and repeats along a record: less of a wave passes for any force
+/// that changes slowly.
+fn is_possible(bench: &Bench<'_>, model: &Explained, screen: &Screen<'_>) -> bool {
+    let Some((effect, values)) = model.effects.last() else {
+        return true;
     };
-    model
-        .effects
-        .last()
-        .is_none_or(|(e, values)| e.allows(values) && values.iter().zip(e.parameters).all(shown))
+    let travelled = |(v, p): (&f64, &EffectParameter)| p.scale != Scale::Wavelength || *v <= screen.travel();
+    effect.allows(values)
+        && values.iter().zip(effect.parameters).all(travelled)
+        && bench.lasts(model, model.effects.len() - 1)
 }

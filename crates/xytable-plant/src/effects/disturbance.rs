@@ -38,7 +38,27 @@ pub(super) const EFFECTS: &[EffectInfo] = &[
             })
         },
     },
+    EffectInfo {
+        name: "constant-force",
+        family: "disturbance",
+        unit: "m/s^2",
+        meaning: "constant force along y on both ends of the beam: a machine that is not level",
+        default: 5e-6,
+        range: [-1.0, 1.0],
+        since: Since::Grid,
+        make: |severity, machine, _| Box::new(Constant(half_force(severity, machine))),
+    },
 ];
+
+/// Force at each end, N.
+#[derive(Debug)]
+struct Constant(f64);
+
+impl Effect for Constant {
+    fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
+        forces.push_ends(at.machine, [self.0; 2]);
+    }
+}
 
 /// Amplitude at each end, N.
 #[derive(Debug)]

@@ -16,6 +16,16 @@ pub(super) const EFFECTS: &[EffectInfo] = &[
         make: |severity, _, _| Box::new(Gain(severity)),
     },
     EffectInfo {
+        name: "sensor-offset",
+        family: "sensor",
+        unit: "m",
+        meaning: "what the sensor of y'_1 reads too much",
+        default: 1e-5,
+        range: [-1.0, 1.0],
+        since: Since::Grid,
+        make: |severity, _, _| Box::new(Offset(severity)),
+    },
+    EffectInfo {
         name: "sensor-drift",
         family: "sensor",
         unit: "m",
@@ -77,6 +87,16 @@ pub(super) const EFFECTS: &[EffectInfo] = &[
         make: |severity, _, _| Box::new(Lost(severity)),
     },
 ];
+
+/// Added to y'_1, m.
+#[derive(Debug)]
+struct Offset(f64);
+
+impl Effect for Offset {
+    fn sense(&self, _at: &Moment<'_>, outputs: &mut [f64; 2]) {
+        outputs[0] += self.0;
+    }
+}
 
 #[derive(Debug)]
 struct Gain(f64);

@@ -27,7 +27,11 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
          Made by `cargo xtask effects --bless`. One file of `crates/residual-trace/src/catalogue` an effect: its parameters, from where it \
          is tried, and its block in the simulation. The pictures come from the default machine of `lpv simulate` with the effect \
          hidden in it (`--hide NAME`), as `lpv diagnose` found it. `u`, `y` and `s` stand for the units of the first input, of the \
-         first output and of time. What acts on motors acts where the `[geometry]` of the bundle says, without one on the channels.\n",
+         first output and of time. What acts on motors acts where the `[geometry]` of the bundle says, without one on the channels. Each \
+         effect has one place: errors of sensors are those of the first output (but quantization, which knows both), what acts on \
+         commands or guides does so alike at all motors (but cogging, cables and an asymmetry); elsewhere `lpv diagnose` says \
+         `unexplained`. A wave must be travelled once, a period fit in a record, and a drift take a sample, to be one: less passes for \
+         any force or offset that is constant or changes slowly.\n",
     );
     for effect in CATALOGUE {
         println!("{}", effect.name);

@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 const STAGES: [&str; 6] = ["experiments_frf", "poles", "basis", "obf", "lfr", "time"];
 /// Its name for `--only`.
 pub(crate) const NAME: &str = "reproduction";
-const WORK: &str = "whole reproduction, full size, without its report";
+const WORK: &str = "whole reproduction, full size, without bundles and report";
 
 /// One run: seconds, peak memory in MiB, median relative error of the frozen responses over the band.
 struct Once {

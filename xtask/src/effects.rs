@@ -26,14 +26,15 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
         "# The effects that `lpv diagnose` knows\n\n\
          Made by `cargo xtask effects --bless`. One file of `crates/residual-trace/src/catalogue` an effect: its parameters, from where it \
          is tried, and its block in the simulation. The pictures come from the default machine of `lpv simulate` with the effect \
-         hidden in it (`--hide NAME`), as `lpv diagnose` found it. `u`, `y` and `s` stand for the units of the first input, of the \
-         first output and of time. What acts on motors acts where the `[geometry]` of the bundle says, without one on the channels. Each \
-         effect has one place: errors of sensors are those of the first output (but quantization, which knows both), what acts on \
-         commands or guides does so alike at all motors (but cogging, cables and an asymmetry); elsewhere `lpv diagnose` says \
-         `unexplained`. A wave must be travelled once, a period fit in a record, and a drift take a sample, to be one: less passes for \
+         hidden in it (`--hide NAME`), as `lpv diagnose` found it. `u`, `y` and `s` stand for the units of the input and of \
+         the output of its channel and of time. Errors of sensors are tried at each output. What acts on commands, motors or guides acts \
+         where the `[geometry]` of the bundle says: alike at all motors that are coupled (but cogging, cables and an asymmetry, which \
+         differ); where each input drives a motor of its own, or without a geometry, at each channel by itself. What acts on a part of \
+         these, as friction of one of two guides, is `unexplained`. A wave must be travelled once, a period fit in a record, and a drift take a sample, to be one: less passes for \
          any force or offset that is constant or changes slowly.\n",
     );
-    for effect in CATALOGUE {
+    // The others are the same at a second place.
+    for effect in CATALOGUE.into_iter().filter(|e| e.channel == 0) {
         println!("{}", effect.name);
         let _ = write!(
             page,

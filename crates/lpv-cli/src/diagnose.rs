@@ -212,13 +212,18 @@ fn force_figures(
     let channels = &description.channels;
     let inputs = figures::with_units(&channels.input.columns, &channels.input.units);
     let effects = found.model.forces_along(track, &motions);
+    // The motor that an effect acts on.
+    let acts = |motor: &usize| effects.iter().any(|f| f[*motor] != 0.0);
+    let motor = (0..2).find(acts).unwrap_or(0);
     let along = Along {
-        position: motions.iter().map(|m| m.motor_position[0]).collect(),
-        speed: motions.iter().map(|m| m.motor_speed[0]).collect(),
-        effects: effects.iter().map(|f| f[0]).collect(),
+        motor,
+        position: motions.iter().map(|m| m.motor_position[motor]).collect(),
+        speed: motions.iter().map(|m| m.motor_speed[motor]).collect(),
+        effects: effects.iter().map(|f| f[motor]).collect(),
     };
+    let unit = channels.output.units.get(motor).or(channels.output.units.first());
     vec![
-        figures::over_motion(&along, &before, channels.output.units.first()),
+        figures::over_motion(&along, &before, unit),
         figures::force_in_time(&inputs, track.step, [&before, &after]),
     ]
 }

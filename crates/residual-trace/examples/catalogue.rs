@@ -3,7 +3,8 @@
 use residual_trace::catalogue::CATALOGUE;
 
 fn main() {
-    for effect in CATALOGUE {
+    // The others are the same at a second place.
+    for effect in CATALOGUE.into_iter().filter(|e| e.channel == 0) {
         let parameters: Vec<&str> = effect.parameters.iter().map(|p| p.name).collect();
         println!(
             "{:24} {:15} {} ({})",

@@ -218,6 +218,10 @@ impl Base {
     pub(crate) fn is_table(&self) -> bool {
         matches!(self, Self::XyTable(_))
     }
+    /// Whether each input drives a motor of its own.
+    pub(crate) fn has_motors_of_their_own(&self) -> bool {
+        self.commanded(0.0, [1.0, 0.0])[1] == 0.0 && self.commanded(0.0, [0.0, 1.0])[0] == 0.0
+    }
     /// Inputs that do what these motor forces do.
     pub(crate) fn as_input(&self, p: f64, motors: Pair) -> Pair {
         let unit = [self.commanded(p, [1.0, 0.0]), self.commanded(p, [0.0, 1.0])];

@@ -31,37 +31,48 @@ use crate::base::{Base, Pair};
 use crate::effect::Effect;
 use crate::screen::{Screen, Trial};
 
-/// All effects; of two that a record cannot tell apart, the first is named.
-pub static CATALOGUE: [&Effect; 23] = [
-    &coulomb_friction::EFFECT,
-    &stribeck_friction::EFFECT,
-    &direction_dependent_friction::EFFECT,
-    &viscous_friction::EFFECT,
-    &hysteresis::EFFECT,
-    &cogging::EFFECT,
-    &cable_stiffness::EFFECT,
-    &position_dependent_gain::EFFECT,
-    &actuator_saturation::EFFECT,
+/// All effects, at each place where they may act; of two that a record cannot tell apart, the first is named.
+pub static CATALOGUE: [&Effect; 39] = [
+    &coulomb_friction::EFFECTS[0],
+    &coulomb_friction::EFFECTS[1],
+    &stribeck_friction::EFFECTS[0],
+    &stribeck_friction::EFFECTS[1],
+    &direction_dependent_friction::EFFECTS[0],
+    &direction_dependent_friction::EFFECTS[1],
+    &viscous_friction::EFFECTS[0],
+    &viscous_friction::EFFECTS[1],
+    &hysteresis::EFFECTS[0],
+    &hysteresis::EFFECTS[1],
+    &cogging::EFFECTS[0],
+    &cogging::EFFECTS[1],
+    &cable_stiffness::EFFECTS[0],
+    &cable_stiffness::EFFECTS[1],
+    &position_dependent_gain::EFFECTS[0],
+    &position_dependent_gain::EFFECTS[1],
+    &actuator_saturation::EFFECTS[0],
+    &actuator_saturation::EFFECTS[1],
     &motor_asymmetry::EFFECT,
-    &delay::EFFECT,
-    &actuator_lag::EFFECT,
-    &extra_mode::EFFECT,
+    &delay::EFFECTS[0],
+    &delay::EFFECTS[1],
+    &actuator_lag::EFFECTS[0],
+    &actuator_lag::EFFECTS[1],
+    &extra_mode::EFFECTS[0],
+    &extra_mode::EFFECTS[1],
     &payload::EFFECT,
     &cubic_stiffness::EFFECT,
     &scheduling_rate::EFFECT,
     &second_scheduling::EFFECT,
-    &periodic_disturbance::EFFECT,
+    &periodic_disturbance::EFFECTS[0],
+    &periodic_disturbance::EFFECTS[1],
     &abbe_offset::EFFECT,
-    &sensor_gain::EFFECT,
-    &sensor_cyclic_error::EFFECT,
-    &sensor_drift::EFFECT,
+    &sensor_gain::EFFECTS[0],
+    &sensor_gain::EFFECTS[1],
+    &sensor_cyclic_error::EFFECTS[0],
+    &sensor_cyclic_error::EFFECTS[1],
+    &sensor_drift::EFFECTS[0],
+    &sensor_drift::EFFECTS[1],
     &quantization::EFFECT,
 ];
-
-/// The effect of this name.
-pub fn named(name: &str) -> Option<&'static Effect> {
-    CATALOGUE.iter().find(|e| e.name == name).copied()
-}
 
 /// Of those in a list, the best first, that are equal to the best: the one that comes first in the catalogue leads.
 pub(crate) fn first_of_equals<T>(
@@ -69,12 +80,12 @@ pub(crate) fn first_of_equals<T>(
     effect: impl Fn(&T) -> &'static Effect,
     is_equal: impl Fn(&T) -> bool,
 ) {
-    let place = |e: &Effect| CATALOGUE.iter().position(|c| c.name == e.name);
+    let place = |e: &Effect| CATALOGUE.iter().position(|c| c.is(e));
     let equals = list.iter().filter(|t| is_equal(t)).map(&effect);
     let Some(first) = equals.min_by_key(|e| place(e)) else {
         return;
     };
-    if let Some(at) = list.iter().position(|t| effect(t).name == first.name) {
+    if let Some(at) = list.iter().position(|t| effect(t).is(first)) {
         list[..=at].rotate_right(1);
     }
 }
@@ -87,20 +98,26 @@ fn smooth_sign(over_creep: f64) -> f64 {
     1.0 - 2.0 / ((2.0 * over_creep).exp() + 1.0)
 }
 
-/// Forces of the motors that together do what this input does in the middle of the range.
-fn motor_forces(machine: &Base, input: f64) -> Pair {
-    machine.commanded(0.0, [input, 0.0])
+/// Forces of the motors that together do what this input of a channel does in the middle of the range.
+fn motor_forces(machine: &Base, channel: usize, input: f64) -> Pair {
+    let mut inputs = [0.0; 2];
+    inputs[channel] = input;
+    machine.commanded(0.0, inputs)
 }
 
-/// Pitches worth a start, with amplitudes: those that the travel resolves, down to the least.
+/// A value for the motors that belong to a channel, and zero for others.
+fn of_motors(machine: &Base, channel: usize, value: f64) -> Pair {
+    motor_forces(machine, channel, 1.0).map(|f| if f == 0.0 { 0.0 } else { value })
+}
+
+/// Pitches worth a start, with amplitudes: those that a travel resolves, down to the least.
 fn pitches(
     screen: &Screen<'_>,
-    least: f64,
+    (travel, least): (f64, f64),
     trials: impl Fn(f64) -> Vec<Trial> + Sync,
 ) -> Vec<(f64, Vec<f64>)> {
     /// Most pitches that are tried.
     const MOST: usize = 300;
-    let travel = screen.travel();
     if !(travel > 0.0 && least > 0.0) {
         return Vec::new();
     }

@@ -77,7 +77,8 @@ impl Scale {
 pub struct EffectParameter {
     /// Name in `diagnosis.json`.
     pub name: &'static str,
-    /// Unit; `u`, `y` and `s` stand for the units of the first input, of the first output and of time.
+    /// Unit; `u`, `y` and `s` stand for the units of the input and of the output of its channel, and of time, `y2` for that of
+    /// the second output.
     pub unit: &'static str,
     /// How it is fitted.
     pub scale: Scale,
@@ -99,14 +100,34 @@ pub enum Needs {
     Nothing,
     /// Two motors, inputs and outputs.
     TwoChannels,
+    /// Two inputs, each of which drives a motor of its own.
+    SecondMotor,
     /// The masses and couplings of the xy-table from first principles.
     Table,
+}
+
+impl Needs {
+    /// Of what acts at the motors of a channel: where they are coupled, those of the first channel are all.
+    pub(crate) const fn motor(channel: usize) -> Self {
+        match channel {
+            0 => Self::Nothing,
+            _ => Self::SecondMotor,
+        }
+    }
+
+    /// Of what acts at the sensor of a channel.
+    pub(crate) const fn sensor(channel: usize) -> Self {
+        match channel {
+            0 => Self::Nothing,
+            _ => Self::TwoChannels,
+        }
+    }
 }
 
 /// An entry of the catalogue: what it is called, what it predicts, how it is simulated.
 #[derive(Debug)]
 pub struct Effect {
-    /// Name in `diagnosis.json`.
+    /// Name in `diagnosis.json`; the same at every place.
     pub name: &'static str,
     /// Family.
     pub family: Family,
@@ -128,11 +149,21 @@ pub struct Effect {
 }
 
 impl Effect {
+    /// Whether it is the same effect at the same place.
+    pub fn is(&self, other: &Self) -> bool {
+        self.name == other.name && self.channel == other.channel
+    }
+    /// Whether it refines another.
+    pub fn refines(&self, other: &Self) -> bool {
+        let extends = |e: Extends| e.name == other.name;
+        self.channel == other.channel && self.extends.is_some_and(extends)
+    }
     /// Whether a machine has what the effect acts on.
     pub fn suits(&self, base: &Base) -> bool {
         match self.needs {
             Needs::Nothing => true,
             Needs::TwoChannels => base.channels() > 1,
+            Needs::SecondMotor => base.has_motors_of_their_own() && base.channels() > 1,
             Needs::Table => base.is_table(),
         }
     }
@@ -206,12 +237,12 @@ pub trait Block: Debug + Send + Sync {
     fn sense(&self, _at: &Moment<'_>, _outputs: &mut Pair) {}
     /// What it does to an axis at the complex frequency s.
     fn respond(&self, _s: C64, _path: &mut Path) {}
-    /// Time by which commands come late.
-    fn delay(&self) -> f64 {
-        0.0
+    /// Times by which the commands come late, by input.
+    fn delay(&self) -> Pair {
+        [0.0; 2]
     }
-    /// Time constant with which commands act.
-    fn lag(&self) -> f64 {
-        0.0
+    /// Time constants with which commands act, by motor.
+    fn lag(&self) -> Pair {
+        [0.0; 2]
     }
 }

@@ -1,6 +1,5 @@
 //! Whether anything is left in an error: what it goes with, against bounds that hold for all tests together.
 
-use crate::base::Pair;
 use crate::simulate::Response;
 use crate::trace::chance;
 use crate::track::Track;
@@ -169,12 +168,6 @@ fn adjust(all: &mut [Left]) {
         most = most.max((count * all[i].p_value).min(1.0));
         all[i].adjusted = most;
     }
-}
-
-/// Differences of the recorded outputs from simulated ones.
-pub(crate) fn differences(track: &Track, run: &Response) -> Vec<Pair> {
-    let gap = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
-    track.outputs.iter().zip(&run.outputs).map(gap).collect()
 }
 
 #[cfg(test)]

@@ -116,10 +116,10 @@ pub fn trace_responses(case: &ResponseCase<'_>) -> Result<Vec<ResponseStep>, Tra
         .fold(0.0, f64::max);
     while steps.len() <= MOST {
         let before = judge(&now.0);
-        let taken = |e: &Effect| now.0.effects.iter().any(|(t, _)| t.name == e.name);
+        let taken = |e: &Effect| now.0.effects.iter().any(|(t, _)| t.is(e));
         let mut tried: Vec<(&'static Effect, (Explained, Minimum))> = CATALOGUE
             .into_par_iter()
-            .filter(|e| !taken(e) && !tied.contains(&e.name))
+            .filter(|e| e.suits(&now.0.base) && !taken(e) && !tied.contains(&e.name))
             .filter_map(|effect| {
                 starts(effect, &now.0, case.fitted)
                     .into_iter()

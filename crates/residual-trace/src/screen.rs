@@ -58,24 +58,21 @@ pub enum Trial {
 
 impl Screen<'_> {
     /// Largest travel of a motor in a record.
-    pub fn travel(&self) -> f64 {
-        let position = |m: &Motion| m.motor_position[0];
-        let spans = self.motions.iter().map(|record| {
-            let (low, high) = record
-                .iter()
-                .map(position)
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), y| {
-                    (l.min(y), h.max(y))
-                });
-            high - low
-        });
-        spans.fold(0.0, f64::max)
+    pub fn travel(&self, motor: usize) -> f64 {
+        let records = self.motions.iter();
+        largest_span(records.map(|record| record.iter().map(|m| m.motor_position[motor])))
+    }
+
+    /// Largest travel of what a sensor measures in a record.
+    pub fn measured_travel(&self, output: usize) -> f64 {
+        let records = self.tracks.iter();
+        largest_span(records.map(|track| track.outputs.iter().map(|y| y[output])))
     }
 
     /// Largest speed of a motor.
-    pub fn top_speed(&self) -> f64 {
+    pub fn top_speed(&self, motor: usize) -> f64 {
         let all = self.motions.iter().flatten();
-        all.map(|m| m.motor_speed[0].abs()).fold(0.0, f64::max)
+        all.map(|m| m.motor_speed[motor].abs()).fold(0.0, f64::max)
     }
 
     /// Root mean square of the deflection of a coupling.
@@ -97,10 +94,7 @@ impl Screen<'_> {
 
     /// Longest record in time.
     pub fn duration(&self) -> f64 {
-        self.tracks
-            .iter()
-            .map(|t| t.step * t.samples as f64)
-            .fold(0.0, f64::max)
+        Track::longest(self.tracks)
     }
 
     /// Time from sample to sample.
@@ -227,6 +221,17 @@ impl Screen<'_> {
         }
         errors
     }
+}
+
+/// Largest difference of two values of one record.
+fn largest_span(records: impl Iterator<Item = impl Iterator<Item = f64>>) -> f64 {
+    let span = |record: &mut dyn Iterator<Item = f64>| {
+        let ends = record.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+            (low.min(v), high.max(v))
+        });
+        ends.1 - ends.0
+    };
+    records.map(|mut r| span(&mut r)).fold(0.0, f64::max)
 }
 
 /// A machine as a quick look sees it.

@@ -15,6 +15,14 @@ pub struct Response {
     pub inputs: Vec<Pair>,
 }
 
+impl Response {
+    /// What the outputs of a record are beside these, by sample.
+    pub fn error(&self, track: &Track) -> Vec<Pair> {
+        let gap = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
+        track.outputs.iter().zip(&self.outputs).map(gap).collect()
+    }
+}
+
 impl Explained {
     /// Response in the closed loop of a record. None where the numbers leave all bounds.
     pub fn closed_loop(&self, controller: &ControllerState, track: &Track) -> Option<Response> {
@@ -175,8 +183,11 @@ impl Run<'_> {
             block.start(&first, &mut x[from..from + states]);
             from += states;
         }
-        let delay: f64 = blocks.iter().map(|b| b.delay()).sum();
-        let lag: f64 = blocks.iter().map(|b| b.lag()).sum();
+        let sum =
+            |pairs: &mut dyn Iterator<Item = Pair>| pairs.fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+        let delay = sum(&mut blocks.iter().map(|b| b.delay()));
+        let is_late = delay.iter().any(|d| *d > 0.0);
+        let lag = sum(&mut blocks.iter().map(|b| b.lag())).map(|lag| Lag::new(lag, self.part));
         // Before the first sample there was no command, or the first one where the machine moves already.
         let before = if track.moving.is_some() {
             track.inputs[0]
@@ -215,17 +226,24 @@ impl Run<'_> {
             for part in 0..self.parts {
                 let from = 2 * part * self.stride;
                 let points = [from, from + self.stride, from + 2 * self.stride];
-                let commands = if delay <= 0.0 {
-                    [u; 3]
-                } else {
+                let mut commands = [u; 3];
+                if is_late {
                     let wide = 1.0 / self.parts as f64;
-                    let from = part as f64 * wide;
-                    delayed(&response.inputs, before, k, from, wide, delay / track.step).along()
-                };
+                    let start = k as f64 + part as f64 * wide;
+                    for i in (0..2).filter(|i| delay[*i] > 0.0) {
+                        let late = delay[i] / track.step;
+                        let sent = |k: Option<usize>| k.map_or(before, |k| response.inputs[k])[i];
+                        let line = delayed(sent, k, [start - late, start - late + wide]).along();
+                        (0..3).for_each(|stage| commands[stage][i] = line[stage]);
+                    }
+                }
                 let motor = |i: usize| body.commanded(track.at(k, points[i])[0], commands[i]);
                 let mut motors = [motor(0), motor(1), motor(2)];
-                if lag > 0.0 {
-                    motors = follow(&mut lagged, motors, self.part, lag).along();
+                for (i, lag) in lag.iter().enumerate() {
+                    if let Some(lag) = lag {
+                        let line = lag.follow(&mut lagged[i], motors.map(|m| m[i])).along();
+                        (0..3).for_each(|stage| motors[stage][i] = line[stage]);
+                    }
                 }
                 self.runge_kutta(body, &mut x, k, points, motors);
             }
@@ -308,60 +326,67 @@ impl Run<'_> {
 
 /// A signal over one part of a sample, known by its mean and by its first moment about the middle, both over the length.
 struct Slope {
-    mean: Pair,
-    moment: Pair,
+    mean: f64,
+    moment: f64,
 }
 
 impl Slope {
     /// The straight line with that mean and moment, at start, middle and end: what it moves in that part, it moves as far.
-    fn along(&self) -> [Pair; 3] {
-        [-6.0, 0.0, 6.0].map(|ahead| [0, 1].map(|i: usize| self.mean[i] + ahead * self.moment[i]))
+    fn along(&self) -> [f64; 3] {
+        [-6.0, 0.0, 6.0].map(|ahead| self.mean + ahead * self.moment)
     }
 }
 
-/// What follows a signal with a first-order lag over one part of a sample; the signal is a straight line with the mean and the
-/// ends of its values at start, middle and end.
-fn follow(state: &mut Pair, signal: [Pair; 3], part: f64, lag: f64) -> Slope {
-    let rest = part / lag;
-    let decay = (-rest).exp();
-    let mean = (1.0 - decay) / rest;
-    let moment = (1.0 - decay * (1.0 + rest)) / (rest * rest) - 0.5 * mean;
-    let mut slope = Slope {
-        mean: [0.0; 2],
-        moment: [0.0; 2],
-    };
-    for i in 0..2 {
-        let [start, middle, end] = signal.map(|s| s[i]);
+/// A first-order lag over one part of a sample.
+struct Lag {
+    /// Length of the part over the time constant.
+    rest: f64,
+    /// What is left of a gap at the end of the part, its mean over the part, and its first moment.
+    decay: f64,
+    mean: f64,
+    moment: f64,
+}
+
+impl Lag {
+    /// None without a time constant.
+    fn new(lag: f64, part: f64) -> Option<Self> {
+        let rest = part / lag;
+        let decay = (-rest).exp();
+        let mean = (1.0 - decay) / rest;
+        let moment = (1.0 - decay * (1.0 + rest)) / (rest * rest) - 0.5 * mean;
+        (lag > 0.0).then_some(Self {
+            rest,
+            decay,
+            mean,
+            moment,
+        })
+    }
+
+    /// What follows a signal; that is a straight line with the mean and the ends of its values at start, middle and end.
+    fn follow(&self, state: &mut f64, [start, middle, end]: [f64; 3]) -> Slope {
         let (middle, rise) = ((start + 4.0 * middle + end) / 6.0, end - start);
         // It ends behind the line by what that rises in the time of the lag.
-        let behind = rise / rest;
-        let gap = state[i] - (middle - 0.5 * rise - behind);
-        slope.mean[i] = middle - behind + gap * mean;
-        slope.moment[i] = rise / 12.0 + gap * moment;
-        state[i] = middle + 0.5 * rise - behind + gap * decay;
+        let behind = rise / self.rest;
+        let gap = *state - (middle - 0.5 * rise - behind);
+        *state = middle + 0.5 * rise - behind + gap * self.decay;
+        Slope {
+            mean: middle - behind + gap * self.mean,
+            moment: rise / 12.0 + gap * self.moment,
+        }
     }
-    slope
 }
 
-/// A command that comes `delay` samples late, over a part of a sample, and what it was `before` the first sample.
-fn delayed(inputs: &[Pair], before: Pair, k: usize, from: f64, wide: f64, delay: f64) -> Slope {
-    let at = |t: f64| -> Pair {
-        let i = t.floor();
-        if i < 0.0 {
-            before
-        } else {
-            inputs[(i as usize).min(inputs.len() - 1)]
-        }
-    };
-    let (start, end) = (k as f64 + from - delay, k as f64 + from + wide - delay);
-    let edge = end.floor();
-    let (before, after) = (at(start), at(end));
+/// A command that is held from sample to sample, between two times counted in samples of which the later is not after the end of
+/// sample `now`; `sent` knows it, none is before the first sample.
+fn delayed(sent: impl Fn(Option<usize>) -> f64, now: usize, [start, end]: [f64; 2]) -> Slope {
+    let at = |t: f64| sent((t >= 0.0).then_some((t as usize).min(now)));
     // Parts are shorter than a sample: at most one change of the command lies inside.
-    let late = ((end - edge) / wide).clamp(0.0, 1.0);
-    let change = [0, 1].map(|i: usize| after[i] - before[i]);
+    let late = ((end - end.floor()) / (end - start)).clamp(0.0, 1.0);
+    let (before, after) = (at(start), at(end));
+    let change = after - before;
     Slope {
-        mean: [0, 1].map(|i: usize| before[i] + late * change[i]),
-        moment: change.map(|c| 0.5 * c * late * (1.0 - late)),
+        mean: before + late * change,
+        moment: 0.5 * change * late * (1.0 - late),
     }
 }
 

@@ -42,6 +42,12 @@ const LOST: f64 = 1e6;
 const LEAST: usize = 32;
 
 impl Track {
+    /// The longest of some records in time.
+    pub(crate) fn longest(tracks: &[Self]) -> f64 {
+        let duration = |t: &Self| t.step * t.samples as f64;
+        tracks.iter().map(duration).fold(0.0, f64::max)
+    }
+
     /// Whether a record can be simulated.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 use super::{AxisErrors, Characterisation, LeftTest, LeftTests};
 use crate::validation::{AxisCheck, ClosedLoopAxis};
 use experiment_data::Bundle;
-use residual_trace::effect::Family;
+use residual_trace::effect::{Effect, Family};
 use residual_trace::{Added, Judged, Trace, Track, Verdict, characterise};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -64,6 +64,23 @@ pub struct FoundEffect {
     pub evidence: Evidence,
 }
 
+impl FoundEffect {
+    /// The next best effect, with its channel where that is another one, and by how many dB it is worse.
+    pub(super) fn rival(&self) -> Option<(String, f64)> {
+        let Evidence {
+            runner_up,
+            runner_up_channel,
+            runner_up_margin_db,
+            ..
+        } = &self.evidence;
+        let name = match runner_up_channel {
+            Some(channel) if *channel != self.channel => format!("{} at {channel}", runner_up.as_ref()?),
+            _ => runner_up.clone()?,
+        };
+        Some((name, (*runner_up_margin_db)?))
+    }
+}
+
 /// A parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Value {
@@ -95,6 +112,9 @@ pub struct Evidence {
     pub p_value: f64,
     /// The next best effect.
     pub runner_up: Option<String>,
+    /// Where that one acts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub runner_up_channel: Option<String>,
     /// By how much that one is worse on the judged records.
     pub runner_up_margin_db: Option<f64>,
 }
@@ -150,15 +170,7 @@ pub struct Tested {
 
 impl Diagnosis {
     pub(super) fn new(bundle: &Bundle, found: &Trace, judged: &[Track], reasons: Vec<String>) -> Self {
-        let channels = &bundle.description().channels;
-        let outputs = &channels.output.columns;
-        let channel = |family: Family, index: usize| {
-            let names = match family {
-                Family::Sensor => outputs,
-                _ => &channels.input.columns,
-            };
-            names.get(index).cloned().unwrap_or_default()
-        };
+        let outputs = &bundle.description().channels.output.columns;
         let errors = |judged: &Judged, one_step: Option<[f64; 2]>| Errors {
             validation: outputs
                 .iter()
@@ -173,18 +185,17 @@ impl Diagnosis {
                 })
                 .collect(),
         };
-        let unit = |template: &str| units(template, bundle);
         let effect = |a: &Added| FoundEffect {
             effect: a.effect.name.to_owned(),
             family: a.effect.family.name().to_owned(),
-            channel: channel(a.effect.family, a.effect.channel),
+            channel: channel(a.effect, bundle),
             parameters: a
                 .effect
                 .parameters
                 .iter()
                 .zip(&a.values)
                 .map(|(p, (value, std))| {
-                    let value = Value::new(*value, *std, unit(p.unit));
+                    let value = Value::new(*value, *std, units(p.unit, bundle, a.effect.channel));
                     (p.name.to_owned(), value)
                 })
                 .collect(),
@@ -199,6 +210,7 @@ impl Diagnosis {
                 held_out_gain_db: a.gain_db,
                 p_value: a.p_value,
                 runner_up: a.runner_up.map(|(e, _)| e.name.to_owned()),
+                runner_up_channel: a.runner_up.map(|(e, _)| channel(e, bundle)),
                 runner_up_margin_db: a.runner_up.map(|(_, margin)| margin),
             },
         };
@@ -221,7 +233,7 @@ impl Diagnosis {
                 .iter()
                 .map(|t| Tested {
                     effect: t.effect.name.to_owned(),
-                    channel: channel(t.effect.family, t.effect.channel),
+                    channel: channel(t.effect, bundle),
                     held_out_gain_db: t.gain_db,
                     accepted: t.accepted,
                     beside: t.beside.iter().map(|e| e.name.to_owned()).collect(),
@@ -268,10 +280,9 @@ impl Diagnosis {
                     format!("{name} {:.5e}{std} {}", v.value, v.unit)
                 })
                 .collect();
-            let rival = match (&e.evidence.runner_up, e.evidence.runner_up_margin_db) {
-                (Some(name), Some(margin)) => format!(", {margin:.1} dB before {name}"),
-                _ => String::new(),
-            };
+            let rival = e.rival().map_or(String::new(), |(name, margin)| {
+                format!(", {margin:.1} dB before {name}")
+            });
             lines.push(format!(
                 "{} at {}: {:.1} dB on held-out records{rival}; {}",
                 e.effect,
@@ -343,8 +354,24 @@ impl Diagnosis {
     }
 }
 
-/// The unit of a parameter from a template in `u`, `y` and `y2`: the units of the first input and of the outputs.
-pub(super) fn units(template: &str, bundle: &Bundle) -> String {
+/// Channels at which an effect may act.
+pub(super) fn channels_of<'a>(effect: &Effect, bundle: &'a Bundle) -> &'a [String] {
+    let channels = &bundle.description().channels;
+    match effect.family {
+        Family::Sensor => &channels.output.columns,
+        _ => &channels.input.columns,
+    }
+}
+
+/// The channel at which an effect acts.
+pub(super) fn channel(effect: &Effect, bundle: &Bundle) -> String {
+    let all = channels_of(effect, bundle);
+    all.get(effect.channel).cloned().unwrap_or_default()
+}
+
+/// The unit of a parameter from a template in `u`, `y` and `y2`: the units of the input and of the output of a channel, and of the
+/// second output.
+pub(super) fn units(template: &str, bundle: &Bundle, channel: usize) -> String {
     let channels = &bundle.description().channels;
     let unit = |units: &[String], i: usize, name: &str| match units.get(i) {
         Some(unit) if unit.contains(['/', ' ']) => format!("({unit})"),
@@ -352,8 +379,8 @@ pub(super) fn units(template: &str, bundle: &Bundle) -> String {
         _ => name.to_owned(),
     };
     let word = |w: &str| match w {
-        "u" => unit(&channels.input.units, 0, "u"),
-        "y" => unit(&channels.output.units, 0, "y"),
+        "u" => unit(&channels.input.units, channel, "u"),
+        "y" => unit(&channels.output.units, channel, "y"),
         "y2" => unit(&channels.output.units, 1, "y2"),
         other => other.to_owned(),
     };

@@ -17,7 +17,7 @@ pub(super) fn doubts(found: &Trace) -> Vec<String> {
         .filter_map(|a| Some((a.effect, a.runner_up?)))
         .filter(|(_, (_, margin))| *margin < EQUAL_DB)
         .map(|(effect, (other, margin))| {
-            if other.extends.is_some_and(|e| e.name == effect.name) {
+            if other.refines(effect) {
                 format!(
                     "{} refines {} and explains no more of these records; {} would show whether it is there",
                     other.name,

@@ -18,8 +18,9 @@ pub(super) fn with_units(names: &[String], units: &[String]) -> Vec<String> {
     names.iter().enumerate().map(one).collect()
 }
 
-/// The force of the first motor along a record, by sample: where the motor is, what it does there.
+/// The force of a motor along a record, by sample: where the motor is, what it does there.
 pub(super) struct Along {
+    pub(super) motor: usize,
     pub(super) position: Vec<f64>,
     pub(super) speed: Vec<f64>,
     /// What the effects add.
@@ -36,10 +37,11 @@ pub(super) fn over_motion(along: &Along, before: &EquivalentForce, unit: Option<
         ],
         _ => ["Speed", "Position"].map(String::from),
     };
+    let which = ["first", "second"][along.motor];
     let panel = |axis: &str, at: &[f64]| {
         let dots = |force: &[f64]| at.iter().copied().zip(force.iter().copied()).collect();
-        let measured: Vec<f64> = before.motors.iter().map(|f| f[0]).collect();
-        let mut panel = Panel::new(Axis::linear(axis), Axis::linear("Force, first motor")).series(
+        let measured: Vec<f64> = before.motors.iter().map(|f| f[along.motor]).collect();
+        let mut panel = Panel::new(Axis::linear(axis), Axis::linear(format!("Force, {which} motor"))).series(
             Series::new(dots(&measured), Style::Dots)
                 .width(1.4)
                 .label("from the records")
@@ -59,10 +61,11 @@ pub(super) fn over_motion(along: &Along, before: &EquivalentForce, unit: Option<
         .columns(2)
         .panel(panel(&speed, &along.speed))
         .panel(panel(&position, &along.position))
-        .caption(
-            "Force that the first motor would need beside the base model, with the parameters that it has with the effects, along the first held-out record: what the Kalman smoother \
-             finds in the record, and what the fitted effects add as forces. Effects of sensors and of timing are no such forces.",
-        )
+        .caption(format!(
+            "Force that the {which} motor would need beside the base model, with the parameters that it has with the effects, along the \
+             first held-out record: what the Kalman smoother finds in the record, and what the fitted effects add as forces. Effects of \
+             sensors and of timing are no such forces.",
+        ))
 }
 
 /// The equivalent force at each input over time, before and after, with two standard deviations.

@@ -71,8 +71,7 @@ pub(super) fn roughness(base: &Base, controller: &ControllerState, tracks: &[Tra
     };
     let errors = |track: &Track| -> Option<Vec<[f64; 2]>> {
         let run = bare.closed_loop(controller, track)?;
-        let pairs = track.outputs.iter().zip(run.outputs);
-        Some(pairs.map(|(a, b)| [a[0] - b[0], a[1] - b[1]]).collect())
+        Some(run.error(track))
     };
     // Where the base diverges the outputs alone tell.
     let errors: Option<Vec<_>> = tracks.iter().map(errors).collect();

@@ -38,10 +38,9 @@ impl Diagnosed {
                         Cell::text(v.std.map_or("-".to_owned(), |s| format!("{s:.1e}"))),
                         Cell::text(v.unit.clone()),
                         Cell::number(e.evidence.held_out_gain_db, Format::Fixed(1)),
-                        Cell::text(match (&e.evidence.runner_up, e.evidence.runner_up_margin_db) {
-                            (Some(name), Some(margin)) => format!("{name}, {margin:.1} dB worse"),
-                            _ => "-".to_owned(),
-                        }),
+                        Cell::text(e.rival().map_or("-".to_owned(), |(name, margin)| {
+                            format!("{name}, {margin:.1} dB worse")
+                        })),
                     ]);
                 }
             }

@@ -1,6 +1,6 @@
 //! Diagnosis from frequency responses, of an axis with one input that has no moves.
 
-use super::account::units;
+use super::account::{channel, units};
 use super::{
     Characterisation, Diagnosed, Diagnosis, Errors, Evidence, Explanation, FoundEffect, OutputError,
     ResponseErrors, Tested, Value, figures, saved,
@@ -11,7 +11,6 @@ use crate::responses::periodic_responses;
 use experiment_data::Bundle;
 use frf_estimation::PeriodicEstimate;
 use lpv_core::{FrfEstimate, Purpose};
-use residual_trace::effect::Family;
 use residual_trace::{
     ResponseCase, ResponseStep, characterise_response, noise_of, response, trace_responses,
 };
@@ -124,15 +123,9 @@ fn by_output(bundle: &Bundle, values: &[f64]) -> BTreeMap<String, f64> {
 
 fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: Vec<String>) -> Diagnosis {
     let noise = noise_of(judged);
-    let channels = &bundle.description().channels;
-    let channel = |family: Family| match family {
-        Family::Sensor => channels.output.columns[0].clone(),
-        _ => channels.input.columns[0].clone(),
-    };
+    let outputs = &bundle.description().channels.output.columns;
     let errors = |step: &ResponseStep| Errors {
-        validation: channels
-            .output
-            .columns
+        validation: outputs
             .iter()
             .zip(step.judged.iter().zip(&noise))
             .map(|(name, (error, noise))| {
@@ -160,20 +153,24 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
         .windows(2)
         .filter_map(|pair| {
             let effect = pair[1].effect?;
-            let at = last.model.effects.iter().find(|(e, _)| e.name == effect.name)?;
+            let at = last.model.effects.iter().find(|(e, _)| e.is(effect))?;
             let stds = &last.deviations[from..from + at.1.len()];
             from += at.1.len();
             let parameters = effect.parameters.iter().zip(at.1.iter().zip(stds));
             Some(FoundEffect {
                 effect: effect.name.to_owned(),
                 family: effect.family.name().to_owned(),
-                channel: channel(effect.family),
+                channel: channel(effect, bundle),
                 parameters: parameters
                     .map(|(p, (value, std))| {
                         let value = Value::new(
                             *value,
                             *std,
-                            units(if p.unit == "kg" { "u s^2/y" } else { p.unit }, bundle),
+                            units(
+                                if p.unit == "kg" { "u s^2/y" } else { p.unit },
+                                bundle,
+                                effect.channel,
+                            ),
                         );
                         (p.name.to_owned(), value)
                     })
@@ -188,6 +185,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
                     held_out_gain_db: 10.0 * (squares(&pair[0]) / squares(&pair[1])).log10(),
                     p_value: pair[1].p_value,
                     runner_up: pair[1].runner_up.map(|(e, _)| e.name.to_owned()),
+                    runner_up_channel: pair[1].runner_up.map(|(e, _)| channel(e, bundle)),
                     runner_up_margin_db: pair[1].runner_up.map(|(_, margin)| margin),
                 },
             })
@@ -203,9 +201,9 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
             .collect();
         step.tried.iter().map(move |(effect, gain)| Tested {
             effect: effect.name.to_owned(),
-            channel: channel(effect.family),
+            channel: channel(effect, bundle),
             held_out_gain_db: *gain,
-            accepted: next.is_some_and(|n| n.name == effect.name),
+            accepted: next.is_some_and(|n| n.is(effect)),
             beside: beside.clone(),
             fitted: true,
         })
@@ -234,7 +232,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
                 let value = Value::new(
                     p.value,
                     *std,
-                    units(if p.name == "mass" { "u s^2/y" } else { "u s/y" }, bundle),
+                    units(if p.name == "mass" { "u s^2/y" } else { "u s/y" }, bundle, 0),
                 );
                 (p.name.to_owned(), value)
             })

@@ -3,26 +3,30 @@
 use crate::base::{Forces, Pair};
 use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
-pub(super) static EFFECT: Effect = Effect {
-    name: "actuator-saturation",
-    family: Family::Actuator,
-    channel: 0,
-    needs: Needs::Nothing,
-    meaning: "force that grows less than proportionally with the command",
-    parameters: &[EffectParameter {
-        name: "softness",
-        unit: "1/u^2",
-        scale: Scale::NotNegative,
-    }],
-    extends: None,
-    starts: |_| vec![vec![0.0]],
-    block: |v, machine| {
-        Box::new(Saturation {
-            root: v[0].sqrt(),
-            unit: super::motor_forces(machine, 1.0),
-        })
-    },
-};
+pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+
+const fn at<const CHANNEL: usize>() -> Effect {
+    Effect {
+        name: "actuator-saturation",
+        family: Family::Actuator,
+        channel: CHANNEL,
+        needs: Needs::motor(CHANNEL),
+        meaning: "force that grows less than proportionally with the command",
+        parameters: &[EffectParameter {
+            name: "softness",
+            unit: "1/u^2",
+            scale: Scale::NotNegative,
+        }],
+        extends: None,
+        starts: |_| vec![vec![0.0]],
+        block: |v, machine| {
+            Box::new(Saturation {
+                root: v[0].sqrt(),
+                unit: super::motor_forces(machine, CHANNEL, 1.0),
+            })
+        },
+    }
+}
 
 /// `F_max tanh(F / F_max)` with `softness = 1 / F_max^2`.
 #[derive(Debug)]

@@ -3,44 +3,48 @@
 use crate::base::{Forces, Pair};
 use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
-pub(super) static EFFECT: Effect = Effect {
-    name: "cable-stiffness",
-    family: Family::PositionForce,
-    channel: 0,
-    needs: Needs::Nothing,
-    meaning: "spring to ground at each end of the beam, from a cable or hose",
-    parameters: &[
-        EffectParameter {
-            name: "left_stiffness",
-            unit: "u/y",
-            scale: Scale::Linear,
+pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+
+const fn at<const CHANNEL: usize>() -> Effect {
+    Effect {
+        name: "cable-stiffness",
+        family: Family::PositionForce,
+        channel: CHANNEL,
+        needs: Needs::motor(CHANNEL),
+        meaning: "spring to ground at each end of the beam, from a cable or hose",
+        parameters: &[
+            EffectParameter {
+                name: "left_stiffness",
+                unit: "u/y",
+                scale: Scale::Linear,
+            },
+            EffectParameter {
+                name: "right_stiffness",
+                unit: "u/y",
+                scale: Scale::Linear,
+            },
+            EffectParameter {
+                name: "left_cubic",
+                unit: "u/y^3",
+                scale: Scale::Linear,
+            },
+            EffectParameter {
+                name: "right_cubic",
+                unit: "u/y^3",
+                scale: Scale::Linear,
+            },
+        ],
+        extends: None,
+        starts: |_| vec![vec![0.0; 4]],
+        block: |v, machine| {
+            let unit = super::motor_forces(machine, CHANNEL, 1.0);
+            Box::new(Cable {
+                linear: [unit[0] * v[0], unit[1] * v[1]],
+                cubic: [unit[0] * v[2], unit[1] * v[3]],
+            })
         },
-        EffectParameter {
-            name: "right_stiffness",
-            unit: "u/y",
-            scale: Scale::Linear,
-        },
-        EffectParameter {
-            name: "left_cubic",
-            unit: "u/y^3",
-            scale: Scale::Linear,
-        },
-        EffectParameter {
-            name: "right_cubic",
-            unit: "u/y^3",
-            scale: Scale::Linear,
-        },
-    ],
-    extends: None,
-    starts: |_| vec![vec![0.0; 4]],
-    block: |v, machine| {
-        let unit = super::motor_forces(machine, 1.0);
-        Box::new(Cable {
-            linear: [unit[0] * v[0], unit[1] * v[1]],
-            cubic: [unit[0] * v[2], unit[1] * v[3]],
-        })
-    },
-};
+    }
+}
 
 #[derive(Debug)]
 struct Cable {

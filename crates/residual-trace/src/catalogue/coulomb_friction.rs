@@ -3,33 +3,37 @@
 use crate::base::{Forces, Pair};
 use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
-pub(super) static EFFECT: Effect = Effect {
-    name: "coulomb-friction",
-    family: Family::Friction,
-    channel: 0,
-    needs: Needs::Nothing,
-    meaning: "constant force of the guides against the direction of motion",
-    parameters: &[
-        EffectParameter {
-            name: "level",
-            unit: "u",
-            scale: Scale::NotNegative,
+pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+
+const fn at<const CHANNEL: usize>() -> Effect {
+    Effect {
+        name: "coulomb-friction",
+        family: Family::Friction,
+        channel: CHANNEL,
+        needs: Needs::motor(CHANNEL),
+        meaning: "constant force of the guides against the direction of motion",
+        parameters: &[
+            EffectParameter {
+                name: "level",
+                unit: "u",
+                scale: Scale::NotNegative,
+            },
+            EffectParameter {
+                name: "creep_speed",
+                unit: "y/s",
+                scale: Scale::Logarithmic,
+            },
+        ],
+        extends: None,
+        starts: |screen| vec![vec![0.0, screen.top_speed(CHANNEL) / 300.0]],
+        block: |v, machine| {
+            Box::new(Coulomb {
+                force: super::motor_forces(machine, CHANNEL, v[0]),
+                creep: v[1],
+            })
         },
-        EffectParameter {
-            name: "creep_speed",
-            unit: "y/s",
-            scale: Scale::Logarithmic,
-        },
-    ],
-    extends: None,
-    starts: |screen| vec![vec![0.0, screen.top_speed() / 300.0]],
-    block: |v, machine| {
-        Box::new(Coulomb {
-            force: super::motor_forces(machine, v[0]),
-            creep: v[1],
-        })
-    },
-};
+    }
+}
 
 /// `-F tanh(v / creep)`: what creeps slower than that sticks nearly.
 #[derive(Debug)]

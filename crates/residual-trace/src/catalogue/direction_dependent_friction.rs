@@ -3,21 +3,25 @@
 use crate::base::{Forces, Pair};
 use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
-pub(super) static EFFECT: Effect = Effect {
-    name: "direction-dependent-friction",
-    family: Family::Friction,
-    channel: 0,
-    needs: Needs::Nothing,
-    meaning: "viscous friction of the guides that is so much more forward, and so much less backward",
-    parameters: &[EffectParameter {
-        name: "viscous_forward_more",
-        unit: "u s/y",
-        scale: Scale::Linear,
-    }],
-    extends: None,
-    starts: |_| vec![vec![0.0]],
-    block: |v, machine| Box::new(Directed(super::motor_forces(machine, v[0]))),
-};
+pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+
+const fn at<const CHANNEL: usize>() -> Effect {
+    Effect {
+        name: "direction-dependent-friction",
+        family: Family::Friction,
+        channel: CHANNEL,
+        needs: Needs::motor(CHANNEL),
+        meaning: "viscous friction of the guides that is so much more forward, and so much less backward",
+        parameters: &[EffectParameter {
+            name: "viscous_forward_more",
+            unit: "u s/y",
+            scale: Scale::Linear,
+        }],
+        extends: None,
+        starts: |_| vec![vec![0.0]],
+        block: |v, machine| Box::new(Directed(super::motor_forces(machine, CHANNEL, v[0]))),
+    }
+}
 
 /// `-c |v|`.
 #[derive(Debug)]

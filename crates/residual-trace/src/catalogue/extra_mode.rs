@@ -6,54 +6,58 @@ use crate::screen::Screen;
 use num_complex::Complex64 as C64;
 use std::f64::consts::TAU;
 
-pub(super) static EFFECT: Effect = Effect {
-    name: "extra-mode",
-    family: Family::Structure,
-    channel: 0,
-    needs: Needs::Nothing,
-    meaning: "mass on the load that swings on a spring",
-    parameters: &[
-        EffectParameter {
-            name: "mass",
-            unit: "kg",
-            scale: Scale::NotNegative,
-        },
-        EffectParameter {
-            name: "frequency",
-            unit: "Hz",
-            scale: Scale::Frequency,
-        },
-        EffectParameter {
-            name: "damping",
-            unit: "",
-            scale: Scale::Logarithmic,
-        },
-    ],
-    extends: Some(Extends {
-        name: "payload",
-        // Far below its resonance a mass on a spring is a mass.
-        starts: |v, screen| match v[0] {
-            mass if mass > 0.0 => frequencies(screen, 30.0)
+pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+
+const fn at<const CHANNEL: usize>() -> Effect {
+    Effect {
+        name: "extra-mode",
+        family: Family::Structure,
+        channel: CHANNEL,
+        needs: Needs::motor(CHANNEL),
+        meaning: "mass on the load that swings on a spring",
+        parameters: &[
+            EffectParameter {
+                name: "mass",
+                unit: "kg",
+                scale: Scale::NotNegative,
+            },
+            EffectParameter {
+                name: "frequency",
+                unit: "Hz",
+                scale: Scale::Frequency,
+            },
+            EffectParameter {
+                name: "damping",
+                unit: "",
+                scale: Scale::Logarithmic,
+            },
+        ],
+        extends: Some(Extends {
+            name: "payload",
+            // Far below its resonance a mass on a spring is a mass.
+            starts: |v, screen| match v[0] {
+                mass if mass > 0.0 => frequencies(screen, 30.0)
+                    .into_iter()
+                    .map(|f| vec![mass, f, 0.02])
+                    .collect(),
+                _ => Vec::new(),
+            },
+        }),
+        starts: |screen| {
+            frequencies(screen, 2.0)
                 .into_iter()
-                .map(|f| vec![mass, f, 0.02])
-                .collect(),
-            _ => Vec::new(),
+                .map(|f| vec![0.0, f, 0.02])
+                .collect()
         },
-    }),
-    starts: |screen| {
-        frequencies(screen, 2.0)
-            .into_iter()
-            .map(|f| vec![0.0, f, 0.02])
-            .collect()
-    },
-    block: |v, _| {
-        Box::new(Swing {
-            mass: v[0],
-            rate: TAU * v[1],
-            damping: v[2],
-        })
-    },
-};
+        block: |v, _| {
+            Box::new(Swing::<CHANNEL> {
+                mass: v[0],
+                rate: TAU * v[1],
+                damping: v[2],
+            })
+        },
+    }
+}
 
 /// From what a record shows a few times to near Nyquist, so many to a factor of e.
 fn frequencies(screen: &Screen<'_>, density: f64) -> Vec<f64> {
@@ -66,27 +70,27 @@ fn frequencies(screen: &Screen<'_>, density: f64) -> Vec<f64> {
 }
 
 #[derive(Debug)]
-struct Swing {
+struct Swing<const CHANNEL: usize> {
     mass: f64,
     rate: f64,
     damping: f64,
 }
 
-impl Block for Swing {
+impl<const CHANNEL: usize> Block for Swing<CHANNEL> {
     fn states(&self) -> usize {
         2
     }
 
     fn start(&self, at: &Moment<'_>, own: &mut [f64]) {
-        own.copy_from_slice(&[at.motion.load_position[0], at.motion.load_speed[0]]);
+        own.copy_from_slice(&[at.motion.load_position[CHANNEL], at.motion.load_speed[CHANNEL]]);
     }
 
     fn act(&self, at: &Moment<'_>, own: &[f64], rates: &mut [f64], forces: &mut Forces) {
-        let stretch = own[0] - at.motion.load_position[0];
-        let speed = own[1] - at.motion.load_speed[0];
+        let stretch = own[0] - at.motion.load_position[CHANNEL];
+        let speed = own[1] - at.motion.load_speed[CHANNEL];
         let pull = self.rate * (self.rate * stretch + 2.0 * self.damping * speed);
         rates.copy_from_slice(&[own[1], -pull]);
-        forces.load[0] += self.mass * pull;
+        forces.load[CHANNEL] += self.mass * pull;
     }
 
     fn respond(&self, s: C64, path: &mut Path) {

@@ -3,44 +3,48 @@
 use crate::base::{Forces, Pair};
 use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Needs, Scale};
 
-pub(super) static EFFECT: Effect = Effect {
-    name: "hysteresis",
-    family: Family::Friction,
-    channel: 0,
-    needs: Needs::Nothing,
-    meaning: "friction that builds up over a presliding distance (Dahl)",
-    parameters: &[
-        EffectParameter {
-            name: "level",
-            unit: "u",
-            scale: Scale::NotNegative,
+pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+
+const fn at<const CHANNEL: usize>() -> Effect {
+    Effect {
+        name: "hysteresis",
+        family: Family::Friction,
+        channel: CHANNEL,
+        needs: Needs::motor(CHANNEL),
+        meaning: "friction that builds up over a presliding distance (Dahl)",
+        parameters: &[
+            EffectParameter {
+                name: "level",
+                unit: "u",
+                scale: Scale::NotNegative,
+            },
+            EffectParameter {
+                name: "distance",
+                unit: "y",
+                scale: Scale::Logarithmic,
+            },
+        ],
+        extends: Some(Extends {
+            name: "coulomb-friction",
+            starts: |v, screen| {
+                let travel = screen.travel(CHANNEL);
+                [1e-4, 1e-3, 1e-2, 0.1]
+                    .map(|part| vec![v[0], part * travel])
+                    .to_vec()
+            },
+        }),
+        starts: |screen| {
+            let travel = screen.travel(CHANNEL);
+            [0.002, 0.02, 0.1].map(|part| vec![0.0, part * travel]).to_vec()
         },
-        EffectParameter {
-            name: "distance",
-            unit: "y",
-            scale: Scale::Logarithmic,
+        block: |v, machine| {
+            Box::new(Dahl {
+                level: super::motor_forces(machine, CHANNEL, v[0]),
+                distance: v[1],
+            })
         },
-    ],
-    extends: Some(Extends {
-        name: "coulomb-friction",
-        starts: |v, screen| {
-            let travel = screen.travel();
-            [1e-4, 1e-3, 1e-2, 0.1]
-                .map(|part| vec![v[0], part * travel])
-                .to_vec()
-        },
-    }),
-    starts: |screen| {
-        let travel = screen.travel();
-        [0.002, 0.02, 0.1].map(|part| vec![0.0, part * travel]).to_vec()
-    },
-    block: |v, machine| {
-        Box::new(Dahl {
-            level: super::motor_forces(machine, v[0]),
-            distance: v[1],
-        })
-    },
-};
+    }
+}
 
 /// A bristle that bends with the motion up to `distance`: `z' = v - |v| z / distance`, force `-F z / distance`.
 #[derive(Debug)]

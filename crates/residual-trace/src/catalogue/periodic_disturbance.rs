@@ -5,63 +5,67 @@ use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale
 use crate::screen::Trial;
 use std::f64::consts::TAU;
 
-pub(super) static EFFECT: Effect = Effect {
-    name: "periodic-disturbance",
-    family: Family::Disturbance,
-    channel: 0,
-    needs: Needs::Nothing,
-    meaning: "force at a fixed frequency in time, counted from the start of a record",
-    parameters: &[
-        EffectParameter {
-            name: "sine",
-            unit: "u",
-            scale: Scale::Linear,
-        },
-        EffectParameter {
-            name: "cosine",
-            unit: "u",
-            scale: Scale::Linear,
-        },
-        EffectParameter {
-            name: "frequency",
-            unit: "Hz",
-            scale: Scale::Frequency,
-        },
-    ],
-    extends: None,
-    starts: |screen| {
-        let unit = super::motor_forces(screen.base, 1.0);
-        let width = 0.25 / screen.duration();
-        let mut found = Vec::new();
-        for peak in screen.peaks(2) {
-            // A line may lie between those of the spectrum.
-            let at = |i: usize| peak + (i as f64 - 4.0) * width;
-            let trials = |i: usize| {
-                let one = |phase: f64| {
-                    Trial::Motors(screen.signal(|track, k, _| {
-                        let wave = (TAU * at(i) * k as f64 * track.step + phase).sin();
-                        [unit[0] * wave, unit[1] * wave]
-                    }))
+pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+
+const fn at<const CHANNEL: usize>() -> Effect {
+    Effect {
+        name: "periodic-disturbance",
+        family: Family::Disturbance,
+        channel: CHANNEL,
+        needs: Needs::motor(CHANNEL),
+        meaning: "force at a fixed frequency in time, counted from the start of a record",
+        parameters: &[
+            EffectParameter {
+                name: "sine",
+                unit: "u",
+                scale: Scale::Linear,
+            },
+            EffectParameter {
+                name: "cosine",
+                unit: "u",
+                scale: Scale::Linear,
+            },
+            EffectParameter {
+                name: "frequency",
+                unit: "Hz",
+                scale: Scale::Frequency,
+            },
+        ],
+        extends: None,
+        starts: |screen| {
+            let unit = super::motor_forces(screen.base, CHANNEL, 1.0);
+            let width = 0.25 / screen.duration();
+            let mut found = Vec::new();
+            for peak in screen.peaks(2) {
+                // A line may lie between those of the spectrum.
+                let at = |i: usize| peak + (i as f64 - 4.0) * width;
+                let trials = |i: usize| {
+                    let one = |phase: f64| {
+                        Trial::Motors(screen.signal(|track, k, _| {
+                            let wave = (TAU * at(i) * k as f64 * track.step + phase).sin();
+                            [unit[0] * wave, unit[1] * wave]
+                        }))
+                    };
+                    vec![one(0.0), one(0.25 * TAU)]
                 };
-                vec![one(0.0), one(0.25 * TAU)]
-            };
-            let best = screen.best(9, trials).into_iter().next();
-            found.extend(
-                best.filter(|(i, _)| at(*i) > 0.0)
-                    .map(|(i, v)| vec![v[0], v[1], at(i)]),
-            );
-        }
-        found
-    },
-    block: |v, machine| {
-        let unit = super::motor_forces(machine, 1.0);
-        Box::new(Periodic {
-            sine: unit.map(|f| f * v[0]),
-            cosine: unit.map(|f| f * v[1]),
-            rate: TAU * v[2],
-        })
-    },
-};
+                let best = screen.best(9, trials).into_iter().next();
+                found.extend(
+                    best.filter(|(i, _)| at(*i) > 0.0)
+                        .map(|(i, v)| vec![v[0], v[1], at(i)]),
+                );
+            }
+            found
+        },
+        block: |v, machine| {
+            let unit = super::motor_forces(machine, CHANNEL, 1.0);
+            Box::new(Periodic {
+                sine: unit.map(|f| f * v[0]),
+                cosine: unit.map(|f| f * v[1]),
+                rate: TAU * v[2],
+            })
+        },
+    }
+}
 
 #[derive(Debug)]
 struct Periodic {

@@ -5,62 +5,69 @@ use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale
 use crate::screen::Trial;
 use std::f64::consts::TAU;
 
-pub(super) static EFFECT: Effect = Effect {
-    name: "sensor-cyclic-error",
-    family: Family::Sensor,
-    channel: 0,
-    needs: Needs::Nothing,
-    meaning: "error of a sensor that is periodic in the measured position",
-    parameters: &[
-        EffectParameter {
-            name: "sine",
-            unit: "y",
-            scale: Scale::Linear,
+pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+
+const fn at<const CHANNEL: usize>() -> Effect {
+    Effect {
+        name: "sensor-cyclic-error",
+        family: Family::Sensor,
+        channel: CHANNEL,
+        needs: Needs::sensor(CHANNEL),
+        meaning: "error of a sensor that is periodic in the measured position",
+        parameters: &[
+            EffectParameter {
+                name: "sine",
+                unit: "y",
+                scale: Scale::Linear,
+            },
+            EffectParameter {
+                name: "cosine",
+                unit: "y",
+                scale: Scale::Linear,
+            },
+            EffectParameter {
+                name: "period",
+                unit: "y",
+                scale: Scale::Wavelength,
+            },
+        ],
+        extends: None,
+        starts: |screen| {
+            let travel = screen.measured_travel(CHANNEL);
+            super::pitches(screen, (travel, 1e-3 * travel), |pitch| {
+                let one = |phase: f64| {
+                    Trial::Outputs(screen.signal(|track, k, _| {
+                        let mut error = [0.0; 2];
+                        error[CHANNEL] = (TAU / pitch * track.outputs[k][CHANNEL] + phase).sin();
+                        error
+                    }))
+                };
+                vec![one(0.0), one(0.25 * TAU)]
+            })
+            .into_iter()
+            .map(|(pitch, v)| vec![v[0], v[1], pitch])
+            .collect()
         },
-        EffectParameter {
-            name: "cosine",
-            unit: "y",
-            scale: Scale::Linear,
+        block: |v, _| {
+            Box::new(Cyclic::<CHANNEL> {
+                sine: v[0],
+                cosine: v[1],
+                turn: TAU / v[2],
+            })
         },
-        EffectParameter {
-            name: "period",
-            unit: "y",
-            scale: Scale::Wavelength,
-        },
-    ],
-    extends: None,
-    starts: |screen| {
-        super::pitches(screen, 1e-3 * screen.travel(), |pitch| {
-            let one = |phase: f64| {
-                Trial::Outputs(
-                    screen.signal(|track, k, _| [(TAU / pitch * track.outputs[k][0] + phase).sin(), 0.0]),
-                )
-            };
-            vec![one(0.0), one(0.25 * TAU)]
-        })
-        .into_iter()
-        .map(|(pitch, v)| vec![v[0], v[1], pitch])
-        .collect()
-    },
-    block: |v, _| {
-        Box::new(Cyclic {
-            sine: v[0],
-            cosine: v[1],
-            turn: TAU / v[2],
-        })
-    },
-};
+    }
+}
 
 #[derive(Debug)]
-struct Cyclic {
+struct Cyclic<const CHANNEL: usize> {
     sine: f64,
     cosine: f64,
     turn: f64,
 }
 
-impl Block for Cyclic {
+impl<const CHANNEL: usize> Block for Cyclic<CHANNEL> {
     fn sense(&self, _at: &Moment<'_>, outputs: &mut Pair) {
-        let (s, c) = (self.turn * outputs[0]).sin_cos();
-        outputs[0] += self.sine * s + self.cosine * c;
+        let (s, c) = (self.turn * outputs[CHANNEL]).sin_cos();
+        outputs[CHANNEL] += self.sine * s + self.cosine * c;
     }
 }

@@ -3,64 +3,69 @@
 use crate::base::{Forces, Pair};
 use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Needs, Scale};
 
-pub(super) static EFFECT: Effect = Effect {
-    name: "stribeck-friction",
-    family: Family::Friction,
-    channel: 0,
-    needs: Needs::Nothing,
-    meaning: "friction of the guides that is larger near zero speed",
-    parameters: &[
-        EffectParameter {
-            name: "level",
-            unit: "u",
-            scale: Scale::Positive,
+pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+
+const fn at<const CHANNEL: usize>() -> Effect {
+    Effect {
+        name: "stribeck-friction",
+        family: Family::Friction,
+        channel: CHANNEL,
+        needs: Needs::motor(CHANNEL),
+        meaning: "friction of the guides that is larger near zero speed",
+        parameters: &[
+            EffectParameter {
+                name: "level",
+                unit: "u",
+                scale: Scale::Positive,
+            },
+            EffectParameter {
+                name: "breakaway",
+                unit: "u",
+                scale: Scale::Positive,
+            },
+            EffectParameter {
+                name: "creep_speed",
+                unit: "y/s",
+                scale: Scale::Logarithmic,
+            },
+            EffectParameter {
+                name: "stribeck_speed",
+                unit: "y/s",
+                scale: Scale::Logarithmic,
+            },
+        ],
+        extends: Some(Extends {
+            name: "coulomb-friction",
+            starts: |v, screen| {
+                let top = screen.top_speed(CHANNEL);
+                // A peak near zero speed may pass for a sign that changes at once.
+                let creep = if v[1] < 1e-3 * top {
+                    vec![v[1], 1e-2 * top]
+                } else {
+                    vec![v[1]]
+                };
+                let starts =
+                    |creep: f64| [3.0, 10.0, 40.0].map(|part| vec![v[0], 0.2 * v[0], creep, top / part]);
+                creep.into_iter().flat_map(starts).collect()
+            },
+        }),
+        starts: |screen| {
+            let top = screen.top_speed(CHANNEL);
+            vec![
+                vec![0.0, 0.0, top / 300.0, top / 10.0],
+                vec![0.0, 0.0, top / 300.0, top / 40.0],
+            ]
         },
-        EffectParameter {
-            name: "breakaway",
-            unit: "u",
-            scale: Scale::Positive,
+        block: |v, machine| {
+            Box::new(Stribeck {
+                level: super::motor_forces(machine, CHANNEL, v[0]),
+                more: super::motor_forces(machine, CHANNEL, v[1]),
+                creep: v[2],
+                fall: v[3],
+            })
         },
-        EffectParameter {
-            name: "creep_speed",
-            unit: "y/s",
-            scale: Scale::Logarithmic,
-        },
-        EffectParameter {
-            name: "stribeck_speed",
-            unit: "y/s",
-            scale: Scale::Logarithmic,
-        },
-    ],
-    extends: Some(Extends {
-        name: "coulomb-friction",
-        starts: |v, screen| {
-            let top = screen.top_speed();
-            // A peak near zero speed may pass for a sign that changes at once.
-            let creep = if v[1] < 1e-3 * top {
-                vec![v[1], 1e-2 * top]
-            } else {
-                vec![v[1]]
-            };
-            let starts = |creep: f64| [3.0, 10.0, 40.0].map(|part| vec![v[0], 0.2 * v[0], creep, top / part]);
-            creep.into_iter().flat_map(starts).collect()
-        },
-    }),
-    starts: |screen| {
-        let top = screen.top_speed();
-        vec![
-            vec![0.0, 0.0, top / 300.0, top / 10.0],
-            vec![0.0, 0.0, top / 300.0, top / 40.0],
-        ]
-    },
-    block: |v, machine| {
-        Box::new(Stribeck {
-            level: super::motor_forces(machine, v[0]),
-            more: super::motor_forces(machine, v[1]),
-            creep: v[2],
-            fall: v[3],
-        })
-    },
-};
+    }
+}
 
 /// `-(F_c + F_s exp(-(v / fall)^2)) tanh(v / creep)`.
 #[derive(Debug)]

@@ -3,28 +3,32 @@
 use crate::base::{Base, Forces, Pair};
 use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
-pub(super) static EFFECT: Effect = Effect {
-    name: "viscous-friction",
-    family: Family::Friction,
-    channel: 0,
-    needs: Needs::Nothing,
-    meaning: "force of the guides proportional to speed",
-    parameters: &[EffectParameter {
-        name: "coefficient",
-        unit: "u s/y",
-        scale: Scale::Linear,
-    }],
-    extends: None,
-    // An axis has viscous friction of its own.
-    starts: |screen| {
-        if !matches!(screen.base, Base::Axis(_)) {
-            vec![vec![0.0]]
-        } else {
-            vec![]
-        }
-    },
-    block: |v, machine| Box::new(Viscous(super::motor_forces(machine, v[0]))),
-};
+pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+
+const fn at<const CHANNEL: usize>() -> Effect {
+    Effect {
+        name: "viscous-friction",
+        family: Family::Friction,
+        channel: CHANNEL,
+        needs: Needs::motor(CHANNEL),
+        meaning: "force of the guides proportional to speed",
+        parameters: &[EffectParameter {
+            name: "coefficient",
+            unit: "u s/y",
+            scale: Scale::Linear,
+        }],
+        extends: None,
+        // An axis has viscous friction of its own.
+        starts: |screen| {
+            if !matches!(screen.base, Base::Axis(_)) {
+                vec![vec![0.0]]
+            } else {
+                vec![]
+            }
+        },
+        block: |v, machine| Box::new(Viscous(super::motor_forces(machine, CHANNEL, v[0]))),
+    }
+}
 
 #[derive(Debug)]
 struct Viscous(Pair);

@@ -1,6 +1,6 @@
 //! Records in motion, and a lag by hand.
 
-use super::{Pair, follow};
+use super::{Lag, Pair, delayed};
 use crate::{Axis, Base, Explained, Track};
 use experiment_data::Controller;
 use lpv_core::{Purpose, Record, RecordKind, Signals};
@@ -57,22 +57,32 @@ fn a_record_that_begins_in_motion() -> Result<(), Box<dyn std::error::Error>> {
 
 /// A lag of 0.3 behind a ramp from 2 with slope 5: `2 + 5 (t - 0.3) + (0.3 * 5 - 1) exp(-t / 0.3)` from 1.
 #[test]
-fn a_lag_behind_a_ramp() {
-    let ramp = |t: f64| -> Pair { [2.0 + 5.0 * t, 0.0] };
+fn a_lag_behind_a_ramp() -> Result<(), Box<dyn std::error::Error>> {
     let exact = |t: f64| 2.0 + 5.0 * (t - 0.3) + 0.5 * (-t / 0.3_f64).exp();
-    let mut state = [1.0, 0.0];
-    let slope = follow(&mut state, [ramp(0.0), ramp(0.2), ramp(0.4)], 0.4, 0.3);
-    assert!((state[0] - exact(0.4)).abs() < 1e-12, "{state:?}");
+    let lag = Lag::new(0.3, 0.4).ok_or("no lag")?;
+    let mut state = 1.0;
+    let slope = lag.follow(&mut state, [0.0, 0.2, 0.4].map(|t| 2.0 + 5.0 * t));
+    assert!((state - exact(0.4)).abs() < 1e-12, "{state}");
     let (n, mut mean, mut moment) = (4000, 0.0, 0.0);
     for k in 0..n {
         let s = (f64::from(k) + 0.5) / f64::from(n);
         mean += exact(0.4 * s) / f64::from(n);
         moment += exact(0.4 * s) * (s - 0.5) / f64::from(n);
     }
-    assert!((slope.mean[0] - mean).abs() < 1e-7, "{} {mean}", slope.mean[0]);
-    assert!(
-        (slope.moment[0] - moment).abs() < 1e-7,
-        "{} {moment}",
-        slope.moment[0]
-    );
+    assert!((slope.mean - mean).abs() < 1e-7, "{} {mean}", slope.mean);
+    assert!((slope.moment - moment).abs() < 1e-7, "{} {moment}", slope.moment);
+    Ok(())
+}
+
+/// A command of 1, then 3, then 7, late by 0.25 samples: over the first half of sample 2 it changes after a quarter, in the middle
+/// of the part.
+#[test]
+fn a_command_that_comes_late() {
+    let sent = |k: Option<usize>| k.map_or(0.0, |k| [1.0, 3.0, 7.0][k]);
+    let slope = delayed(sent, 2, [1.75, 2.25]);
+    assert!((slope.mean - 5.0).abs() < 1e-12, "{}", slope.mean);
+    // 4 (1 - s) s / 2 at s = 1/2.
+    assert!((slope.moment - 0.5).abs() < 1e-12, "{}", slope.moment);
+    let first = delayed(sent, 0, [-0.25, 0.25]);
+    assert!((first.mean - 0.5).abs() < 1e-12, "{}", first.mean);
 }

@@ -102,8 +102,7 @@ impl<'a> Bench<'a> {
     /// Whether the times of an effect are such as the records show.
     pub(super) fn lasts(&self, model: &Explained, i: usize) -> bool {
         let tracks = self.case.fitted;
-        let duration = |t: &Track| t.step * t.samples as f64;
-        let longest = tracks.iter().map(duration).fold(0.0, f64::max);
+        let longest = Track::longest(tracks);
         let step = tracks.first().map_or(0.0, |t| t.step);
         let (effect, values) = &model.effects[i];
         values.iter().zip(effect.parameters).all(|(v, p)| match p.scale {

@@ -72,8 +72,8 @@ impl Chosen {
         }
     }
 
-    /// Effects whose amplitudes may as well be zero, or whose times no record shows, go, the last first, and where the integration has changed also those that explain
-    /// nothing beside the others.
+    /// Effects whose amplitudes may as well be zero, or whose times no record shows, go, the last first; where the integration has
+    /// changed also those that explain nothing beside the others.
     pub(super) fn keep_what_earns(&mut self, bench: &Bench<'_>, bare: &Fitted, has_changed: bool) {
         let before = self.added.len();
         for i in (0..before).rev() {
@@ -112,9 +112,9 @@ impl Chosen {
         let own = self.added[i].effect;
         let simpler = effect.parameters.len() < own.parameters.len();
         let most = self.now.length() + if simpler { EQUAL } else { -EQUAL };
-        let refines = effect.extends.is_some_and(|x| x.name == own.name);
+        let refines = effect.refines(own);
         let worse = (there.cost - self.judged.cost) * there.samples as f64;
-        effect.name != own.name
+        !effect.is(own)
             && fit.length() < most
             && worse < SURE
             && (!refines || is_worth(there, &self.judged, without))

@@ -9,7 +9,7 @@ use crate::base::Pair;
 use crate::effect::EffectParameter;
 use crate::fit::{Explained, Fitted, Problem, Seen, deviations};
 use crate::force::prediction_errors;
-use crate::left::{Left, differences, what_is_left};
+use crate::left::{Left, what_is_left};
 use crate::track::Track;
 use crate::whiten::{LONG, SHORT, Whitening};
 use rayon::prelude::*;
@@ -59,8 +59,7 @@ impl Contest {
         };
         // What an effect explained may have been the coarse integration, or what a later one explains.
         chosen.keep_what_earns(&bench, &self.bare, finer.is_some());
-        (self.now, self.added) = (chosen.now, chosen.added);
-        self.after = bench.judge(&self.now.model);
+        (self.now, self.after, self.added) = (chosen.now, chosen.judged, chosen.added);
         // The effects are in the loop through which the noise goes now.
         let mut noise = loop_noise(bench.case, &self.now.model, LONG)?;
         let verdict = self.verdict(&bench.told(&self.now.model, &noise).1);
@@ -89,7 +88,7 @@ impl Contest {
         let machine = self.now.give_deviations(&mut self.added);
         for added in &self.added {
             let tried = self.candidates.iter_mut();
-            if let Some(last) = tried.rev().find(|t| t.effect.name == added.effect.name) {
+            if let Some(last) = tried.rev().find(|t| t.effect.is(added.effect)) {
                 last.accepted = true;
             }
         }
@@ -239,11 +238,7 @@ impl Bench<'_> {
         let Some(runs) = runs.collect::<Option<Vec<_>>>() else {
             return (Vec::new(), Vec::new());
         };
-        let errors: Vec<Vec<Pair>> = tracks
-            .iter()
-            .zip(&runs)
-            .map(|(t, run)| differences(t, run))
-            .collect();
+        let errors: Vec<Vec<Pair>> = tracks.iter().zip(&runs).map(|(t, run)| run.error(t)).collect();
         let white: Vec<Vec<f64>> = errors
             .iter()
             .map(|e| {

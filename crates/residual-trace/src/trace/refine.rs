@@ -16,13 +16,13 @@ pub(super) fn refined(
     screen: &Screen<'_>,
 ) -> Option<Vec<Explained>> {
     let (narrow, known) = bench.narrow(now, screen)?;
-    let taken = |e: &Effect| now.model.effects.iter().any(|(t, _)| t.name == e.name);
+    let taken = |e: &Effect| now.model.effects.iter().any(|(t, _)| t.is(e));
     let mut all = Vec::new();
     for (effect, rough) in finals {
         let (rest, values) = without_last(&rough.model)?;
         let finer = CATALOGUE.iter().filter(|e| !taken(e));
         for (finer, extends) in finer.filter_map(|e| e.extends.map(|x| (*e, x))) {
-            if extends.name != effect.name {
+            if !finer.refines(effect) {
                 continue;
             }
             let best = (extends.starts)(&values, screen)
@@ -49,8 +49,7 @@ pub(super) fn simplified(bench: &Bench<'_>, finals: &mut Vec<(&'static Effect, F
     else {
         return;
     };
-    let Some(extends) = best.extends else { return };
-    let simpler = CATALOGUE.iter().find(|e| e.name == extends.name);
+    let simpler = CATALOGUE.iter().find(|e| best.refines(e));
     let (Some(simpler), Some((mut start, values))) = (simpler, without_last(&fine.model)) else {
         return;
     };
@@ -77,8 +76,7 @@ pub(super) fn simpler_first(finals: &mut [(&'static Effect, Fitted, Judged)], be
     let Some((best, _, fine)) = finals.first() else {
         return;
     };
-    let Some(extends) = best.extends else { return };
-    let simpler = finals.iter().position(|(e, ..)| e.name == extends.name);
+    let simpler = finals.iter().position(|(e, ..)| best.refines(e));
     if let Some(simpler) = simpler
         && !is_worth(fine, &finals[simpler].2, before)
     {

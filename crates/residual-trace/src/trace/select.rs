@@ -4,7 +4,7 @@ use super::bench::{Bench, Candidate};
 use super::{EQUAL, Judged, Tried, decibel, refine};
 use crate::base::Base;
 use crate::catalogue::{CATALOGUE, first_of_equals};
-use crate::effect::{Effect, EffectParameter, Scale};
+use crate::effect::{Effect, EffectParameter, Family, Scale};
 use crate::fit::{Explained, Fitted};
 use crate::screen::Screen;
 use rayon::prelude::*;
@@ -31,10 +31,10 @@ pub(super) struct Selection {
 /// what its parameters cost.
 pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) -> Option<Selection> {
     let screen = bench.look(base, now)?;
-    let taken: Vec<&str> = now.model.effects.iter().map(|(e, _)| e.name).collect();
+    let taken = |e: &Effect| now.model.effects.iter().any(|(t, _)| t.is(e));
     let mut found: Vec<Candidate> = CATALOGUE
         .iter()
-        .filter(|e| e.suits(base) && !taken.contains(&e.name))
+        .filter(|e| e.suits(base) && !taken(e))
         .flat_map(|e| (e.starts)(&screen).into_iter().map(|v| (*e, v)))
         .collect::<Vec<_>>()
         .into_par_iter()
@@ -43,7 +43,7 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
     found.sort_by(|a, b| b.predicted.total_cmp(&a.predicted));
     let mut screened: Vec<Candidate> = Vec::new();
     for candidate in found {
-        if screened.iter().all(|c| c.effect.name != candidate.effect.name) {
+        if !screened.iter().any(|c| c.effect.is(candidate.effect)) {
             screened.push(candidate);
         }
     }
@@ -88,7 +88,7 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
 impl Selection {
     /// How each effect did beside those of `now`, without which the cost on the judged records was `before`.
     pub(super) fn tried(&self, bench: &Bench<'_>, now: &Fitted, before: f64) -> Vec<Tried> {
-        let full = |effect: &Effect| self.finals.iter().find(|(e, ..)| e.name == effect.name);
+        let full = |effect: &Effect| self.finals.iter().find(|(e, ..)| e.is(effect));
         let tried = |effect: &'static Effect, start: Option<&Explained>| {
             let fitted = full(effect);
             let cost = match (fitted, start) {
@@ -104,12 +104,12 @@ impl Selection {
                 accepted: false,
             }
         };
-        let looked_at = |e: &Effect| self.screened.iter().any(|c| c.effect.name == e.name);
+        let looked_at = |e: &Effect| self.screened.iter().any(|c| c.effect.is(e));
         // Refinements come without a look.
         let finer = self.finals.iter().filter(|(e, ..)| !looked_at(e));
         let mut all: Vec<Tried> = Vec::new();
         for (effect, ..) in finer {
-            if all.iter().all(|t| t.effect.name != effect.name) {
+            if !all.iter().any(|t| t.effect.is(effect)) {
                 all.push(tried(effect, None));
             }
         }
@@ -120,7 +120,7 @@ impl Selection {
     /// The best one, and what is worse by how much on the judged records.
     pub(super) fn best(&self) -> Option<(&Final, Option<(&'static Effect, f64)>)> {
         let best = self.finals.first()?;
-        let next = self.finals.iter().find(|(e, ..)| e.name != best.0.name);
+        let next = self.finals.iter().find(|(e, ..)| !e.is(best.0));
         let runner_up = next.map(|(e, _, j)| (*e, decibel(j.cost / best.2.cost)));
         Some((best, runner_up))
     }
@@ -145,7 +145,11 @@ fn is_possible(bench: &Bench<'_>, model: &Explained, screen: &Screen<'_>) -> boo
     let Some((effect, values)) = model.effects.last() else {
         return true;
     };
-    let travelled = |(v, p): (&f64, &EffectParameter)| p.scale != Scale::Wavelength || *v <= screen.travel();
+    let travel = match effect.family {
+        Family::Sensor => screen.measured_travel(effect.channel),
+        _ => screen.travel(effect.channel),
+    };
+    let travelled = |(v, p): (&f64, &EffectParameter)| p.scale != Scale::Wavelength || *v <= travel;
     effect.allows(values)
         && values.iter().zip(effect.parameters).all(travelled)
         && bench.lasts(model, model.effects.len() - 1)

@@ -16,6 +16,8 @@ pub struct Screen<'a> {
     pub tracks: &'a [Track],
     /// Motions of the present model, by record and sample.
     pub motions: Vec<Vec<Motion>>,
+    /// Steps of the grids on which readings lie, by output; zero where they lie on none.
+    pub resolution: Pair,
     pub(crate) controller: &'a ControllerState,
     pub(crate) whitening: &'a Whitening,
     pub(crate) known: Option<Known>,
@@ -63,10 +65,12 @@ impl Screen<'_> {
         largest_span(records.map(|record| record.iter().map(|m| m.motor_position[motor])))
     }
 
-    /// Largest travel of what a sensor measures in a record.
-    pub fn measured_travel(&self, output: usize) -> f64 {
+    /// Shortest and longest periods that the readings of a sensor show: two steps of their grid, and their largest travel in a
+    /// record.
+    pub fn periods(&self, output: usize) -> (f64, f64) {
         let records = self.tracks.iter();
-        largest_span(records.map(|track| track.outputs.iter().map(|y| y[output])))
+        let travel = largest_span(records.map(|track| track.outputs.iter().map(|y| y[output])));
+        (2.0 * self.resolution[output], travel)
     }
 
     /// Largest speed of a motor.

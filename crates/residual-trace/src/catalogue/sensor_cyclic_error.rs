@@ -33,8 +33,8 @@ const fn at<const CHANNEL: usize>() -> Effect {
         ],
         extends: None,
         starts: |screen| {
-            let travel = screen.measured_travel(CHANNEL);
-            super::pitches(screen, (travel, 1e-3 * travel), |pitch| {
+            let (shortest, travel) = screen.periods(CHANNEL);
+            super::pitches(screen, (travel, f64::max(1e-3 * travel, shortest)), |pitch| {
                 let one = |phase: f64| {
                     Trial::Outputs(screen.signal(|track, k, _| {
                         let mut error = [0.0; 2];

@@ -2,6 +2,7 @@
 
 use super::{Case, ITERATIONS, Judged};
 use crate::base::Base;
+use crate::catalogue::quantization;
 use crate::effect::{Effect, Scale};
 use crate::fit::{Explained, Fitted, Grain, Problem, Seen, squares};
 use crate::screen::{Known, Quick, Screen};
@@ -51,6 +52,7 @@ impl<'a> Bench<'a> {
             base,
             tracks,
             motions: Vec::new(),
+            resolution: [0.0; 2],
             controller: self.case.controller,
             whitening: &self.whitening,
             known: None,
@@ -62,6 +64,7 @@ impl<'a> Bench<'a> {
     pub(super) fn look(&'a self, base: &'a Base, fitted: &Fitted) -> Option<Screen<'a>> {
         let mut screen = self.screen(base, self.case.fitted);
         screen.motions = self.problem().motions(&fitted.model)?;
+        screen.resolution = quantization::steps(self.case.fitted).map(|(step, _)| step);
         let rough = self.problem().rough(&fitted.model)?;
         screen.known = Some(Known::new(&fitted.columns, &fitted.residual, rough));
         Some(screen)

@@ -140,17 +140,18 @@ fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)]) {
 }
 
 /// Whether the last effect is one with the values that were found, and repeats along a record: less of a wave passes for any force
-/// that changes slowly.
+/// that changes slowly, and rounding for a wave as long as its step.
 fn is_possible(bench: &Bench<'_>, model: &Explained, screen: &Screen<'_>) -> bool {
     let Some((effect, values)) = model.effects.last() else {
         return true;
     };
-    let travel = match effect.family {
-        Family::Sensor => screen.measured_travel(effect.channel),
-        _ => screen.travel(effect.channel),
+    let (shortest, longest) = match effect.family {
+        Family::Sensor => screen.periods(effect.channel),
+        _ => (0.0, screen.travel(effect.channel)),
     };
-    let travelled = |(v, p): (&f64, &EffectParameter)| p.scale != Scale::Wavelength || *v <= travel;
+    let is_seen =
+        |(v, p): (&f64, &EffectParameter)| p.scale != Scale::Wavelength || (*v >= shortest && *v <= longest);
     effect.allows(values)
-        && values.iter().zip(effect.parameters).all(travelled)
+        && values.iter().zip(effect.parameters).all(is_seen)
         && bench.lasts(model, model.effects.len() - 1)
 }

@@ -1,14 +1,16 @@
-"""Weights of a basis at 21 positions, weighted by the covariance of the FRF: numpy, `lstsq` or a batched QR."""
+"""Weights of a basis at 21 positions, weighted by the covariance of the FRF: numpy, by `lstsq`, a batched QR or normal equations."""
 
 import sys
 
 import numpy as np
-from peer import complex_, real, serve
+from peer import complex_, serve
 
 P, N = 21, 16
 frf, basis = complex_("frf", P, -1, 2, 2), complex_("basis", -1, N)
 noise, factor = complex_("noise", P, -1, 2, 2), complex_("factor", P, -1, 2, 2)
 L = basis.shape[0]
+# Lines along the last axis.
+phi = np.ascontiguousarray(basis.T)
 
 
 def rows(p):
@@ -24,27 +26,79 @@ def rows(p):
     return np.concatenate([matrix.real, matrix.imag]), np.concatenate([target.real, target.imag])
 
 
-def lstsq():
-    return np.stack([np.linalg.lstsq(*rows(p), rcond=None)[0] for p in range(P)])
+def lstsq(p):
+    return np.linalg.lstsq(*rows(p), rcond=None)[0].reshape(N, 2, 2)
 
 
-def qr():
-    out = []
-    for p in range(P):
-        matrix, target = rows(p)
-        # One triangle of all rows from those of blocks of them, as a batch.
-        both = np.column_stack([matrix, target])
-        blocks = np.linalg.qr(both.reshape(8, -1, both.shape[1]), mode="r")
-        r = np.linalg.qr(blocks.reshape(-1, both.shape[1]), mode="r")
-        out.append(np.linalg.solve(r[:-1, :-1], r[:-1, -1]))
-    return np.stack(out)
+def inverse_cholesky(m):
+    """L^-1 of m = L L^H, 2x2, by its entries (0,0), (1,0), (1,1)."""
+    a = 1 / np.sqrt(m[0, 0].real)
+    low = m[1, 0] * a
+    d = 1 / np.sqrt(m[1, 1].real - abs(low) ** 2)
+    return {(0, 0): a, (1, 0): -low * a * d, (1, 1): d}
 
 
-weights = {"lstsq": lstsq, "qr": qr}[sys.argv[3]]
+def triangle(columns):
+    """R of the QR factorisation of a tall matrix given by its columns, as a batch of blocks that fit the cache."""
+    count = columns.shape[1]
+    blocks = max(count // 2048, 1)
+    size = count // blocks
+    stack = columns[:, : blocks * size].reshape(len(columns), blocks, size).transpose(1, 2, 0)
+    r = np.linalg.qr(stack, mode="r").reshape(-1, len(columns))
+    return np.linalg.qr(np.concatenate([r, columns[:, blocks * size :].T]), mode="r")
+
+
+def qr(p):
+    """The factors of the covariance are triangular, so a whitened channel holds only some of the weights."""
+    f = np.ascontiguousarray(np.moveaxis(frf[p], 0, -1))
+    left, right = (inverse_cholesky(np.moveaxis(m[p], 0, -1)) for m in (noise, factor))
+    whole = []
+    for i in range(2):
+        for j in range(2):
+            columns, rows, target = [], [], 0
+            for a in range(i + 1):
+                for b in range(j + 1):
+                    weight = left[i, a] * np.conj(right[j, b])
+                    rows.append(weight * phi)
+                    columns += range((2 * a + b) * N, (2 * a + b + 1) * N)
+                    target = target + weight * f[a, b]
+            rows = np.concatenate([*rows, target[None]])
+            part = np.zeros((len(rows), 4 * N + 1))
+            part[:, [*columns, 4 * N]] = triangle(rows.view(float))
+            whole.append(part)
+    r = np.linalg.qr(np.concatenate(whole), mode="r")
+    return np.linalg.solve(r[:-1, :-1], r[:-1, -1]).reshape(2, 2, N).transpose(2, 0, 1)
+
+
+def inverse(m):
+    """Of 2x2 matrices, lines along the last axis."""
+    (a, b), (c, d) = np.moveaxis(m, 0, -1)
+    return np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+
+
+def normal(p):
+    """Sums of products, whose condition is the square of that of the equations: C^-1 on the left of F, S^-1 on its right."""
+    f = np.moveaxis(frf[p], 0, -1)
+    left, right = inverse(noise[p]), inverse(factor[p])
+    gram, sums = np.empty((4, N, 4, N)), np.empty((4, N))
+    target = np.einsum("ikl,kml,mjl->ijl", left, f, right)
+    for row in range(4):
+        i, j = divmod(row, 2)
+        sums[row] = (phi.conj() @ target[i, j]).real
+        for column in range(row + 1):
+            k, m = divmod(column, 2)
+            block = (phi.conj() * (left[i, k] * right[m, j])) @ phi.T
+            gram[row, :, column] = block.real
+            gram[column, :, row] = block.real.T
+    weights = np.linalg.solve(gram.reshape(4 * N, 4 * N), sums.reshape(4 * N))
+    return weights.reshape(2, 2, N).transpose(2, 0, 1)
+
+
+weights = {"lstsq": lstsq, "qr": qr, "normal": normal}[sys.argv[3]]
 
 
 def run():
-    return weights().reshape(P, N, 2, 2)
+    return np.stack([weights(p) for p in range(P)])
 
 
 serve(run)

@@ -78,16 +78,24 @@ fn truth(rng: &mut ChaCha8Rng) -> Result<Lfr<Discrete>, InputError> {
 }
 
 impl Case {
-    /// The problem, always the same.
+    /// The problem at 21 positions, always the same.
     ///
     /// # Errors
     /// None.
     pub fn new() -> Result<Self, InputError> {
+        Self::with_positions(POSITIONS)
+    }
+
+    /// The same at as many positions.
+    ///
+    /// # Errors
+    /// None from two positions on.
+    pub fn with_positions(positions: usize) -> Result<Self, InputError> {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let lfr = truth(&mut rng)?;
         let (mut responses, mut exact) = (Vec::new(), Vec::new());
-        for i in 0..POSITIONS {
-            let p = vec![2.0 * i as f64 / (POSITIONS - 1) as f64 - 1.0];
+        for i in 0..positions {
+            let p = vec![2.0 * i as f64 / (positions - 1) as f64 - 1.0];
             let frf = lfr.frozen(&p)?.frequency_response(&lines())?;
             let mut noisy = frf.clone();
             for k in 0..LINES {

@@ -33,7 +33,7 @@ const ROWS: [Row; 33] = [
     row(
         "/peak_rss_mib",
         "peak memory, MiB",
-        Some(Bar::AtMost(400.0)),
+        Some(Bar::AtMost(200.0)),
         Format::Fixed(0),
     ),
     row(

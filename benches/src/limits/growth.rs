@@ -81,6 +81,24 @@ fn rows<'a>(bench: &'a Bench, model: &'a StateSpace<Discrete>) -> Vec<Row<'a>> {
             Box::new(|n| works::motion(bench, n)),
         ),
         row(
+            "frequency response against lines (24 states)",
+            (10..=18).map(|i| 1 << i).collect(),
+            Some(1.05),
+            Box::new(|n| Ok(works::response(model, bench.lines_hz(n)))),
+        ),
+        row(
+            "pole fit against lines (order 12, 2x2)",
+            (9..=14).map(|i| 1 << i).collect(),
+            Some(1.05),
+            Box::new(|n| works::poles(bench, n)),
+        ),
+        row(
+            "two steps of an LFR refinement against positions (8 states, 5 deltas, 160 lines)",
+            vec![21, 66, 210],
+            Some(1.05),
+            Box::new(works::refinement_at),
+        ),
+        row(
             "responses of a bundle on disk against its MB (NPZ, two positions, periods of 32,768 samples)",
             vec![200, 400, 800, 1500, 3000, 6000, 10_400],
             Some(1.05),

@@ -8,6 +8,7 @@ use lpv_benches::{Bench, accumulator};
 use lpv_core::nalgebra::{Complex, DMatrix, DVector};
 use lpv_core::{Discrete, Frf, FrfEstimate, PeriodBlock, StateSpace};
 use lpv_ident::{RegressionSettings, regress};
+use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, Weighting, fit};
 use std::hint::black_box;
 use std::ops::Range;
 use std::time::Instant;
@@ -178,6 +179,29 @@ pub(crate) fn response(model: &StateSpace<Discrete>, lines: Vec<f64>) -> Work<'_
         black_box(model.frequency_response(&lines)?);
         Ok(())
     })
+}
+
+/// Poles of a model of order 12, whose response is exact.
+pub(crate) fn poles(bench: &Bench, lines: usize) -> Result<Work<'_>, Failure> {
+    let frf = bench
+        .large_model(14)?
+        .frequency_response(&bench.lines_hz(lines))?;
+    let estimate = FrfEstimate::with_unit_covariance(frf, None)?;
+    let settings = PoleFitSettings::new(12)
+        .integrators(Integrators::Fixed(2))
+        .numerator(NumeratorDegree::StrictlyProper)
+        .weighting(Weighting::Relative)
+        .check()?;
+    Ok(Box::new(move || {
+        black_box(fit(&estimate, bench.clock, &settings)?);
+        Ok(())
+    }))
+}
+
+/// Two steps of a refinement at as many positions.
+pub(crate) fn refinement_at<'a>(positions: usize) -> Result<Work<'a>, Failure> {
+    let case = Case::with_positions(positions)?;
+    Ok(Box::new(move || refinement(&case, 2)?()))
 }
 
 /// So many steps of a refinement: the Jacobian at all lines, compressed by orthogonal transformations, and the trials of each.

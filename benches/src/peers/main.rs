@@ -136,6 +136,9 @@ fn compare(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(other) = arguments.only.iter().find(|o| !names.contains(&o.as_str())) {
         return Err(format!("there is no work `{other}`; --only takes {}", names.join(", ")).into());
     }
+    if arguments.bless && !arguments.only.is_empty() {
+        return Err("the page has the rows of all works: leave out --only, or --bless and read target/peers/performance.md".into());
+    }
     let is_wanted = |name: &str| arguments.only.is_empty() || arguments.only.iter().any(|o| o == name);
     let folder = std::path::absolute(&arguments.output)?;
     std::fs::create_dir_all(&folder)?;

@@ -116,6 +116,7 @@ pub(crate) const WORKS: [Work; 8] = [
         peers: &[
             python("numpy (lstsq)", "regression_numpy.py", "lstsq", 20.0),
             python("numpy (batched QR)", "regression_numpy.py", "qr", 4.0),
+            python("numpy (normal equations)", "regression_numpy.py", "normal", 4.0),
         ],
         export: regression_export,
         ours: regression_ours,

@@ -67,8 +67,8 @@ pub fn diagnose(
         return match model {
             None => responses::diagnose(bundle, progress),
             Some(_) => Err(PipelineError::Structure {
-                problem: "effects are traced on the frequency responses of this bundle, which has no moves and no [controller], from a \
-                          rigid axis: leave out --model",
+                problem: "effects are traced on the frequency responses of this bundle, which has no moves, from a rigid axis: leave out \
+                          --model",
             }),
         };
     }

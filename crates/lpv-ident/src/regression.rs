@@ -43,7 +43,7 @@ pub struct LocalFit {
     pub equations: usize,
     /// Real unknowns at this position, the shared gains not counted.
     pub unknowns: usize,
-    /// Factorisations: one of the sums of products, or one a block of rows.
+    /// Factorisations: one of the sums of products, or one a block of rows and channel.
     pub factorisations: usize,
     /// `R11` of the whitened regressors `[Phi_W, Phi_c] = Q [R11 R12; 0 R22]`.
     pub(crate) r11: DMatrix<f64>,

@@ -19,6 +19,7 @@ pub(crate) struct Triangle {
     work: Vec<f64>,
     coefficients: Mat<f64>,
     scratch: MemBuffer,
+    factorisations: usize,
 }
 
 impl Triangle {
@@ -32,7 +33,13 @@ impl Triangle {
             work: vec![0.0; stride * columns],
             coefficients: Mat::zeros(panel, columns),
             scratch: MemBuffer::new(scratch),
+            factorisations: 0,
         }
+    }
+
+    /// How many there were.
+    pub(crate) fn factorisations(&self) -> usize {
+        self.factorisations
     }
 
     /// Rows that a block may have.
@@ -57,6 +64,7 @@ impl Triangle {
             MemStack::new(&mut self.scratch),
             Spec::default(),
         );
+        self.factorisations += 1;
         // The reflectors stand below the diagonal.
         for j in 0..n {
             self.work[j * stride + j + 1..j * stride + n].fill(0.0);

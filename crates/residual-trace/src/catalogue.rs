@@ -1,7 +1,7 @@
 //! The effects that are tried, one file each.
 //!
-//! To add one: write a file with a `static EFFECT: Effect` and its [`Block`](crate::effect::Block), and name it in
-//! [`CATALOGUE`].
+//! To add one: write a file with a `static EFFECT: Effect`, or `EFFECTS` by channel, and its [`Block`](crate::effect::Block), and
+//! name it in [`CATALOGUE`].
 
 mod abbe_offset;
 mod actuator_lag;

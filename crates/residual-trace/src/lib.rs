@@ -28,7 +28,7 @@
 //! # Words
 //!
 //! - *Base*: the machine without effects, an [`XyTable`] or an [`Axis`] from first principles, or an identified model ([`Lpv`]).
-//! - *Effect*: an entry of the [`catalogue`], one file with its parameters, its starts and its [`effect::Block`].
+//! - *Effect*: an entry of the [`catalogue`], one file with its parameters, its starts and its [`effect::Block`], at one channel.
 //! - *Judged records*: held out, never fitted. They decide whether an effect is kept, and so its gain on them is that of the best of
 //!   a few.
 //! - *Noise*: as it leaves the loop; the controller feeds back what the sensors add.

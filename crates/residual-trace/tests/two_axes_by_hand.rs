@@ -26,6 +26,10 @@ struct Wrong {
     delay: f64,
     /// What its sensor drifts by, with a time constant of 3 s.
     drift: f64,
+    /// A force that does not change, N.
+    force: f64,
+    /// What its sensor reads at zero.
+    offset: f64,
 }
 
 /// A proportional and differential controller on each axis.
@@ -53,8 +57,8 @@ fn record(name: &str, rate: f64, wrong: &Wrong) -> Track {
         let t = f64::from(k) * STEP;
         let wave = |rate: f64| 0.05 * (1.0 - (rate * t).cos()) * (1.0 + 0.3 * (0.37 * rate * t).sin());
         let wanted = [wave(rate), wave(1.3 * rate)];
-        let drift = [0.0, -wrong.drift * (-t / 3.0).exp_m1()];
-        let told = [0, 1].map(|i: usize| x[i] + drift[i] + normal.sample(&mut noise));
+        let off = [0.0, wrong.offset - wrong.drift * (-t / 3.0).exp_m1()];
+        let told = [0, 1].map(|i: usize| x[i] + off[i] + normal.sample(&mut noise));
         let mut push = [0.0; 2];
         state.step(&wanted, &told, &mut push);
         for i in 0..2 {
@@ -68,13 +72,12 @@ fn record(name: &str, rate: f64, wrong: &Wrong) -> Track {
             let late = (part as f64) < wrong.delay * PARTS as f64;
             let acting = [push[0], if late { earlier[1] } else { push[1] }];
             for i in 0..2 {
-                let rubs = if i == 1 {
-                    wrong.friction * (v[i] / 1e-3).tanh()
-                } else {
-                    0.0
+                let pushed = match i {
+                    1 => wrong.force - wrong.friction * (v[i] / 1e-3).tanh(),
+                    _ => 0.0,
                 };
                 let before = v[i];
-                v[i] += STEP / PARTS as f64 * (acting[i] - rubs - DAMPING * v[i]) / MASSES[i];
+                v[i] += STEP / PARTS as f64 * (acting[i] + pushed - DAMPING * v[i]) / MASSES[i];
                 x[i] += STEP / PARTS as f64 * 0.5 * (before + v[i]);
             }
         }
@@ -141,6 +144,19 @@ fn finds(wrong: &Wrong, name: &str, truth: f64) {
 #[test]
 fn nothing_where_nothing_is_wrong() {
     assert_eq!(find(&Wrong::default()).verdict, Verdict::NothingMissing);
+}
+
+/// No effect of the catalogue, and no wave so long, or drift so quick, that it looks like one.
+#[test]
+fn a_constant_force_and_an_offset_have_no_name() {
+    for (force, offset) in [(0.3, 0.0), (0.0, 2e-4)] {
+        let found = find(&Wrong {
+            force,
+            offset,
+            ..Wrong::default()
+        });
+        assert_eq!(found.verdict, Verdict::Unexplained, "{:?}", found.added);
+    }
 }
 
 #[test]

@@ -22,13 +22,11 @@ const NOISE: f64 = 1.1;
 /// Noise over the size of a response from which nothing can be judged by it.
 const MOSTLY: f64 = 0.5;
 
-/// Whether effects are traced on the responses of the bundle: it has no controller, one input, no scheduling, and periodic records
-/// only.
+/// Whether effects are traced on the responses of the bundle: it has one input, no scheduling, and periodic records only.
 pub(crate) fn is_traced_on_responses(bundle: &Bundle) -> bool {
     let description = bundle.description();
     let periodic = |r: &experiment_data::RecordEntry| r.is_periodic();
-    description.controller.is_none()
-        && description.channels.input.len() == 1
+    description.channels.input.len() == 1
         && description.channels.scheduling.is_empty()
         && description.records.iter().all(periodic)
 }

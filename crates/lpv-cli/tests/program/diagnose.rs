@@ -200,6 +200,18 @@ fn a_model_with_effects_on_responses_is_validated() {
         assert!((error / told - 1.0).abs() < 1e-3, "{output}: {error} {told}");
     }
     assert!(checked["notes"].to_string().contains("with its effects"));
+    // It is no base to start from.
+    let words = [
+        "diagnose".as_ref(),
+        folder.as_ref(),
+        "--model".as_ref(),
+        "found/model.json".as_ref(),
+        "-o".as_ref(),
+        "other".as_ref(),
+    ];
+    let out = desk.program(&words).output().unwrap();
+    assert_eq!(out.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&out.stderr).contains("leave out --model"));
 }
 
 /// The model of a machine as it was, given to the diagnosis of the machine as it became: the effect is found without any

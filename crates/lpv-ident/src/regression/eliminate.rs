@@ -204,7 +204,7 @@ pub(super) fn eliminate(equations: &Equations<'_>) -> Result<Eliminated, IdentEr
         .collect();
 
     let mut whole = Triangle::new(columns, (2 * block).max(columns));
-    let mut stacked = 0;
+    let (mut stacked, mut factorisations) = (0, 0);
     for channel in channels(estimate, lines.clone(), position, settings)? {
         let own = channel.columns(rigid_terms, ny, nu, ng);
         let rows = Rows {
@@ -223,6 +223,7 @@ pub(super) fn eliminate(equations: &Equations<'_>) -> Result<Eliminated, IdentEr
         }
         let mut triangle = Triangle::new(own.len(), 2 * block);
         rows.absorb_into(&mut triangle, lines.len(), block);
+        factorisations += triangle.factorisations();
         // Columns that the channel does not have are zero in its rows.
         let below = stacked..stacked + own.len();
         for j in 0..columns {
@@ -241,7 +242,7 @@ pub(super) fn eliminate(equations: &Equations<'_>) -> Result<Eliminated, IdentEr
         r: DMatrix::from_fn(columns, columns, |i, j| whole.column(j)[i]),
         unknowns,
         equations: 2 * ny * nu * lines.len(),
-        factorisations: lines.len().div_ceil(block),
+        factorisations: factorisations + whole.factorisations(),
     })
 }
 

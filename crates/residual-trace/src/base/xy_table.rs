@@ -47,7 +47,8 @@ impl XyTable {
         let beam = total - carriage;
         if !(carriage > 0.0 && beam > 0.0 && inertia > 0.0) {
             return Err(TraceError::NoBase {
-                why: "[geometry] force_from_input is not the decoupling of a carriage on a beam: its masses are not positive",
+                why: "[geometry] force_from_input is not the decoupling of a carriage on a beam: its masses are not positive; \
+                      the first input and output are those of the translation, the second those of the rotation",
             });
         }
         // The geometry tells the sum of the inertias only.

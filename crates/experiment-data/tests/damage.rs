@@ -4,7 +4,7 @@
 //! printed; a panic of our own would be seen there too.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests, too
 
-#[path = "broken/hdf5.rs"]
+#[path = "all/broken/hdf5.rs"]
 mod hdf5;
 
 use experiment_data::{list_columns, read_columns};

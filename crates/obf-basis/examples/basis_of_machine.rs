@@ -1,7 +1,7 @@
 //! Basis poles for a machine whose resonances move: the fuzzy search on 21 positions, then the direct minimax
 //! descent on a dense set, judged on the dense set.
 
-#[path = "../tests/machine/mod.rs"]
+#[path = "../tests/all/machine/mod.rs"]
 mod machine;
 
 use lpv_core::Discrete;

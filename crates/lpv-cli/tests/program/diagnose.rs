@@ -201,7 +201,7 @@ fn a_model_with_effects_on_responses_is_validated() {
     }
     assert!(checked["notes"].to_string().contains("with its effects"));
     // It is no base to start from.
-    let words = [
+    let words: [&OsStr; 6] = [
         "diagnose".as_ref(),
         folder.as_ref(),
         "--model".as_ref(),

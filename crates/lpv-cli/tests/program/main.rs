@@ -4,6 +4,7 @@
 #![allow(clippy::panic, reason = "a model of the wrong kind must fail the test")]
 
 mod bad_input;
+mod common;
 mod convert;
 mod diagnose;
 mod help;
@@ -13,11 +14,10 @@ mod inspect;
 mod new;
 mod python;
 mod report;
+mod simulate;
 mod small;
+mod tutorial;
 mod validate;
 
-#[path = "../common/mod.rs"]
-mod common;
-
-#[path = "../../../experiment-data/tests/broken/mod.rs"]
+#[path = "../../../experiment-data/tests/all/broken/mod.rs"]
 mod broken;

@@ -1,0 +1,13 @@
+//! All tests of the crate that go through its public functions.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // helpers of tests, too
+
+mod bad_input;
+mod broken;
+mod common;
+mod foreign_files;
+mod foreign_tables;
+mod odd_and_fine;
+mod round_trips;
+mod schema;
+mod shared_data;

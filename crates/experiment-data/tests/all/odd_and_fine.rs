@@ -1,0 +1,135 @@
+//! Bundles that are odd and fine, and errors as types; what is refused stands in tests/all/broken.
+use crate::common::{self, Small, TOML, csv, csv_with};
+use experiment_data::{Bundle, DataError, DescriptionError, RecordError};
+
+#[test]
+fn the_correct_one_opens_by_folder_and_by_file() {
+    let small = Small::new();
+    let bundle = small.open().unwrap();
+    assert_eq!(bundle.len(), 2);
+    let c = bundle.description().controller.as_ref().unwrap();
+    assert_eq!(c.reference_numerator, [[1.0, -0.5], [1.0, -0.5]]);
+    assert_eq!(c.feedback_numerator, [[1.0, -0.5], [2.0, 0.0]]);
+    let record = bundle.load(0).unwrap();
+    assert_eq!(record.name, "grid");
+    assert_eq!(record.position, Some(0.25));
+    assert_eq!(record.outputs.columns[0][3], 2.0 * common::value("y1", 3));
+    let other = Bundle::open(&small.path().join("experiment.toml")).unwrap();
+    let record = other.load(1).unwrap();
+    assert_eq!((record.position, record.injection.columns[0][7]), (None, 3.0));
+    assert!(matches!(
+        other.load(2),
+        Err(DataError::Index { index: 2, records: 2 })
+    ));
+    // A byte order mark of some editors is no trouble.
+    small.put("experiment.toml", format!("\u{feff}{TOML}"));
+    assert!(small.open().is_ok());
+}
+
+#[test]
+fn a_file_that_goes_after_opening_is_named() {
+    let small = Small::new();
+    let bundle = small.open().unwrap();
+    std::fs::remove_file(small.path().join("records/grid.csv")).unwrap();
+    let text = bundle.load(0).unwrap_err().to_string();
+    assert!(
+        text.contains("records[0].file") && text.contains("does not exist"),
+        "{text}"
+    );
+}
+
+#[test]
+fn csv_that_is_odd_and_fine() {
+    let small = Small::new();
+    let plain = small.open().unwrap().load(0).unwrap();
+    small.put(
+        "records/grid.csv",
+        format!(
+            "\u{feff}{}",
+            csv().replace('\n', "\r\n").replacen("u1,u2", "\"u1\" , u2", 1)
+        ),
+    );
+    assert_eq!(small.open().unwrap().load(0).unwrap(), plain);
+    // A text column that nobody asked for is not looked at.
+    let with_text: String = csv()
+        .lines()
+        .enumerate()
+        .map(|(i, l)| format!("{l},note{i}\n"))
+        .collect();
+    small.put("records/grid.csv", with_text);
+    assert_eq!(small.open().unwrap().load(0).unwrap(), plain);
+}
+
+#[test]
+fn scheduling_that_is_noise_or_may_move() {
+    let small = Small::new();
+    // Sensor noise at zero is not motion: the other record shows the range of p.
+    let noise = |k: usize| 1e-6 * ((k * 7919 % 101) as f64 - 50.0);
+    let put = |file: &str, p: &dyn Fn(usize) -> f64| {
+        small.put(
+            file,
+            csv_with(|c, k, v| if c == "p" { p(k) } else { v }.to_string()),
+        )
+    };
+    put("records/grid.csv", &noise);
+    let record = small.open().unwrap().load(0).unwrap();
+    assert!(record.position.unwrap().abs() < 1e-5);
+    put("records/move.csv", &|k| k as f64);
+    assert_eq!(small.open().unwrap().load(1).unwrap().position, None);
+}
+
+#[test]
+fn positions_may_be_declared() {
+    let small = Small::new();
+    small.edit("period = 40", "period = 40\nposition = 0.2501");
+    assert_eq!(small.open().unwrap().load(0).unwrap().position, Some(0.2501));
+    small.edit("kind = \"transient\"", "kind = \"transient\"\nposition = 0.25");
+    assert_eq!(small.open().unwrap().load(1).unwrap().position, Some(0.25));
+}
+
+#[test]
+fn a_saturation_that_is_declared_is_not_clipping() {
+    let small = Small::new();
+    let slow = |k: usize| 5.0 * (std::f64::consts::TAU * k as f64 / common::ROWS as f64).sin();
+    let cut = |c: &str, k, v: f64| {
+        if c == "u1" {
+            (slow(k) + 0.3 * v).min(2.0)
+        } else {
+            v
+        }
+    };
+    small.put("records/move.csv", csv_with(|c, k, v| cut(c, k, v).to_string()));
+    assert!(small.open().unwrap().load(1).is_err());
+    small.edit("limit = 100.0", "limit = 2.0");
+    assert!(small.open().unwrap().load(1).is_ok());
+}
+
+#[test]
+fn errors_are_typed() {
+    let small = Small::new();
+    small.edit("period = 40", "period = 60");
+    assert!(small.open().unwrap().load(0).is_ok());
+    small.edit("period = 40", "period = 70");
+    match small.open().unwrap().load(0).unwrap_err() {
+        DataError::Record { place, problem } => {
+            assert_eq!((place.index, place.file.ends_with("records/grid.csv")), (0, true));
+            assert!(matches!(
+                *problem,
+                RecordError::FewPeriods {
+                    samples: 120,
+                    period: 70
+                }
+            ));
+        }
+        other => panic!("{other}"),
+    }
+    small.put("experiment.toml", &TOML[..TOML.find("[[records]]").unwrap()]);
+    let error = small.open().unwrap_err();
+    assert!(
+        matches!(&error, DataError::Description { problem, .. } if **problem == DescriptionError::NoRecords)
+    );
+    assert!(matches!(
+        Bundle::open("nowhere".as_ref()),
+        Err(DataError::NotABundle { .. })
+    ));
+}

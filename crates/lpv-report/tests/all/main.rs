@@ -1,0 +1,4 @@
+//! All tests of the crate that go through its public functions.
+
+mod figures;
+mod page;

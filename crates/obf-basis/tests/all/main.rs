@@ -1,0 +1,7 @@
+//! All tests of the crate that go through its public functions.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up must fail")]
+
+mod basis;
+mod machine;
+mod search;

@@ -1,0 +1,6 @@
+//! All tests of the crate that go through its public functions.
+
+#![allow(clippy::unwrap_used)]
+
+mod axis_by_hand;
+mod two_axes_by_hand;

@@ -6,7 +6,7 @@ use lpv_cli::diagnose::{Diagnosed, diagnose};
 use lpv_cli::silent;
 use lpv_cli::simulate::{MachineFile, simulate};
 use lpv_report::Figure;
-use residual_trace::catalogue::CATALOGUE;
+use residual_trace::catalogue::{CATALOGUE, firsts};
 use residual_trace::effect::{Effect, Family};
 use std::fmt::Write as _;
 use std::path::Path;
@@ -33,8 +33,7 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
          these, as friction of one of two guides, is `unexplained`. A wave must be travelled once, a period fit in a record, and a drift take a sample, to be one: less passes for \
          any force or offset that is constant or changes slowly.\n",
     );
-    // The others are the same at a second place.
-    for effect in CATALOGUE.into_iter().filter(|e| e.channel == 0) {
+    for effect in firsts() {
         println!("{}", effect.name);
         let _ = write!(
             page,
@@ -50,6 +49,17 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
                 p.name,
                 if p.unit.is_empty() { "1" } else { p.unit }
             );
+        }
+        let names = |e: &Effect| {
+            e.parameters
+                .iter()
+                .map(|p| format!("`{}`", p.name))
+                .collect::<Vec<_>>()
+        };
+        let is_other = |e: &&Effect| e.name == effect.name && names(e) != names(effect);
+        if let Some(other) = CATALOGUE.into_iter().find(is_other) {
+            let names = names(other).join(", ");
+            let _ = writeln!(page, "\nWhere each input drives a motor of its own: {names}.");
         }
         if let Some(simpler) = &effect.extends {
             let _ = writeln!(page, "\nTried as a refinement of `{}`.", simpler.name);

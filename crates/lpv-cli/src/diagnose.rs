@@ -11,6 +11,7 @@ mod noise;
 mod page;
 mod responses;
 
+pub(crate) use account::placed;
 pub use account::{Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors, Tested, Value};
 pub use axis::{AxisErrors, AxisStage};
 pub(crate) use base::table;
@@ -159,7 +160,7 @@ pub fn diagnose(
 }
 
 impl Diagnosed {
-    /// The force that the base lacks over speed and position of the first motor; none of responses.
+    /// The force that the base lacks over speed and position of its motors; none of responses.
     pub fn over_motion(&self) -> Option<&Figure> {
         self.force.first()
     }
@@ -212,18 +213,26 @@ fn force_figures(
     let channels = &description.channels;
     let inputs = figures::with_units(&channels.input.columns, &channels.input.units);
     let effects = found.model.forces_along(track, &motions);
-    // The motor that an effect acts on.
-    let acts = |motor: &usize| effects.iter().any(|f| f[*motor] != 0.0);
-    let motor = (0..2).find(acts).unwrap_or(0);
-    let along = Along {
+    let along = |motor: usize| Along {
         motor,
         position: motions.iter().map(|m| m.motor_position[motor]).collect(),
         speed: motions.iter().map(|m| m.motor_speed[motor]).collect(),
         effects: effects.iter().map(|f| f[motor]).collect(),
+        unit: channels.output.units.get(motor).or(channels.output.units.first()),
     };
-    let unit = channels.output.units.get(motor).or(channels.output.units.first());
+    // The motors that effects act on; of those that are coupled the first tells enough.
+    let acts = |motor: &usize| effects.iter().any(|f| f[*motor] != 0.0);
+    let most = if found.model.base.has_motors_of_their_own() {
+        2
+    } else {
+        1
+    };
+    let mut drawn: Vec<Along> = (0..most).filter(acts).map(along).collect();
+    if drawn.is_empty() {
+        drawn.push(along(0));
+    }
     vec![
-        figures::over_motion(&along, &before, unit),
+        figures::over_motion(&drawn, &before),
         figures::force_in_time(&inputs, track.step, [&before, &after]),
     ]
 }

@@ -1,10 +1,9 @@
 //! Prints the catalogue: name, family, what it is, and its parameters. `cargo run -p residual-trace --example catalogue`
 
-use residual_trace::catalogue::CATALOGUE;
+use residual_trace::catalogue::firsts;
 
 fn main() {
-    // The others are the same at a second place.
-    for effect in CATALOGUE.into_iter().filter(|e| e.channel == 0) {
+    for effect in firsts() {
         let parameters: Vec<&str> = effect.parameters.iter().map(|p| p.name).collect();
         println!(
             "{:24} {:15} {} ({})",

@@ -219,7 +219,7 @@ impl Base {
         matches!(self, Self::XyTable(_))
     }
     /// Whether each input drives a motor of its own.
-    pub(crate) fn has_motors_of_their_own(&self) -> bool {
+    pub fn has_motors_of_their_own(&self) -> bool {
         self.commanded(0.0, [1.0, 0.0])[1] == 0.0 && self.commanded(0.0, [0.0, 1.0])[0] == 0.0
     }
     /// Inputs that do what these motor forces do.

@@ -28,11 +28,11 @@ mod stribeck_friction;
 mod viscous_friction;
 
 use crate::base::{Base, Pair};
-use crate::effect::Effect;
+use crate::effect::{ALL, Effect, EffectParameter, Scale};
 use crate::screen::{Screen, Trial};
 
 /// All effects, at each place where they may act; of two that a record cannot tell apart, the first is named.
-pub static CATALOGUE: [&Effect; 39] = [
+pub static CATALOGUE: [&Effect; 43] = [
     &coulomb_friction::EFFECTS[0],
     &coulomb_friction::EFFECTS[1],
     &stribeck_friction::EFFECTS[0],
@@ -45,8 +45,10 @@ pub static CATALOGUE: [&Effect; 39] = [
     &hysteresis::EFFECTS[1],
     &cogging::EFFECTS[0],
     &cogging::EFFECTS[1],
+    &cogging::EFFECTS[2],
     &cable_stiffness::EFFECTS[0],
     &cable_stiffness::EFFECTS[1],
+    &cable_stiffness::EFFECTS[2],
     &position_dependent_gain::EFFECTS[0],
     &position_dependent_gain::EFFECTS[1],
     &actuator_saturation::EFFECTS[0],
@@ -54,8 +56,10 @@ pub static CATALOGUE: [&Effect; 39] = [
     &motor_asymmetry::EFFECT,
     &delay::EFFECTS[0],
     &delay::EFFECTS[1],
+    &delay::EFFECTS[2],
     &actuator_lag::EFFECTS[0],
     &actuator_lag::EFFECTS[1],
+    &actuator_lag::EFFECTS[2],
     &extra_mode::EFFECTS[0],
     &extra_mode::EFFECTS[1],
     &payload::EFFECT,
@@ -74,6 +78,12 @@ pub static CATALOGUE: [&Effect; 39] = [
     &quantization::EFFECT,
 ];
 
+/// One effect of each name, that at its first place.
+pub fn firsts() -> impl Iterator<Item = &'static Effect> {
+    let is_first = |(i, e): &(usize, &Effect)| CATALOGUE[..*i].iter().all(|c| c.name != e.name);
+    CATALOGUE.into_iter().enumerate().filter(is_first).map(|(_, e)| e)
+}
+
 /// Of those in a list, the best first, that are equal to the best: the one that comes first in the catalogue leads.
 pub(crate) fn first_of_equals<T>(
     list: &mut [T],
@@ -88,6 +98,10 @@ pub(crate) fn first_of_equals<T>(
     if let Some(at) = list.iter().position(|t| effect(t).is(first)) {
         list[..=at].rotate_right(1);
     }
+}
+
+const fn parameter(name: &'static str, unit: &'static str, scale: Scale) -> EffectParameter {
+    EffectParameter { name, unit, scale }
 }
 
 /// The sign of a speed over that which creeps: its hyperbolic tangent, to the rounding of one and not of itself.
@@ -107,6 +121,9 @@ fn motor_forces(machine: &Base, channel: usize, input: f64) -> Pair {
 
 /// A value for the motors that belong to a channel, and zero for others.
 fn of_motors(machine: &Base, channel: usize, value: f64) -> Pair {
+    if channel == ALL {
+        return [value; 2];
+    }
     motor_forces(machine, channel, 1.0).map(|f| if f == 0.0 { 0.0 } else { value })
 }
 

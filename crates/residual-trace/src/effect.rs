@@ -93,6 +93,9 @@ pub struct Extends {
     pub starts: fn(&[f64], &Screen<'_>) -> Vec<Vec<f64>>,
 }
 
+/// The channel of what acts at all inputs alike, though each drives a motor of its own.
+pub const ALL: usize = 2;
+
 /// What a machine must have for an effect to be there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Needs {
@@ -100,8 +103,12 @@ pub enum Needs {
     Nothing,
     /// Two motors, inputs and outputs.
     TwoChannels,
+    /// Two motors, which every input drives together.
+    CoupledMotors,
+    /// An input of this channel that drives a motor of its own.
+    OwnMotor(usize),
     /// Two inputs, each of which drives a motor of its own.
-    SecondMotor,
+    TwoMotors,
     /// The masses and couplings of the xy-table from first principles.
     Table,
 }
@@ -111,7 +118,8 @@ impl Needs {
     pub(crate) const fn motor(channel: usize) -> Self {
         match channel {
             0 => Self::Nothing,
-            _ => Self::SecondMotor,
+            ALL => Self::TwoMotors,
+            _ => Self::OwnMotor(channel),
         }
     }
 
@@ -131,7 +139,8 @@ pub struct Effect {
     pub name: &'static str,
     /// Family.
     pub family: Family,
-    /// Channel at which it acts, counted from zero; of the inputs, for sensors of the outputs.
+    /// Channel at which it acts, counted from zero, or [`ALL`]; of the inputs, for sensors of the outputs. Where the motors are
+    /// coupled, the first stands for all.
     pub channel: usize,
     /// What the machine must have.
     pub needs: Needs,
@@ -163,7 +172,9 @@ impl Effect {
         match self.needs {
             Needs::Nothing => true,
             Needs::TwoChannels => base.channels() > 1,
-            Needs::SecondMotor => base.has_motors_of_their_own() && base.channels() > 1,
+            Needs::CoupledMotors => !base.has_motors_of_their_own(),
+            Needs::OwnMotor(channel) => base.has_motors_of_their_own() && channel < base.channels(),
+            Needs::TwoMotors => base.has_motors_of_their_own() && base.channels() > 1,
             Needs::Table => base.is_table(),
         }
     }

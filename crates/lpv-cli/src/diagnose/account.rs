@@ -23,7 +23,7 @@ pub struct Diagnosis {
     pub effects: Vec<FoundEffect>,
     /// Deviation of the noise of one sample as it leaves the loop, by output.
     pub noise_floor: BTreeMap<String, f64>,
-    /// Errors on the judged records without effects.
+    /// Errors on the judged records of the base without effects, fitted to the same records.
     pub before: Errors,
     /// The same with them.
     pub after: Errors,
@@ -236,7 +236,7 @@ impl Diagnosis {
                     channel: channel(t.effect, bundle),
                     held_out_gain_db: t.gain_db,
                     accepted: t.accepted,
-                    beside: t.beside.iter().map(|e| e.name.to_owned()).collect(),
+                    beside: t.beside.iter().map(|e| placed(e, bundle)).collect(),
                     fitted: t.fitted,
                 })
                 .collect(),
@@ -354,19 +354,22 @@ impl Diagnosis {
     }
 }
 
-/// Channels at which an effect may act.
-pub(super) fn channels_of<'a>(effect: &Effect, bundle: &'a Bundle) -> &'a [String] {
+/// The channel at which an effect acts, or all of them.
+pub(super) fn channel(effect: &Effect, bundle: &Bundle) -> String {
     let channels = &bundle.description().channels;
-    match effect.family {
+    let names = match effect.family {
         Family::Sensor => &channels.output.columns,
         _ => &channels.input.columns,
-    }
+    };
+    names
+        .get(effect.channel)
+        .cloned()
+        .unwrap_or_else(|| names.join(" and "))
 }
 
-/// The channel at which an effect acts.
-pub(super) fn channel(effect: &Effect, bundle: &Bundle) -> String {
-    let all = channels_of(effect, bundle);
-    all.get(effect.channel).cloned().unwrap_or_default()
+/// An effect beside others at other channels, in words.
+pub(crate) fn placed(effect: &Effect, bundle: &Bundle) -> String {
+    format!("{} at {}", effect.name, channel(effect, bundle))
 }
 
 /// The unit of a parameter from a template in `u`, `y` and `y2`: the units of the input and of the output of a channel, and of the

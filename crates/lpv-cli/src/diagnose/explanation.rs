@@ -1,12 +1,13 @@
 //! A model with the effects that were added to it, as a model file keeps it.
 
-use super::account::channels_of;
+use super::account::channel;
 use super::base::{axis_of, lpv};
 use super::{FoundEffect, Value};
 use crate::PipelineError;
 use experiment_data::Bundle;
 use lpv_core::Model;
 use residual_trace::catalogue::CATALOGUE;
+use residual_trace::effect::Effect;
 use residual_trace::{Base, Explained, table_from_geometry};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -88,21 +89,19 @@ impl Explanation {
             .iter()
             .map(|found| {
                 let mut places = CATALOGUE.into_iter().filter(|e| e.name == found.effect).peekable();
-                let first = *places.peek().ok_or(PipelineError::Structure {
+                places.peek().ok_or(PipelineError::Structure {
                     problem: "the model has an effect that the catalogue of this version does not know; diagnose the bundle again",
                 })?;
-                let channels = channels_of(first, bundle);
-                let at = channels.iter().position(|c| *c == found.channel);
-                let effect = places.find(|e| Some(e.channel) == at).ok_or(PipelineError::Structure {
+                let mut places = places.filter(|e| e.suits(&base)).peekable();
+                places.peek().ok_or(PipelineError::Structure {
+                    problem: "an effect of the model acts on what its base does not have (masses and couplings of an xy-table, or a second \
+                              motor); take it out of the file or diagnose the bundle again",
+                })?;
+                let is_there = |e: &&Effect| channel(e, bundle) == found.channel;
+                let effect = places.find(is_there).ok_or(PipelineError::Structure {
                     problem: "an effect of the model acts at a channel at which this bundle has none of its kind; name the channels of the \
                               bundle as those of the model, or diagnose the bundle again",
                 })?;
-                if !effect.suits(&base) {
-                    return Err(PipelineError::Structure {
-                        problem: "an effect of the model acts on what its base does not have (masses and couplings of an xy-table, or a second \
-                                  motor); take it out of the file or diagnose the bundle again",
-                    });
-                }
                 let value = |name: &str| {
                     found
                         .parameters

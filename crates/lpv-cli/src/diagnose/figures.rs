@@ -19,53 +19,54 @@ pub(super) fn with_units(names: &[String], units: &[String]) -> Vec<String> {
 }
 
 /// The force of a motor along a record, by sample: where the motor is, what it does there.
-pub(super) struct Along {
+pub(super) struct Along<'a> {
     pub(super) motor: usize,
     pub(super) position: Vec<f64>,
     pub(super) speed: Vec<f64>,
     /// What the effects add.
     pub(super) effects: Vec<f64>,
+    /// Of the position.
+    pub(super) unit: Option<&'a String>,
 }
 
-/// The force that the model lacks over speed and over position, with what the effects add.
-/// `unit` is that of the position.
-pub(super) fn over_motion(along: &Along, before: &EquivalentForce, unit: Option<&String>) -> Figure {
-    let [speed, position] = match unit {
-        Some(unit) if !unit.is_empty() => [
-            format!("Speed, {unit} per unit of time"),
-            format!("Position, {unit}"),
-        ],
-        _ => ["Speed", "Position"].map(String::from),
-    };
-    let which = ["first", "second"][along.motor];
-    let panel = |axis: &str, at: &[f64]| {
-        let dots = |force: &[f64]| at.iter().copied().zip(force.iter().copied()).collect();
+/// The force that the model lacks over speed and over position, motor by motor, with what the effects add.
+pub(super) fn over_motion(motors: &[Along<'_>], before: &EquivalentForce) -> Figure {
+    let mut figure = Figure::new("").columns(2).caption(
+        "Force that a motor would need beside the base model, with the parameters that it has with the effects, along the first \
+         held-out record: what the Kalman smoother finds in the record, and what the fitted effects add as forces. Effects of sensors \
+         and of timing are no such forces.",
+    );
+    for along in motors {
+        let which = ["first", "second"][along.motor];
         let measured: Vec<f64> = before.motors.iter().map(|f| f[along.motor]).collect();
-        let mut panel = Panel::new(Axis::linear(axis), Axis::linear(format!("Force, {which} motor"))).series(
-            Series::new(dots(&measured), Style::Dots)
-                .width(1.4)
-                .label("from the records")
-                .colour(Colour::Bound),
-        );
-        if along.effects.iter().any(|f| *f != 0.0) {
-            panel = panel.series(
-                Series::new(dots(&along.effects), Style::Dots)
-                    .width(1.8)
-                    .label("fitted effects")
-                    .colour(Colour::Model),
-            );
+        let [speed, position] = match along.unit {
+            Some(unit) if !unit.is_empty() => [
+                format!("Speed, {unit} per unit of time"),
+                format!("Position, {unit}"),
+            ],
+            _ => ["Speed", "Position"].map(String::from),
+        };
+        for (axis, at) in [(speed, &along.speed), (position, &along.position)] {
+            let dots = |force: &[f64]| at.iter().copied().zip(force.iter().copied()).collect();
+            let mut panel = Panel::new(Axis::linear(axis), Axis::linear(format!("Force, {which} motor")))
+                .series(
+                    Series::new(dots(&measured), Style::Dots)
+                        .width(1.4)
+                        .label("from the records")
+                        .colour(Colour::Bound),
+                );
+            if along.effects.iter().any(|f| *f != 0.0) {
+                panel = panel.series(
+                    Series::new(dots(&along.effects), Style::Dots)
+                        .width(1.8)
+                        .label("fitted effects")
+                        .colour(Colour::Model),
+                );
+            }
+            figure = figure.panel(panel);
         }
-        panel
-    };
-    Figure::new("")
-        .columns(2)
-        .panel(panel(&speed, &along.speed))
-        .panel(panel(&position, &along.position))
-        .caption(format!(
-            "Force that the {which} motor would need beside the base model, with the parameters that it has with the effects, along the \
-             first held-out record: what the Kalman smoother finds in the record, and what the fitted effects add as forces. Effects of \
-             sensors and of timing are no such forces.",
-        ))
+    }
+    figure
 }
 
 /// The equivalent force at each input over time, before and after, with two standard deviations.

@@ -1,6 +1,6 @@
 //! Diagnosis from frequency responses, of an axis with one input that has no moves.
 
-use super::account::{channel, units};
+use super::account::{channel, placed, units};
 use super::{
     Characterisation, Diagnosed, Diagnosis, Errors, Evidence, Explanation, FoundEffect, OutputError,
     ResponseErrors, Tested, Value, figures, saved,
@@ -195,7 +195,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
             .model
             .effects
             .iter()
-            .map(|(e, _)| e.name.to_owned())
+            .map(|(e, _)| placed(e, bundle))
             .collect();
         step.tried.iter().map(move |(effect, gain)| Tested {
             effect: effect.name.to_owned(),

@@ -8,7 +8,7 @@ use super::record::{Context, is_refitted};
 use super::residual::{CrossCorrelation, Whiteness};
 use super::rigid::AxisCheck;
 use super::simulate::Run;
-use crate::diagnose::is_traced_on_responses;
+use crate::diagnose::{is_traced_on_responses, placed};
 use crate::progress::{Counter, Progress};
 use crate::responses::load_records;
 use crate::signal::fit_percent;
@@ -198,7 +198,7 @@ pub fn validate(
         notes.push("one step: the level of the disturbance behind the gain was chosen on the first judged record, as no other moves".to_owned());
     }
     if let Some(effects) = effects {
-        let names: Vec<&str> = effects.effects.iter().map(|(e, _)| e.name).collect();
+        let names: Vec<String> = effects.effects.iter().map(|(e, _)| placed(e, bundle)).collect();
         let names = names.join(", ");
         notes.push(match traced {
             Some(_) => format!("the response is that of the model with its effects ({names})"),

@@ -1,10 +1,10 @@
 //! First-order lag of the amplifier.
 
 use crate::base::Pair;
-use crate::effect::{Block, Effect, EffectParameter, Family, Needs, Path, Scale};
+use crate::effect::{ALL, Block, Effect, EffectParameter, Family, Needs, Path, Scale};
 use num_complex::Complex64 as C64;
 
-pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+pub(super) static EFFECTS: [Effect; 3] = [at::<0>(), at::<1>(), at::<ALL>()];
 
 const fn at<const CHANNEL: usize>() -> Effect {
     Effect {

@@ -1,46 +1,54 @@
 //! A cable or hose between machine and ground.
 
+use super::parameter;
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, Family, Moment, Needs, Scale};
 
-pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+/// Motors that are coupled are the ends of one beam.
+pub(super) static EFFECTS: [Effect; 3] = [
+    Effect {
+        needs: Needs::CoupledMotors,
+        meaning: "spring to ground at each end of the beam, from a cable or hose",
+        parameters: &[
+            parameter("left_stiffness", "u/y", Scale::Linear),
+            parameter("right_stiffness", "u/y", Scale::Linear),
+            parameter("left_cubic", "u/y^3", Scale::Linear),
+            parameter("right_cubic", "u/y^3", Scale::Linear),
+        ],
+        starts: |_| vec![vec![0.0; 4]],
+        block: |v, machine| {
+            let unit = super::motor_forces(machine, 0, 1.0);
+            Box::new(Cable {
+                linear: [unit[0] * v[0], unit[1] * v[1]],
+                cubic: [unit[0] * v[2], unit[1] * v[3]],
+            })
+        },
+        ..at::<0>()
+    },
+    at::<0>(),
+    at::<1>(),
+];
 
 const fn at<const CHANNEL: usize>() -> Effect {
     Effect {
         name: "cable-stiffness",
         family: Family::PositionForce,
         channel: CHANNEL,
-        needs: Needs::motor(CHANNEL),
-        meaning: "spring to ground at each end of the beam, from a cable or hose",
-        parameters: &[
-            EffectParameter {
-                name: "left_stiffness",
-                unit: "u/y",
-                scale: Scale::Linear,
-            },
-            EffectParameter {
-                name: "right_stiffness",
-                unit: "u/y",
-                scale: Scale::Linear,
-            },
-            EffectParameter {
-                name: "left_cubic",
-                unit: "u/y^3",
-                scale: Scale::Linear,
-            },
-            EffectParameter {
-                name: "right_cubic",
-                unit: "u/y^3",
-                scale: Scale::Linear,
-            },
-        ],
+        needs: Needs::OwnMotor(CHANNEL),
+        meaning: "spring to ground, from a cable or hose",
+        parameters: const {
+            &[
+                parameter("stiffness", "u/y", Scale::Linear),
+                parameter("cubic", "u/y^3", Scale::Linear),
+            ]
+        },
         extends: None,
-        starts: |_| vec![vec![0.0; 4]],
+        starts: |_| vec![vec![0.0; 2]],
         block: |v, machine| {
             let unit = super::motor_forces(machine, CHANNEL, 1.0);
             Box::new(Cable {
-                linear: [unit[0] * v[0], unit[1] * v[1]],
-                cubic: [unit[0] * v[2], unit[1] * v[3]],
+                linear: unit.map(|u| u * v[0]),
+                cubic: unit.map(|u| u * v[1]),
             })
         },
     }

@@ -1,88 +1,93 @@
 //! Force periodic in the position of a motor.
 
+use super::parameter;
 use crate::base::{Forces, Pair};
 use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
-use crate::screen::Trial;
+use crate::screen::{Screen, Trial};
 use std::f64::consts::TAU;
 
-pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
-
-const fn at<const CHANNEL: usize>() -> Effect {
+/// Motors that are coupled share the pitch.
+pub(super) static EFFECTS: [Effect; 3] = [
     Effect {
-        name: "cogging",
-        family: Family::PositionForce,
-        channel: CHANNEL,
-        needs: Needs::motor(CHANNEL),
+        needs: Needs::CoupledMotors,
         meaning: "force periodic in the position of each motor",
         parameters: &[
-            EffectParameter {
-                name: "left_sine",
-                unit: "u",
-                scale: Scale::Linear,
-            },
-            EffectParameter {
-                name: "left_cosine",
-                unit: "u",
-                scale: Scale::Linear,
-            },
-            EffectParameter {
-                name: "right_sine",
-                unit: "u",
-                scale: Scale::Linear,
-            },
-            EffectParameter {
-                name: "right_cosine",
-                unit: "u",
-                scale: Scale::Linear,
-            },
-            EffectParameter {
-                name: "pitch",
-                unit: "y",
-                scale: Scale::Wavelength,
-            },
+            parameter("left_sine", "u", Scale::Linear),
+            parameter("left_cosine", "u", Scale::Linear),
+            parameter("right_sine", "u", Scale::Linear),
+            parameter("right_cosine", "u", Scale::Linear),
+            PITCH,
         ],
-        extends: None,
-        starts: |screen| {
-            // What passes within a sample is not seen.
-            let step = screen.step();
-            let range = (screen.travel(CHANNEL), screen.top_speed(CHANNEL) * step);
-            super::pitches(screen, range, |pitch| {
-                let turn = TAU / pitch;
-                let force = super::motor_forces(screen.base, CHANNEL, 1.0);
-                let one = |motor: usize, phase: f64| {
-                    Trial::Motors(screen.signal(|_, _, m| {
-                        // Mean over the sample that follows.
-                        let half = 0.5 * turn * step * m.motor_speed[motor];
-                        let mean = if half.abs() < 1e-6 { 1.0 } else { half.sin() / half };
-                        let mut f = [0.0; 2];
-                        f[motor] =
-                            force[motor] * mean * (turn * m.motor_position[motor] + half + phase).sin();
-                        f
-                    }))
-                };
-                let mut all = vec![one(0, 0.0), one(0, 0.25 * TAU)];
-                if screen.base.channels() > 1 {
-                    all.extend([one(1, 0.0), one(1, 0.25 * TAU)]);
-                }
-                all
-            })
-            .into_iter()
-            .map(|(pitch, mut v)| {
-                v.resize(4, 0.0);
-                v.push(pitch);
-                v
-            })
-            .collect()
-        },
+        starts: |screen| waves(screen, 0, &[0, 1]),
         block: |v, machine| {
-            let unit = super::motor_forces(machine, CHANNEL, 1.0);
+            let unit = super::motor_forces(machine, 0, 1.0);
             Box::new(Cogging {
                 sine: [unit[0] * v[0], unit[1] * v[2]],
                 cosine: [unit[0] * v[1], unit[1] * v[3]],
                 turn: TAU / v[4],
             })
         },
+        ..at::<0>()
+    },
+    at::<0>(),
+    at::<1>(),
+];
+
+const PITCH: EffectParameter = parameter("pitch", "y", Scale::Wavelength);
+
+const fn at<const CHANNEL: usize>() -> Effect {
+    Effect {
+        name: "cogging",
+        family: Family::PositionForce,
+        channel: CHANNEL,
+        needs: Needs::OwnMotor(CHANNEL),
+        meaning: "force periodic in the position of the motor",
+        parameters: const {
+            &[
+                parameter("sine", "u", Scale::Linear),
+                parameter("cosine", "u", Scale::Linear),
+                PITCH,
+            ]
+        },
+        extends: None,
+        starts: |screen| waves(screen, CHANNEL, &[CHANNEL]),
+        block: |v, machine| {
+            let unit = super::motor_forces(machine, CHANNEL, 1.0);
+            Box::new(Cogging {
+                sine: unit.map(|u| u * v[0]),
+                cosine: unit.map(|u| u * v[1]),
+                turn: TAU / v[2],
+            })
+        },
     }
+}
+
+/// Sines and cosines of these motors, then the pitch.
+fn waves(screen: &Screen<'_>, channel: usize, motors: &[usize]) -> Vec<Vec<f64>> {
+    // What passes within a sample is not seen.
+    let step = screen.step();
+    let range = (screen.travel(channel), screen.top_speed(channel) * step);
+    let force = super::motor_forces(screen.base, channel, 1.0);
+    let found = super::pitches(screen, range, |pitch| {
+        let turn = TAU / pitch;
+        let one = |motor: usize, phase: f64| {
+            Trial::Motors(screen.signal(|_, _, m| {
+                // Mean over the sample that follows.
+                let half = 0.5 * turn * step * m.motor_speed[motor];
+                let mean = if half.abs() < 1e-6 { 1.0 } else { half.sin() / half };
+                let mut f = [0.0; 2];
+                f[motor] = force[motor] * mean * (turn * m.motor_position[motor] + half + phase).sin();
+                f
+            }))
+        };
+        let both = |motor: &usize| [one(*motor, 0.0), one(*motor, 0.25 * TAU)];
+        motors.iter().flat_map(both).collect()
+    });
+    let start = |(pitch, mut v): (f64, Vec<f64>)| {
+        v.push(pitch);
+        v
+    };
+    found.into_iter().map(start).collect()
 }
 
 #[derive(Debug)]

@@ -7,7 +7,7 @@ pub(super) static EFFECT: Effect = Effect {
     name: "motor-asymmetry",
     family: Family::Actuator,
     channel: 0,
-    needs: Needs::TwoChannels,
+    needs: Needs::CoupledMotors,
     meaning: "left and right motors with different force constants",
     parameters: &[EffectParameter {
         name: "difference",

@@ -145,12 +145,14 @@ fn is_possible(bench: &Bench<'_>, model: &Explained, screen: &Screen<'_>) -> boo
     let Some((effect, values)) = model.effects.last() else {
         return true;
     };
-    let (shortest, longest) = match effect.family {
-        Family::Sensor => screen.periods(effect.channel),
-        _ => (0.0, screen.travel(effect.channel)),
+    let is_seen = |(v, p): (&f64, &EffectParameter)| {
+        let (shortest, longest) = match (p.scale, effect.family) {
+            (Scale::Wavelength, Family::Sensor) => screen.periods(effect.channel),
+            (Scale::Wavelength, _) => (0.0, screen.travel(effect.channel)),
+            _ => return true,
+        };
+        *v >= shortest && *v <= longest
     };
-    let is_seen =
-        |(v, p): (&f64, &EffectParameter)| p.scale != Scale::Wavelength || (*v >= shortest && *v <= longest);
     effect.allows(values)
         && values.iter().zip(effect.parameters).all(is_seen)
         && bench.lasts(model, model.effects.len() - 1)

@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, dmatrix};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
+use residual_trace::effect::ALL;
 use residual_trace::{Base, Case, Lpv, Trace, Track, Verdict, trace};
 
 const STEP: f64 = 0.01;
@@ -19,8 +20,8 @@ const DAMPING: f64 = 20.0;
 struct Wrong {
     /// Coulomb friction, N.
     friction: f64,
-    /// Of its commands, samples.
-    delay: f64,
+    /// Of the commands, by axis, samples.
+    delay: [f64; 2],
     /// What its sensor drifts by, with a time constant of 3 s.
     drift: f64,
     /// A force that does not change, N.
@@ -66,8 +67,8 @@ fn record(name: &str, rate: f64, wrong: &Wrong) -> Track {
         let earlier = *sent.last().unwrap();
         sent.push(push);
         for part in 0..PARTS {
-            let late = (part as f64) < wrong.delay * PARTS as f64;
-            let acting = [push[0], if late { earlier[1] } else { push[1] }];
+            let late = wrong.delay.map(|d| (part as f64) < d * PARTS as f64);
+            let acting = [0, 1].map(|i: usize| if late[i] { earlier[i] } else { push[i] });
             for i in 0..2 {
                 let pushed = match i {
                     1 => wrong.force - wrong.friction * (v[i] / 1e-3).tanh(),
@@ -120,15 +121,15 @@ fn find(wrong: &Wrong) -> Trace {
     .unwrap()
 }
 
-/// Finds one effect at the second channel, whose first parameter is this.
-fn finds(wrong: &Wrong, name: &str, truth: f64) {
+/// Finds one effect, at this channel, whose first parameter is this.
+fn finds(wrong: &Wrong, (name, channel): (&str, usize), truth: f64) {
     let found = find(wrong);
     let names: Vec<_> = found
         .added
         .iter()
         .map(|a| (a.effect.name, a.effect.channel))
         .collect();
-    assert_eq!(names, [(name, 1)], "{:?}", found.verdict);
+    assert_eq!(names, [(name, channel)], "{:?}", found.verdict);
     assert_eq!(found.verdict, Verdict::Explained);
     let (value, deviation) = found.added[0].values[0];
     assert!(
@@ -162,16 +163,25 @@ fn friction_of_the_second_axis() {
         friction: 1.0,
         ..Wrong::default()
     };
-    finds(&wrong, "coulomb-friction", 1.0);
+    finds(&wrong, ("coulomb-friction", 1), 1.0);
 }
 
 #[test]
 fn a_delay_of_the_second_input() {
     let wrong = Wrong {
-        delay: 0.4,
+        delay: [0.0, 0.4],
         ..Wrong::default()
     };
-    finds(&wrong, "delay", 0.4 * STEP);
+    finds(&wrong, ("delay", 1), 0.4 * STEP);
+}
+
+#[test]
+fn a_delay_of_both_inputs() {
+    let wrong = Wrong {
+        delay: [0.4; 2],
+        ..Wrong::default()
+    };
+    finds(&wrong, ("delay", ALL), 0.4 * STEP);
 }
 
 #[test]
@@ -180,5 +190,5 @@ fn a_drift_of_the_second_sensor() {
         drift: 4e-4,
         ..Wrong::default()
     };
-    finds(&wrong, "sensor-drift", 4e-4);
+    finds(&wrong, ("sensor-drift", 1), 4e-4);
 }

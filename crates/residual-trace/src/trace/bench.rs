@@ -104,12 +104,14 @@ impl<'a> Bench<'a> {
 
     /// Whether the times of an effect are such as the records show.
     pub(super) fn lasts(&self, model: &Explained, i: usize) -> bool {
+        /// Records over which what changes so slowly is a straight line, which a force may cause too.
+        const STRAIGHT: f64 = 10.0;
         let tracks = self.case.fitted;
         let longest = Track::longest(tracks);
         let step = tracks.first().map_or(0.0, |t| t.step);
         let (effect, values) = &model.effects[i];
         values.iter().zip(effect.parameters).all(|(v, p)| match p.scale {
-            Scale::Duration => *v >= step,
+            Scale::Duration => *v >= step && *v <= STRAIGHT * longest,
             Scale::Frequency => v * longest >= 1.0,
             _ => true,
         })

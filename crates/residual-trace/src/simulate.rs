@@ -1,10 +1,13 @@
 //! A base model with effects in the loop of the experiment.
 
+mod late;
+
 use crate::base::{Base, Body, Forces, MOST_STATES, Motion, Pair};
 use crate::effect::{Block, Moment};
 use crate::fit::Explained;
 use crate::track::Track;
 use experiment_data::ControllerState;
+use late::{Lag, delayed};
 
 /// Response of a closed loop to the references of a record.
 #[derive(Debug, Clone, PartialEq)]
@@ -176,7 +179,7 @@ impl Run<'_> {
         let mut controller = at_rest.map(|at_rest| track.moving.as_ref().unwrap_or(at_rest).clone());
         let bodies = self.machine.states();
         let mut x = [0.0; N];
-        body.begin(track.path[0][0], &track.start, &mut x[..bodies]);
+        self.begin(body, &mut x);
         let first = self.moment(body, &x, (0, 0), true);
         let mut from = bodies;
         for (block, states) in blocks.iter().zip(&self.own) {
@@ -251,6 +254,29 @@ impl Run<'_> {
         Some(response)
     }
 
+    /// Where the record begins; where its first reading is meant, below what the sensor adds there.
+    fn begin<const N: usize>(&self, body: &impl Body, x: &mut [f64; N]) {
+        /// Corrections of a position by the error that its sensor has there.
+        const ROUNDS: usize = 3;
+        let (track, bodies) = (self.track, self.machine.states());
+        let mut start = track.start;
+        for _ in 0..=ROUNDS {
+            body.begin(track.path[0][0], &start, &mut x[..bodies]);
+            let at = self.moment(body, x, (0, 0), true);
+            let truth = body.outputs(x, at.p);
+            let mut told = truth;
+            self.blocks.iter().for_each(|b| b.sense(&at, &mut told));
+            let is_off = |i: &usize| track.is_read[*i] && told[*i] != track.start.position[*i];
+            let off: Vec<usize> = (0..2).filter(is_off).collect();
+            if told == truth || off.is_empty() {
+                break;
+            }
+            for i in off {
+                start.position[i] = track.start.position[i] - (told[i] - truth[i]);
+            }
+        }
+    }
+
     /// One part of a sample.
     #[inline(always)]
     fn runge_kutta<const N: usize>(
@@ -321,72 +347,6 @@ impl Run<'_> {
             sample: k,
             part,
         }
-    }
-}
-
-/// A signal over one part of a sample, known by its mean and by its first moment about the middle, both over the length.
-struct Slope {
-    mean: f64,
-    moment: f64,
-}
-
-impl Slope {
-    /// The straight line with that mean and moment, at start, middle and end: what it moves in that part, it moves as far.
-    fn along(&self) -> [f64; 3] {
-        [-6.0, 0.0, 6.0].map(|ahead| self.mean + ahead * self.moment)
-    }
-}
-
-/// A first-order lag over one part of a sample.
-struct Lag {
-    /// Length of the part over the time constant.
-    rest: f64,
-    /// What is left of a gap at the end of the part, its mean over the part, and its first moment.
-    decay: f64,
-    mean: f64,
-    moment: f64,
-}
-
-impl Lag {
-    /// None without a time constant.
-    fn new(lag: f64, part: f64) -> Option<Self> {
-        let rest = part / lag;
-        let decay = (-rest).exp();
-        let mean = (1.0 - decay) / rest;
-        let moment = (1.0 - decay * (1.0 + rest)) / (rest * rest) - 0.5 * mean;
-        (lag > 0.0).then_some(Self {
-            rest,
-            decay,
-            mean,
-            moment,
-        })
-    }
-
-    /// What follows a signal; that is a straight line with the mean and the ends of its values at start, middle and end.
-    fn follow(&self, state: &mut f64, [start, middle, end]: [f64; 3]) -> Slope {
-        let (middle, rise) = ((start + 4.0 * middle + end) / 6.0, end - start);
-        // It ends behind the line by what that rises in the time of the lag.
-        let behind = rise / self.rest;
-        let gap = *state - (middle - 0.5 * rise - behind);
-        *state = middle + 0.5 * rise - behind + gap * self.decay;
-        Slope {
-            mean: middle - behind + gap * self.mean,
-            moment: rise / 12.0 + gap * self.moment,
-        }
-    }
-}
-
-/// A command that is held from sample to sample, between two times counted in samples of which the later is not after the end of
-/// sample `now`; `sent` knows it, none is before the first sample.
-fn delayed(sent: impl Fn(Option<usize>) -> f64, now: usize, [start, end]: [f64; 2]) -> Slope {
-    let at = |t: f64| sent((t >= 0.0).then_some((t as usize).min(now)));
-    // Parts are shorter than a sample: at most one change of the command lies inside.
-    let late = ((end - end.floor()) / (end - start)).clamp(0.0, 1.0);
-    let (before, after) = (at(start), at(end));
-    let change = after - before;
-    Slope {
-        mean: before + late * change,
-        moment: 0.5 * change * late * (1.0 - late),
     }
 }
 

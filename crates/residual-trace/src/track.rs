@@ -32,12 +32,16 @@ pub struct Track {
     pub(crate) bound: Pair,
     /// Where the outputs begin.
     pub(crate) start: Start,
+    /// Outputs of which that is what the sensor tells, as far as its noise lets see; else it is where the machine is.
+    pub(crate) is_read: [bool; 2],
     /// The controller at the first sample, unless it is at rest.
     pub(crate) moving: Option<ControllerState>,
 }
 
 /// Outputs over the largest of the record beyond which a simulation has lost it.
 const LOST: f64 = 1e6;
+/// Deviations of the noise within which a first reading is where the record begins.
+const SAME: f64 = 3.0;
 /// Samples that a record needs.
 const LEAST: usize = 32;
 
@@ -102,6 +106,7 @@ impl Track {
         });
         let references = pairs(&record.references.columns);
         let moving = controller.and_then(|c| c.begun(record));
+        let mut is_read = [moving.is_some(); 2];
         let mut start = Start {
             position: references[0],
             speed: [0.0; 2],
@@ -112,8 +117,12 @@ impl Track {
                 (start.position[i], start.speed[i]) = (position, rise / step);
             }
         }
+        for (i, y) in record.outputs.columns.iter().enumerate() {
+            is_read[i] |= (y[0] - start.position[i]).abs() <= SAME * roughness(y);
+        }
         Ok(Self {
             start,
+            is_read,
             moving,
             bound,
             name: record.name.clone(),
@@ -244,6 +253,13 @@ fn between(p: &[f64], step: f64, substeps: usize) -> Vec<[f64; 2]> {
         }
     }
     path
+}
+
+/// Deviation of white noise with the third differences of the first samples.
+fn roughness(y: &[f64]) -> f64 {
+    let first = y[..LEAST].windows(4);
+    let squares = first.map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).powi(2));
+    (squares.sum::<f64>() / (20.0 * (LEAST - 3) as f64)).sqrt()
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Records in motion, and a lag by hand.
 
-use super::{Lag, Pair, delayed};
+use super::Pair;
+use super::late::{Lag, delayed};
 use crate::{Axis, Base, Explained, Track};
 use experiment_data::Controller;
 use lpv_core::{Purpose, Record, RecordKind, Signals};

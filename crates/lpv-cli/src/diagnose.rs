@@ -143,7 +143,7 @@ pub fn diagnose(
         .collect();
     positions.extend(responses.iter().filter_map(FrfEstimate::position));
     let model = saved(&found.model.base, model, &found.deviations, &positions)?;
-    let mut explanation = Explanation::of_base(&found.model.base, &found.deviations);
+    let mut explanation = Explanation::of_base(&found.model.base, &found.deviations, bundle);
     explanation.effects.clone_from(&diagnosis.effects);
     let first = |i: usize| found.errors[i].first().map_or(&[][..], Vec::as_slice);
     let (step, channels) = (clock.sample_time(), &description.channels);

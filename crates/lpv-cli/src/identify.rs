@@ -379,7 +379,7 @@ fn table(bundle: &Bundle, progress: Progress<'_>) -> Result<Outcome, PipelineErr
         fit = *free;
     }
     let positions: Vec<f64> = estimates.iter().filter_map(FrfEstimate::position).collect();
-    let explanation = Explanation::of_base(&fit.base, &fit.parameter_deviations());
+    let explanation = Explanation::of_base(&fit.base, &fit.parameter_deviations(), bundle);
     reasons.extend(explanation.lines());
     let model = match &fit.base {
         Base::XyTable(table) => Model::ContinuousLpv(table.to_lpv(diagnose::range_of(&positions)?)?),

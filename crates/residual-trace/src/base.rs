@@ -47,7 +47,7 @@ pub enum Base {
 pub struct BaseParameter {
     /// Name.
     pub name: &'static str,
-    /// Unit; empty for a plain number.
+    /// Unit, empty for a plain number; `u`, `y` and `s` stand for the units of input, output and time.
     pub unit: &'static str,
     /// Value.
     pub value: f64,

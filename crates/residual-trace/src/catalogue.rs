@@ -32,7 +32,7 @@ use crate::effect::{ALL, Effect, EffectParameter, Scale};
 use crate::screen::{Screen, Trial};
 
 /// All effects, at each place where they may act; of two that a record cannot tell apart, the first is named.
-pub static CATALOGUE: [&Effect; 43] = [
+pub static CATALOGUE: [&Effect; 44] = [
     &coulomb_friction::EFFECTS[0],
     &coulomb_friction::EFFECTS[1],
     &stribeck_friction::EFFECTS[0],
@@ -62,6 +62,7 @@ pub static CATALOGUE: [&Effect; 43] = [
     &actuator_lag::EFFECTS[2],
     &extra_mode::EFFECTS[0],
     &extra_mode::EFFECTS[1],
+    &extra_mode::EFFECTS[2],
     &payload::EFFECT,
     &cubic_stiffness::EFFECT,
     &scheduling_rate::EFFECT,

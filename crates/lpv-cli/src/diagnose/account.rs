@@ -258,7 +258,7 @@ impl Diagnosis {
                 .into_iter()
                 .zip(&found.deviations)
                 .map(|(p, std)| {
-                    let value = Value::new(p.value, *std, p.unit.to_owned());
+                    let value = Value::new(p.value, *std, units(p.unit, bundle, 0));
                     (p.name.to_owned(), value)
                 })
                 .collect(),
@@ -395,6 +395,9 @@ pub(super) fn units(template: &str, bundle: &Bundle, channel: usize) -> String {
         rest = &rest[end + 1..];
     }
     out.push_str(&word(rest));
+    if out == "N s^2/m" {
+        return "kg".to_owned();
+    }
     match out.strip_prefix('(').and_then(|o| o.strip_suffix(')')) {
         Some(plain) if !plain.contains(['(', ')']) => plain.to_owned(),
         _ => out,

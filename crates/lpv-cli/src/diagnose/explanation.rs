@@ -1,6 +1,6 @@
 //! A model with the effects that were added to it, as a model file keeps it.
 
-use super::account::channel;
+use super::account::{channel, units};
 use super::base::{axis_of, lpv};
 use super::{FoundEffect, Value};
 use crate::PipelineError;
@@ -50,12 +50,15 @@ impl BaseKind {
 
 impl Explanation {
     /// A base without effects, with standard deviations of its parameters.
-    pub(crate) fn of_base(base: &Base, deviations: &[f64]) -> Self {
+    pub(crate) fn of_base(base: &Base, deviations: &[f64], bundle: &Bundle) -> Self {
         let parameters = base.parameters().into_iter().zip(deviations);
         Self {
             base: BaseKind::of(base),
             base_parameters: parameters
-                .map(|(p, std)| (p.name.to_owned(), Value::new(p.value, *std, p.unit.to_owned())))
+                .map(|(p, std)| {
+                    let value = Value::new(p.value, *std, units(p.unit, bundle, 0));
+                    (p.name.to_owned(), value)
+                })
                 .collect(),
             effects: Vec::new(),
         }

@@ -84,7 +84,7 @@ pub(super) fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagno
     for (i, deviation) in places.zip(&last.deviations) {
         deviations[i] = *deviation;
     }
-    let mut explanation = Explanation::of_base(&last.model.base, &deviations);
+    let mut explanation = Explanation::of_base(&last.model.base, &deviations, bundle);
     explanation.effects.clone_from(&diagnosis.effects);
     Ok(Diagnosed {
         model: saved(&last.model.base, None, &deviations, &[])?,
@@ -161,15 +161,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
                 channel: channel(effect, bundle),
                 parameters: parameters
                     .map(|(p, (value, std))| {
-                        let value = Value::new(
-                            *value,
-                            *std,
-                            units(
-                                if p.unit == "kg" { "u s^2/y" } else { p.unit },
-                                bundle,
-                                effect.channel,
-                            ),
-                        );
+                        let value = Value::new(*value, *std, units(p.unit, bundle, effect.channel));
                         (p.name.to_owned(), value)
                     })
                     .collect(),
@@ -227,11 +219,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
         },
         base_parameters: base
             .map(|(p, std)| {
-                let value = Value::new(
-                    p.value,
-                    *std,
-                    units(if p.name == "mass" { "u s^2/y" } else { "u s/y" }, bundle, 0),
-                );
+                let value = Value::new(p.value, *std, units(p.unit, bundle, 0));
                 (p.name.to_owned(), value)
             })
             .collect(),

@@ -62,11 +62,11 @@ impl Axis {
         };
         let offset = BaseParameter {
             held: self.linear,
-            ..parameter("offset", "N", self.offset, false)
+            ..parameter("offset", "u", self.offset, false)
         };
         vec![
-            parameter("mass", "kg", self.mass, true),
-            parameter("viscous friction", "N s/m", self.viscous, false),
+            parameter("mass", "u s^2/y", self.mass, true),
+            parameter("viscous friction", "u s/y", self.viscous, false),
             offset,
         ]
     }

@@ -1,37 +1,40 @@
 //! A resonance that the model does not have.
 
+use super::parameter;
 use crate::base::Forces;
 use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Needs, Path, Scale};
 use crate::screen::Screen;
 use num_complex::Complex64 as C64;
 use std::f64::consts::TAU;
 
-pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+/// Of coupled motors the load is a body of the machine, else what the input of the channel drives.
+pub(super) static EFFECTS: [Effect; 3] = [
+    Effect {
+        needs: Needs::CoupledMotors,
+        parameters: &[parameter("mass", "kg", Scale::NotNegative), FREQUENCY, DAMPING],
+        ..at::<0>()
+    },
+    at::<0>(),
+    at::<1>(),
+];
+
+const FREQUENCY: EffectParameter = parameter("frequency", "Hz", Scale::Frequency);
+const DAMPING: EffectParameter = parameter("damping", "", Scale::Logarithmic);
 
 const fn at<const CHANNEL: usize>() -> Effect {
     Effect {
         name: "extra-mode",
         family: Family::Structure,
         channel: CHANNEL,
-        needs: Needs::motor(CHANNEL),
+        needs: Needs::OwnMotor(CHANNEL),
         meaning: "mass on the load that swings on a spring",
-        parameters: &[
-            EffectParameter {
-                name: "mass",
-                unit: "kg",
-                scale: Scale::NotNegative,
-            },
-            EffectParameter {
-                name: "frequency",
-                unit: "Hz",
-                scale: Scale::Frequency,
-            },
-            EffectParameter {
-                name: "damping",
-                unit: "",
-                scale: Scale::Logarithmic,
-            },
-        ],
+        parameters: const {
+            &[
+                parameter("mass", "u s^2/y", Scale::NotNegative),
+                FREQUENCY,
+                DAMPING,
+            ]
+        },
         extends: Some(Extends {
             name: "payload",
             // Far below its resonance a mass on a spring is a mass.

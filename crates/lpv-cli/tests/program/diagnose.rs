@@ -251,11 +251,15 @@ fn a_model_of_a_file_is_the_base() {
     let python = desk.text("found/model.py");
     assert!(python.contains("effect1_abbe_offset_offset = np.array([[0.00"));
     assert!(python.contains("base_gain_of_the_first_input"));
-    // A time below zero, which only a hand can write.
+    // A delay of a sensor, and a time below zero, which only a hand can write.
     let mut file: serde_json::Value = serde_json::from_str(&desk.text("found/model.json")).unwrap();
     let effect = &mut file["explanation"]["effects"][0];
     effect["effect"] = "delay".into();
     effect["parameters"] = serde_json::json!({"time": {"value": -0.01, "unit": "s"}});
+    std::fs::write(desk.path("wrong.json"), file.to_string()).unwrap();
+    let said = desk.refused("validate wrong.json after");
+    assert!(said.contains("at a channel at which"), "{said}");
+    file["explanation"]["effects"][0]["channel"] = "u1".into();
     std::fs::write(desk.path("wrong.json"), file.to_string()).unwrap();
     let said = desk.refused("validate wrong.json after");
     assert!(said.contains("out of its range"), "{said}");

@@ -9,14 +9,15 @@ mod figures;
 mod left;
 mod noise;
 mod page;
+mod places;
 mod responses;
 
-pub(crate) use account::placed;
 pub use account::{Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors, Tested, Value};
 pub use axis::{AxisErrors, AxisStage};
 pub(crate) use base::table;
 pub use explanation::{BaseKind, Explanation};
 pub use left::{Characterisation, LeftTest, LeftTests};
+pub(crate) use places::placed;
 pub(crate) use responses::is_traced_on_responses;
 
 use crate::progress::Progress;

@@ -1,7 +1,7 @@
 //! A model with the effects that were added to it, as a model file keeps it.
 
-use super::account::{channel, units};
 use super::base::{axis_of, lpv};
+use super::places::{channel, units};
 use super::{FoundEffect, Value};
 use crate::PipelineError;
 use experiment_data::Bundle;

@@ -1,6 +1,6 @@
 //! Diagnosis from frequency responses, of an axis with one input that has no moves.
 
-use super::account::{channel, placed, units};
+use super::places::{channel, placed, units};
 use super::{
     Characterisation, Diagnosed, Diagnosis, Errors, Evidence, Explanation, FoundEffect, OutputError,
     ResponseErrors, Tested, Value, figures, saved,

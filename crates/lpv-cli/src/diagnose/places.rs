@@ -1,0 +1,54 @@
+//! Where effects act, in words and in units.
+
+use experiment_data::Bundle;
+use residual_trace::effect::{Effect, Family};
+
+/// The channel at which an effect acts, or all of them.
+pub(super) fn channel(effect: &Effect, bundle: &Bundle) -> String {
+    let channels = &bundle.description().channels;
+    let names = match effect.family {
+        Family::Sensor => &channels.output.columns,
+        _ => &channels.input.columns,
+    };
+    names
+        .get(effect.channel)
+        .cloned()
+        .unwrap_or_else(|| names.join(" and "))
+}
+
+/// An effect beside others at other channels, in words.
+pub(crate) fn placed(effect: &Effect, bundle: &Bundle) -> String {
+    format!("{} at {}", effect.name, channel(effect, bundle))
+}
+
+/// The unit of a parameter from a template in `u`, `y` and `y2`: the units of the input and of the output of a channel, and of the
+/// second output.
+pub(super) fn units(template: &str, bundle: &Bundle, channel: usize) -> String {
+    let channels = &bundle.description().channels;
+    let unit = |units: &[String], i: usize, name: &str| match units.get(i) {
+        Some(unit) if unit.contains(['/', ' ']) => format!("({unit})"),
+        Some(unit) if !unit.is_empty() => unit.clone(),
+        _ => name.to_owned(),
+    };
+    let word = |w: &str| match w {
+        "u" => unit(&channels.input.units, channel, "u"),
+        "y" => unit(&channels.output.units, channel, "y"),
+        "y2" => unit(&channels.output.units, 1, "y2"),
+        other => other.to_owned(),
+    };
+    let mut out = String::new();
+    let mut rest = template;
+    while let Some(end) = rest.find(['/', ' ', '^']) {
+        out.push_str(&word(&rest[..end]));
+        out.push_str(&rest[end..=end]);
+        rest = &rest[end + 1..];
+    }
+    out.push_str(&word(rest));
+    if out == "N s^2/m" {
+        return "kg".to_owned();
+    }
+    match out.strip_prefix('(').and_then(|o| o.strip_suffix(')')) {
+        Some(plain) if !plain.contains(['(', ')']) => plain.to_owned(),
+        _ => out,
+    }
+}

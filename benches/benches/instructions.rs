@@ -6,11 +6,11 @@ use frf_estimation::PeriodicAccumulator;
 use gungraun::{Callgrind, LibraryBenchmarkConfig, library_benchmark, library_benchmark_group, main};
 use lfr_realize::{CheckedRefineSettings, RefineSettings, refine};
 use lpv_benches::refinement::Case;
-use lpv_benches::{Bench, accumulator};
+use lpv_benches::{Bench, accumulator, twelve_poles};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{Discrete, FrfEstimate, PeriodBlock, StateSpace};
 use lpv_ident::{RegressionSettings, regress};
-use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, Weighting, fit};
+use pole_fit::fit;
 use std::hint::black_box;
 use xytable_plant::{MovingExperiment, MovingSettings, Noise, PlantError, Setpoints};
 
@@ -126,12 +126,7 @@ fn response(lines: usize) -> (FrfEstimate, Discrete) {
 #[library_benchmark]
 #[bench::lines_401(args = (401), setup = response)]
 fn poles((estimate, clock): (FrfEstimate, Discrete)) {
-    let settings = PoleFitSettings::new(12)
-        .integrators(Integrators::Fixed(2))
-        .numerator(NumeratorDegree::StrictlyProper)
-        .weighting(Weighting::Relative)
-        .check()
-        .unwrap();
+    let settings = twelve_poles().check().unwrap();
     black_box(fit(black_box(&estimate), clock, &settings).unwrap());
 }
 

@@ -21,6 +21,7 @@ import scipy.fft
 import scipy.linalg
 import scipy.signal
 import scipy.stats
+from factors import inverse_cholesky, triangle
 from numpy.polynomial import chebyshev
 from scipy.interpolate import CubicSpline, make_interp_spline
 
@@ -560,23 +561,6 @@ def basis_state_space(poles):
 
 
 # LPV-OBF models.
-
-
-def inverse_cholesky(m):
-    """L^-1 of m = L L^H, 2x2, by its entries (0,0), (1,0), (1,1)."""
-    a = 1 / np.sqrt(m[0, 0].real)
-    low = m[1, 0] * a
-    d = 1 / np.sqrt(m[1, 1].real - abs(low) ** 2)
-    return {(0, 0): a, (1, 0): -low * a * d, (1, 1): d}
-
-
-def triangle(rows):
-    """R of the QR factorisation of a tall matrix given by its columns, in blocks that fit the cache."""
-    columns, count = rows.shape
-    blocks = max(count // 2048, 1)
-    size = count // blocks
-    stack = np.linalg.qr(rows[:, : blocks * size].reshape(columns, blocks, size).transpose(1, 2, 0), mode="r")
-    return np.linalg.qr(np.concatenate([stack.reshape(-1, columns), rows[:, blocks * size :].T]), mode="r")
 
 
 def whitened_triangle(estimate, phi, phi_r, model_error):

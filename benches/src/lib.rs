@@ -10,6 +10,7 @@ use lpv_core::nalgebra::{DMatrix, Matrix2};
 use lpv_core::num_complex::Complex;
 use lpv_core::{CoreError, Discrete, FrfEstimate, StateSpace};
 use obf_basis::{BasisError, FkcmSettings, OrthonormalBasis, PoleSet, fkcm};
+use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, Weighting};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -44,6 +45,14 @@ pub enum InputError {
         /// Index of the line.
         line: usize,
     },
+}
+
+/// Settings of a pole fit of order twelve to a response without noise.
+pub fn twelve_poles() -> PoleFitSettings {
+    PoleFitSettings::new(12)
+        .integrators(Integrators::Fixed(2))
+        .numerator(NumeratorDegree::StrictlyProper)
+        .weighting(Weighting::Relative)
 }
 
 /// Samples a unit of time.

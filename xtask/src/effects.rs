@@ -6,7 +6,7 @@ use lpv_cli::diagnose::{Diagnosed, diagnose};
 use lpv_cli::silent;
 use lpv_cli::simulate::{MachineFile, simulate};
 use lpv_report::Figure;
-use residual_trace::catalogue::{CATALOGUE, firsts};
+use residual_trace::catalogue::KINDS;
 use residual_trace::effect::{Effect, Family};
 use std::fmt::Write as _;
 use std::path::Path;
@@ -29,11 +29,12 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
          hidden in it (`--hide NAME`), as `lpv diagnose` found it. `u`, `y` and `s` stand for the units of the input and of \
          the output of its channel and of time. Errors of sensors are tried at each output. What acts on commands, motors or guides acts \
          where the `[geometry]` of the bundle says: alike at all motors that are coupled (but cogging, cables and an asymmetry, which \
-         differ); where each input drives a motor of its own, or without a geometry, at each channel by itself. What acts on a part of \
-         these, as friction of one of two guides, is `unexplained`. A wave must be travelled once, a period fit in a record, and a drift take a sample, to be one: less passes for \
+         differ); where each input drives a motor of its own, or without a geometry, at each channel by itself, a delay and a lag also \
+         at all inputs. What acts on a part of these, as friction of one of two guides, is `unexplained`. A wave must be travelled once, a \
+         period fit in a record, and a drift take a sample and bend within ten records, to be one: less passes for \
          any force or offset that is constant or changes slowly.\n",
     );
-    for effect in firsts() {
+    for (effect, others) in KINDS.into_iter().filter_map(<[Effect]>::split_first) {
         println!("{}", effect.name);
         let _ = write!(
             page,
@@ -56,8 +57,7 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
                 .map(|p| format!("`{}`", p.name))
                 .collect::<Vec<_>>()
         };
-        let is_other = |e: &&Effect| e.name == effect.name && names(e) != names(effect);
-        if let Some(other) = CATALOGUE.into_iter().find(is_other) {
+        if let Some(other) = others.iter().find(|e| names(e) != names(effect)) {
             let names = names(other).join(", ");
             let _ = writeln!(page, "\nWhere each input drives a motor of its own: {names}.");
         }

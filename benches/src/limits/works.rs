@@ -4,11 +4,11 @@ use crate::Failure;
 use frf_estimation::PeriodicAccumulator;
 use lfr_realize::{RefineSettings, refine};
 use lpv_benches::refinement::Case;
-use lpv_benches::{Bench, accumulator};
+use lpv_benches::{Bench, accumulator, twelve_poles};
 use lpv_core::nalgebra::{Complex, DMatrix, DVector};
 use lpv_core::{Discrete, Frf, FrfEstimate, PeriodBlock, StateSpace};
 use lpv_ident::{RegressionSettings, regress};
-use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, Weighting, fit};
+use pole_fit::fit;
 use std::hint::black_box;
 use std::ops::Range;
 use std::time::Instant;
@@ -187,11 +187,7 @@ pub(crate) fn poles(bench: &Bench, lines: usize) -> Result<Work<'_>, Failure> {
         .large_model(14)?
         .frequency_response(&bench.lines_hz(lines))?;
     let estimate = FrfEstimate::with_unit_covariance(frf, None)?;
-    let settings = PoleFitSettings::new(12)
-        .integrators(Integrators::Fixed(2))
-        .numerator(NumeratorDegree::StrictlyProper)
-        .weighting(Weighting::Relative)
-        .check()?;
+    let settings = twelve_poles().check()?;
     Ok(Box::new(move || {
         black_box(fit(&estimate, bench.clock, &settings)?);
         Ok(())

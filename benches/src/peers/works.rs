@@ -4,12 +4,12 @@ mod moving;
 mod positions;
 mod refinement;
 
-use lpv_benches::{Bench, accumulator};
+use lpv_benches::{Bench, accumulator, twelve_poles};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Clock, Discrete, Frf, FrfEstimate, PeriodBlock, StateSpace};
 use lpv_ident::{RegressionSettings, regress};
-use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, Weighting, fit};
+use pole_fit::fit;
 use std::error::Error;
 use std::path::Path;
 use xytable_plant::{Experiment, ExperimentSettings, MultisineSettings};
@@ -381,11 +381,7 @@ fn poles_dsmc() -> Result<Run, Failure> {
 fn poles_ours() -> Result<Run, Failure> {
     let bench = Bench::new()?;
     let estimate = FrfEstimate::with_unit_covariance(poles_frf(&bench)?, None)?;
-    let settings = PoleFitSettings::new(12)
-        .integrators(Integrators::Fixed(2))
-        .numerator(NumeratorDegree::StrictlyProper)
-        .weighting(Weighting::Relative)
-        .check()?;
+    let settings = twelve_poles().check()?;
     Ok(Box::new(move || {
         let found = fit(&estimate, bench.clock, &settings)?;
         Ok(rows_of(&found.response(estimate.frf().frequencies_hz())?))

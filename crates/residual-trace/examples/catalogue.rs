@@ -1,9 +1,9 @@
 //! Prints the catalogue: name, family, what it is, and its parameters. `cargo run -p residual-trace --example catalogue`
 
-use residual_trace::catalogue::firsts;
+use residual_trace::catalogue::KINDS;
 
 fn main() {
-    for effect in firsts() {
+    for effect in KINDS.iter().filter_map(|kind| kind.first()) {
         let parameters: Vec<&str> = effect.parameters.iter().map(|p| p.name).collect();
         println!(
             "{:24} {:15} {} ({})",

@@ -1,7 +1,7 @@
 //! The effects that are tried, one file each.
 //!
 //! To add one: write a file with a `static EFFECT: Effect`, or `EFFECTS` by channel, and its [`Block`](crate::effect::Block), and
-//! name it in [`CATALOGUE`].
+//! name it in [`KINDS`].
 
 mod abbe_offset;
 mod actuator_lag;
@@ -30,59 +30,38 @@ mod viscous_friction;
 use crate::base::{Base, Pair};
 use crate::effect::{ALL, Effect, EffectParameter, Scale};
 use crate::screen::{Screen, Trial};
+use std::slice::from_ref;
 
-/// All effects, at each place where they may act; of two that a record cannot tell apart, the first is named.
-pub static CATALOGUE: [&Effect; 44] = [
-    &coulomb_friction::EFFECTS[0],
-    &coulomb_friction::EFFECTS[1],
-    &stribeck_friction::EFFECTS[0],
-    &stribeck_friction::EFFECTS[1],
-    &direction_dependent_friction::EFFECTS[0],
-    &direction_dependent_friction::EFFECTS[1],
-    &viscous_friction::EFFECTS[0],
-    &viscous_friction::EFFECTS[1],
-    &hysteresis::EFFECTS[0],
-    &hysteresis::EFFECTS[1],
-    &cogging::EFFECTS[0],
-    &cogging::EFFECTS[1],
-    &cogging::EFFECTS[2],
-    &cable_stiffness::EFFECTS[0],
-    &cable_stiffness::EFFECTS[1],
-    &cable_stiffness::EFFECTS[2],
-    &position_dependent_gain::EFFECTS[0],
-    &position_dependent_gain::EFFECTS[1],
-    &actuator_saturation::EFFECTS[0],
-    &actuator_saturation::EFFECTS[1],
-    &motor_asymmetry::EFFECT,
-    &delay::EFFECTS[0],
-    &delay::EFFECTS[1],
-    &delay::EFFECTS[2],
-    &actuator_lag::EFFECTS[0],
-    &actuator_lag::EFFECTS[1],
-    &actuator_lag::EFFECTS[2],
-    &extra_mode::EFFECTS[0],
-    &extra_mode::EFFECTS[1],
-    &extra_mode::EFFECTS[2],
-    &payload::EFFECT,
-    &cubic_stiffness::EFFECT,
-    &scheduling_rate::EFFECT,
-    &second_scheduling::EFFECT,
-    &periodic_disturbance::EFFECTS[0],
-    &periodic_disturbance::EFFECTS[1],
-    &abbe_offset::EFFECT,
-    &sensor_gain::EFFECTS[0],
-    &sensor_gain::EFFECTS[1],
-    &sensor_cyclic_error::EFFECTS[0],
-    &sensor_cyclic_error::EFFECTS[1],
-    &sensor_drift::EFFECTS[0],
-    &sensor_drift::EFFECTS[1],
-    &quantization::EFFECT,
+/// The effects, kind by kind, each at all places where it may act; of two that a record cannot tell apart, the first is named.
+pub static KINDS: [&[Effect]; 23] = [
+    &coulomb_friction::EFFECTS,
+    &stribeck_friction::EFFECTS,
+    &direction_dependent_friction::EFFECTS,
+    &viscous_friction::EFFECTS,
+    &hysteresis::EFFECTS,
+    &cogging::EFFECTS,
+    &cable_stiffness::EFFECTS,
+    &position_dependent_gain::EFFECTS,
+    &actuator_saturation::EFFECTS,
+    from_ref(&motor_asymmetry::EFFECT),
+    &delay::EFFECTS,
+    &actuator_lag::EFFECTS,
+    &extra_mode::EFFECTS,
+    from_ref(&payload::EFFECT),
+    from_ref(&cubic_stiffness::EFFECT),
+    from_ref(&scheduling_rate::EFFECT),
+    from_ref(&second_scheduling::EFFECT),
+    &periodic_disturbance::EFFECTS,
+    from_ref(&abbe_offset::EFFECT),
+    &sensor_gain::EFFECTS,
+    &sensor_cyclic_error::EFFECTS,
+    &sensor_drift::EFFECTS,
+    from_ref(&quantization::EFFECT),
 ];
 
-/// One effect of each name, that at its first place.
-pub fn firsts() -> impl Iterator<Item = &'static Effect> {
-    let is_first = |(i, e): &(usize, &Effect)| CATALOGUE[..*i].iter().all(|c| c.name != e.name);
-    CATALOGUE.into_iter().enumerate().filter(is_first).map(|(_, e)| e)
+/// All effects in their order.
+pub fn all() -> impl Iterator<Item = &'static Effect> {
+    KINDS.into_iter().flatten()
 }
 
 /// Of those in a list, the best first, that are equal to the best: the one that comes first in the catalogue leads.
@@ -91,7 +70,7 @@ pub(crate) fn first_of_equals<T>(
     effect: impl Fn(&T) -> &'static Effect,
     is_equal: impl Fn(&T) -> bool,
 ) {
-    let place = |e: &Effect| CATALOGUE.iter().position(|c| c.is(e));
+    let place = |e: &Effect| all().position(|c| c.is(e));
     let equals = list.iter().filter(|t| is_equal(t)).map(&effect);
     let Some(first) = equals.min_by_key(|e| place(e)) else {
         return;

@@ -143,4 +143,4 @@ pub use responses::{
 pub use screen::{Screen, Trial};
 pub use simulate::Response;
 pub use trace::{Added, Case, Judged, Trace, Tried, Verdict, sensor_noise, trace};
-pub use track::Track;
+pub use track::{Track, roughness};

@@ -2,7 +2,7 @@
 
 use crate::TraceError;
 use crate::base::{Axis, Base};
-use crate::catalogue::{CATALOGUE, first_of_equals};
+use crate::catalogue::{self, first_of_equals};
 use crate::character::Character;
 use crate::effect::{Effect, Family, Path};
 use crate::fit::{Explained, Minimum, deviations, minimum};
@@ -117,9 +117,10 @@ pub fn trace_responses(case: &ResponseCase<'_>) -> Result<Vec<ResponseStep>, Tra
     while steps.len() <= MOST {
         let before = judge(&now.0);
         let taken = |e: &Effect| now.0.effects.iter().any(|(t, _)| t.is(e));
-        let mut tried: Vec<(&'static Effect, (Explained, Minimum))> = CATALOGUE
-            .into_par_iter()
+        let mut tried: Vec<(&'static Effect, (Explained, Minimum))> = catalogue::all()
             .filter(|e| e.suits(&now.0.base) && !taken(e) && !tied.contains(&e.name))
+            .collect::<Vec<_>>()
+            .into_par_iter()
             .filter_map(|effect| {
                 starts(effect, &now.0, case.fitted)
                     .into_iter()

@@ -266,14 +266,13 @@ impl Run<'_> {
             let truth = body.outputs(x, at.p);
             let mut told = truth;
             self.blocks.iter().for_each(|b| b.sense(&at, &mut told));
-            let is_off = |i: &usize| track.is_read[*i] && told[*i] != track.start.position[*i];
-            let off: Vec<usize> = (0..2).filter(is_off).collect();
-            if told == truth || off.is_empty() {
+            let meant = track.start.position;
+            let below = |i: usize| meant[i] - if track.is_read[i] { told[i] - truth[i] } else { 0.0 };
+            let position = [0, 1].map(below);
+            if position == start.position {
                 break;
             }
-            for i in off {
-                start.position[i] = track.start.position[i] - (told[i] - truth[i]);
-            }
+            start.position = position;
         }
     }
 

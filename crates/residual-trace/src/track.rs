@@ -118,7 +118,8 @@ impl Track {
             }
         }
         for (i, y) in record.outputs.columns.iter().enumerate() {
-            is_read[i] |= (y[0] - start.position[i]).abs() <= SAME * roughness(y);
+            let rows = y[..LEAST].windows(4).map(|w| [w[0], w[1], w[2], w[3]]);
+            is_read[i] |= (y[0] - start.position[i]).abs() <= SAME * roughness(rows);
         }
         Ok(Self {
             start,
@@ -255,11 +256,12 @@ fn between(p: &[f64], step: f64, substeps: usize) -> Vec<[f64; 2]> {
     path
 }
 
-/// Deviation of white noise with the third differences of the first samples.
-fn roughness(y: &[f64]) -> f64 {
-    let first = y[..LEAST].windows(4);
-    let squares = first.map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).powi(2));
-    (squares.sum::<f64>() / (20.0 * (LEAST - 3) as f64)).sqrt()
+/// Deviation of white noise with these third differences, each of four samples in a row; zero without any.
+pub fn roughness(rows: impl Iterator<Item = [f64; 4]>) -> f64 {
+    let (sum, count) = rows.fold((0.0, 0), |(sum, count), [a, b, c, d]| {
+        (sum + (d - 3.0 * c + 3.0 * b - a).powi(2), count + 1)
+    });
+    (sum / (20.0 * f64::from(count.max(1)))).sqrt()
 }
 
 #[cfg(test)]

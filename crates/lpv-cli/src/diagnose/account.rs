@@ -1,6 +1,6 @@
 //! `diagnosis.json` and its words.
 
-use super::places::{channel, placed, units};
+use super::places::{base_parameters, channel, placed, units};
 use super::{AxisErrors, Characterisation, LeftTest, LeftTests};
 use crate::validation::{AxisCheck, ClosedLoopAxis};
 use experiment_data::Bundle;
@@ -251,17 +251,7 @@ impl Diagnosis {
                 }
                 Verdict::Explained | Verdict::NothingMissing => None,
             },
-            base_parameters: found
-                .model
-                .base
-                .parameters()
-                .into_iter()
-                .zip(&found.deviations)
-                .map(|(p, std)| {
-                    let value = Value::new(p.value, *std, units(p.unit, bundle, 0));
-                    (p.name.to_owned(), value)
-                })
-                .collect(),
+            base_parameters: base_parameters(&found.model.base, &found.deviations, bundle),
             axis: Vec::new(),
             responses: Vec::new(),
             reasons,

@@ -1,12 +1,12 @@
 //! A model with the effects that were added to it, as a model file keeps it.
 
 use super::base::{axis_of, lpv};
-use super::places::{channel, units};
+use super::places::{base_parameters, channel};
 use super::{FoundEffect, Value};
 use crate::PipelineError;
 use experiment_data::Bundle;
 use lpv_core::Model;
-use residual_trace::catalogue::CATALOGUE;
+use residual_trace::catalogue;
 use residual_trace::effect::Effect;
 use residual_trace::{Base, Explained, table_from_geometry};
 use serde::{Deserialize, Serialize};
@@ -51,15 +51,9 @@ impl BaseKind {
 impl Explanation {
     /// A base without effects, with standard deviations of its parameters.
     pub(crate) fn of_base(base: &Base, deviations: &[f64], bundle: &Bundle) -> Self {
-        let parameters = base.parameters().into_iter().zip(deviations);
         Self {
             base: BaseKind::of(base),
-            base_parameters: parameters
-                .map(|(p, std)| {
-                    let value = Value::new(p.value, *std, units(p.unit, bundle, 0));
-                    (p.name.to_owned(), value)
-                })
-                .collect(),
+            base_parameters: base_parameters(base, deviations, bundle),
             effects: Vec::new(),
         }
     }
@@ -91,7 +85,7 @@ impl Explanation {
             .effects
             .iter()
             .map(|found| {
-                let mut places = CATALOGUE.into_iter().filter(|e| e.name == found.effect).peekable();
+                let mut places = catalogue::all().filter(|e| e.name == found.effect).peekable();
                 places.peek().ok_or(PipelineError::Structure {
                     problem: "the model has an effect that the catalogue of this version does not know; diagnose the bundle again",
                 })?;

@@ -57,12 +57,8 @@ pub(super) fn unrepeated(bundle: &Bundle, progress: Progress<'_>) -> Result<(f64
 /// not enlarge.
 pub(super) fn roughness(base: &Base, controller: &ControllerState, tracks: &[Track]) -> [f64; 2] {
     let third = |records: &[Vec<[f64; 2]>], i: usize| {
-        let squares: Vec<f64> = records
-            .iter()
-            .flat_map(|y| y.windows(4))
-            .map(|w| (w[3][i] - 3.0 * w[2][i] + 3.0 * w[1][i] - w[0][i]).powi(2))
-            .collect();
-        (squares.iter().sum::<f64>() / (20.0 * squares.len().max(1) as f64)).sqrt()
+        let rows = records.iter().flat_map(|y| y.windows(4));
+        residual_trace::roughness(rows.map(|w| [w[0][i], w[1][i], w[2][i], w[3][i]]))
     };
     let outputs: Vec<Vec<[f64; 2]>> = tracks.iter().map(|t| t.outputs.clone()).collect();
     let bare = Explained {

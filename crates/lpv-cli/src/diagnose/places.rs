@@ -1,7 +1,19 @@
 //! Where effects act, in words and in units.
 
+use super::Value;
 use experiment_data::Bundle;
 use residual_trace::effect::{Effect, Family};
+use residual_trace::{Base, BaseParameter};
+use std::collections::BTreeMap;
+
+/// Parameters of a base model by name, with their deviations in its order, in units of the bundle.
+pub(super) fn base_parameters(base: &Base, deviations: &[f64], bundle: &Bundle) -> BTreeMap<String, Value> {
+    let one = |(p, std): (BaseParameter, &f64)| {
+        let value = Value::new(p.value, *std, units(p.unit, bundle, 0));
+        (p.name.to_owned(), value)
+    };
+    base.parameters().into_iter().zip(deviations).map(one).collect()
+}
 
 /// The channel at which an effect acts, or all of them.
 pub(super) fn channel(effect: &Effect, bundle: &Bundle) -> String {

@@ -2,7 +2,7 @@
 
 use super::bench::Bench;
 use super::{Judged, NOISE, SURE};
-use crate::catalogue::CATALOGUE;
+use crate::catalogue;
 use crate::effect::Effect;
 use crate::fit::{Explained, Fitted};
 use crate::screen::Screen;
@@ -20,8 +20,8 @@ pub(super) fn refined(
     let mut all = Vec::new();
     for (effect, rough) in finals {
         let (rest, values) = without_last(&rough.model)?;
-        let finer = CATALOGUE.iter().filter(|e| !taken(e));
-        for (finer, extends) in finer.filter_map(|e| e.extends.map(|x| (*e, x))) {
+        let finer = catalogue::all().filter(|e| !taken(e));
+        for (finer, extends) in finer.filter_map(|e| e.extends.map(|x| (e, x))) {
             if !finer.refines(effect) {
                 continue;
             }
@@ -49,7 +49,7 @@ pub(super) fn simplified(bench: &Bench<'_>, finals: &mut Vec<(&'static Effect, F
     else {
         return;
     };
-    let simpler = CATALOGUE.iter().find(|e| best.refines(e));
+    let simpler = catalogue::all().find(|e| best.refines(e));
     let (Some(simpler), Some((mut start, values))) = (simpler, without_last(&fine.model)) else {
         return;
     };
@@ -60,7 +60,7 @@ pub(super) fn simplified(bench: &Bench<'_>, finals: &mut Vec<(&'static Effect, F
         .map(|p| shared(p.name).map(|i| values[i]))
         .collect();
     let Some(values) = values else { return };
-    start.effects.push((*simpler, values));
+    start.effects.push((simpler, values));
     finals.extend(bench.finals(&[&start], now));
 }
 

@@ -3,7 +3,7 @@
 use super::bench::{Bench, Candidate};
 use super::{EQUAL, Judged, Tried, decibel, refine};
 use crate::base::Base;
-use crate::catalogue::{CATALOGUE, first_of_equals};
+use crate::catalogue::{self, first_of_equals};
 use crate::effect::{Effect, EffectParameter, Family, Scale};
 use crate::fit::{Explained, Fitted};
 use crate::screen::Screen;
@@ -32,10 +32,9 @@ pub(super) struct Selection {
 pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) -> Option<Selection> {
     let screen = bench.look(base, now)?;
     let taken = |e: &Effect| now.model.effects.iter().any(|(t, _)| t.is(e));
-    let mut found: Vec<Candidate> = CATALOGUE
-        .iter()
+    let mut found: Vec<Candidate> = catalogue::all()
         .filter(|e| e.suits(base) && !taken(e))
-        .flat_map(|e| (e.starts)(&screen).into_iter().map(|v| (*e, v)))
+        .flat_map(|e| (e.starts)(&screen).into_iter().map(move |v| (e, v)))
         .collect::<Vec<_>>()
         .into_par_iter()
         .filter_map(|(e, v)| bench.candidate(e, v, now, &screen))

@@ -81,7 +81,7 @@ pub(crate) fn count(profile: &str) -> Result<Option<BTreeMap<String, u64>>, Task
     }
 }
 
-/// The runner, installed into the target folder if it is not there.
+/// The runner, installed into the target folder if it is not there; not optimised, since it counts nothing itself.
 fn runner() -> Result<Option<PathBuf>, TaskError> {
     let tools = root().join("target/tools");
     let binary = tools.join("bin/gungraun-runner");
@@ -90,6 +90,7 @@ fn runner() -> Result<Option<PathBuf>, TaskError> {
             .args([
                 "install",
                 "--quiet",
+                "--debug",
                 "--locked",
                 "gungraun-runner",
                 "--version",
@@ -97,6 +98,7 @@ fn runner() -> Result<Option<PathBuf>, TaskError> {
             ])
             .arg("--root")
             .arg(&tools)
+            .env("CARGO_PROFILE_DEV_DEBUG", "false")
             .status()?;
         if !status.success() {
             return Ok(None);

@@ -129,7 +129,7 @@ pub fn diagnose(
         judged: &judged,
     })?;
     progress("competition of effects", 1, 1);
-    reasons.extend(doubt::doubts(&found));
+    reasons.extend(doubt::doubts(&found, bundle));
     let mut axis = axis::errors(&found, &start, clock, &fit_records, &fitted)?;
     axis.extend(axis::errors(&found, &start, clock, &judge_records, &judged)?);
     let diagnosis = Diagnosis {

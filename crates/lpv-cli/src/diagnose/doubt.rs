@@ -1,5 +1,7 @@
 //! What a diagnosis cannot tell, and which experiment would.
 
+use super::places::placed;
+use experiment_data::Bundle;
 use residual_trace::effect::{Effect, Family};
 use residual_trace::{Base, Trace, Verdict};
 
@@ -10,26 +12,26 @@ const EQUAL_DB: f64 = 0.02;
 const WHITE: f64 = 0.02;
 
 /// Look-alikes that the records do not tell apart, refinements that they do not ask for, and a base that may be the limit.
-pub(super) fn doubts(found: &Trace) -> Vec<String> {
+pub(super) fn doubts(found: &Trace, bundle: &Bundle) -> Vec<String> {
     let mut words: Vec<String> = found
         .added
         .iter()
         .filter_map(|a| Some((a.effect, a.runner_up?)))
         .filter(|(_, (_, margin))| *margin < EQUAL_DB)
         .map(|(effect, (other, margin))| {
+            let records = experiment(effect);
+            let [effect_name, other_name] = if effect.channel == other.channel {
+                [effect, other].map(|e| e.name.to_owned())
+            } else {
+                [effect, other].map(|e| placed(e, bundle))
+            };
             if other.refines(effect) {
                 format!(
-                    "{} refines {} and explains no more of these records; {} would show whether it is there",
-                    other.name,
-                    effect.name,
-                    experiment(effect)
+                    "{other_name} refines {effect_name} and explains no more of these records; {records} would show whether it is there"
                 )
             } else {
                 format!(
-                    "{} and {} are not told apart by the held-out records ({margin:+.3} dB for the first); {} would",
-                    effect.name,
-                    other.name,
-                    experiment(effect)
+                    "{effect_name} and {other_name} are not told apart by the held-out records ({margin:+.3} dB for the first); {records} would"
                 )
             }
         })

@@ -121,7 +121,9 @@ impl Diagnosed {
             ]);
         }
         page = page.section(Section::new("Candidates").table(table));
-        page.section(Section::new("How it was found").list(d.text().lines().map(str::to_owned)))
+        let lines = d.text();
+        let plain = |l: &str| l.strip_prefix("- ").unwrap_or(l).to_owned();
+        page.section(Section::new("How it was found").list(lines.lines().map(plain)))
     }
 
     /// Effects, and the error of the worst output.
@@ -170,7 +172,10 @@ fn left(tests: &LeftTests) -> Section {
                 Cell::text(test.output.clone()),
                 Cell::text(test.signal.clone()),
                 Cell::number(100.0 * test.share, Format::Fixed(2)),
-                Cell::text(format!("{:.1e}", test.adjusted)),
+                Cell::text(match test.adjusted {
+                    p if p < 0.01 => format!("{p:.1e}"),
+                    p => format!("{p:.2}"),
+                }),
             ]);
         }
         section = section.table(table);

@@ -6,7 +6,6 @@ use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_mai
 use frf_estimation::PeriodicAccumulator;
 use lpv_benches::{Bench, accumulator};
 use lpv_core::PeriodBlock;
-use std::time::Duration;
 use xytable_plant::{Experiment, ExperimentSettings, MultisineSettings, PlantError};
 
 const PERIOD: usize = 1 << 15;
@@ -82,16 +81,9 @@ fn frf(c: &mut Criterion) {
     group.finish();
 }
 
-fn short() -> Criterion {
-    Criterion::default()
-        .sample_size(10)
-        .warm_up_time(Duration::from_millis(300))
-        .measurement_time(Duration::from_secs(1))
-}
-
 criterion_group! {
     name = benches;
-    config = short();
+    config = lpv_benches::short();
     targets = frf
 }
 criterion_main!(benches);

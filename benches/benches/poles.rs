@@ -8,7 +8,6 @@ use lpv_core::FrfEstimate;
 use obf_basis::{FkcmSettings, MinimaxSettings, fkcm, polish_minimax};
 use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, Weighting, fit};
 use std::hint::black_box;
-use std::time::Duration;
 
 fn pole_fit(c: &mut Criterion) {
     let bench = Bench::new().unwrap();
@@ -52,16 +51,9 @@ fn basis_poles(c: &mut Criterion) {
     group.finish();
 }
 
-fn short() -> Criterion {
-    Criterion::default()
-        .sample_size(10)
-        .warm_up_time(Duration::from_millis(300))
-        .measurement_time(Duration::from_secs(1))
-}
-
 criterion_group! {
     name = benches;
-    config = short();
+    config = lpv_benches::short();
     targets = pole_fit, basis_poles
 }
 criterion_main!(benches);

@@ -7,7 +7,6 @@ use lpv_benches::Bench;
 use lpv_ident::{Interpolation, RegressionSettings, regress};
 use rayon::ThreadPoolBuilder;
 use std::hint::black_box;
-use std::time::Duration;
 
 const FUNCTIONS: usize = 16;
 const POSITIONS: usize = 21;
@@ -65,16 +64,9 @@ fn regression(c: &mut Criterion) {
     });
 }
 
-fn short() -> Criterion {
-    Criterion::default()
-        .sample_size(10)
-        .warm_up_time(Duration::from_millis(300))
-        .measurement_time(Duration::from_secs(1))
-}
-
 criterion_group! {
     name = benches;
-    config = short();
+    config = lpv_benches::short();
     targets = regression
 }
 criterion_main!(benches);

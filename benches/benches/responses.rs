@@ -6,7 +6,6 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use lpv_benches::Bench;
 use lpv_core::Purpose;
 use std::hint::black_box;
-use std::time::Duration;
 use xytable_plant::{
     Experiment, ExperimentSettings, MoveLimits, MovingExperiment, MovingSettings, MultisineSettings,
     PlantError, Profile, Setpoint, Setpoints,
@@ -82,16 +81,9 @@ fn simulation(c: &mut Criterion) {
     group.finish();
 }
 
-fn short() -> Criterion {
-    Criterion::default()
-        .sample_size(10)
-        .warm_up_time(Duration::from_millis(300))
-        .measurement_time(Duration::from_secs(1))
-}
-
 criterion_group! {
     name = benches;
-    config = short();
+    config = lpv_benches::short();
     targets = frequency_response, simulation
 }
 criterion_main!(benches);

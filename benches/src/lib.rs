@@ -5,6 +5,7 @@
 
 pub mod refinement;
 
+use criterion::Criterion;
 use frf_estimation::{FrfError, Layout, PeriodicAccumulator, PeriodicSettings, SkipRule};
 use lpv_core::nalgebra::{DMatrix, Matrix2};
 use lpv_core::num_complex::Complex;
@@ -14,6 +15,7 @@ use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, Weighting};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use std::time::Duration;
 use xytable_plant::{
     ControllerSettings, Machine, MachineParameters, MoveLimits, Noise, PlantError, Profile, Setpoint,
     Setpoints, VerificationSettings, VerifiedController,
@@ -45,6 +47,14 @@ pub enum InputError {
         /// Index of the line.
         line: usize,
     },
+}
+
+/// How the benches measure: seconds each, since each is there to be compared with itself.
+pub fn short() -> Criterion {
+    Criterion::default()
+        .sample_size(10)
+        .warm_up_time(Duration::from_millis(300))
+        .measurement_time(Duration::from_secs(1))
 }
 
 /// Settings of a pole fit of order twelve to a response without noise.

@@ -8,6 +8,7 @@ use lpv_core::nalgebra::dmatrix;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Discrete, Model, StateSpace};
 use std::ffi::OsStr;
+use std::path::Path;
 
 /// The model at a constant position, as a sampled record sees it; number of states and deltas.
 fn frozen(desk: &Desk, name: &str, p: f64, rate: f64) -> (StateSpace<Discrete>, [usize; 2]) {
@@ -208,12 +209,8 @@ fn structures_that_do_not_fit_the_data_are_refused_with_advice() {
     }
 }
 
-#[test]
-fn machine_plain_reaches_the_noise_of_its_responses() {
-    let Some(folder) = shared("machine-plain") else {
-        return;
-    };
-    let desk = Desk::new();
+/// What `lpv identify` tells of the model that it writes to `model.json`.
+fn identified(desk: &Desk, folder: &Path) -> serde_json::Value {
     let words: [&OsStr; 5] = [
         "identify".as_ref(),
         folder.as_ref(),
@@ -222,7 +219,16 @@ fn machine_plain_reaches_the_noise_of_its_responses() {
         "--json".as_ref(),
     ];
     let out = desk.program(&words).output().unwrap();
-    let summary: serde_json::Value = serde_json::from_str(&stdout_of("identify", &out)).unwrap();
+    serde_json::from_str(&stdout_of("identify", &out)).unwrap()
+}
+
+#[test]
+fn machine_plain_reaches_the_noise_of_its_responses() {
+    let Some(folder) = shared("machine-plain") else {
+        return;
+    };
+    let desk = Desk::new();
+    let summary = identified(&desk, &folder);
     assert_eq!(summary["positions"], 9);
     assert!(number(&summary, "/frozen/median_db") < number(&summary, "/frf_noise_db") + 2.0);
     let (middle, [states, deltas]) = frozen(&desk, "model.json", 0.0, 20.0);
@@ -257,15 +263,7 @@ fn two_mass_bench_shows_its_resonance() {
         return;
     };
     let desk = Desk::new();
-    let words: [&OsStr; 5] = [
-        "identify".as_ref(),
-        folder.as_ref(),
-        "-o".as_ref(),
-        "model.json".as_ref(),
-        "--json".as_ref(),
-    ];
-    let out = desk.program(&words).output().unwrap();
-    let summary: serde_json::Value = serde_json::from_str(&stdout_of("identify", &out)).unwrap();
+    let summary = identified(&desk, &folder);
     // The phase of the record itself passes -90 degrees between its lines at 76 and 77 Hz.
     let resonance = number(&summary, "/resonance_hz");
     assert!((76.0..77.0).contains(&resonance), "{resonance}");
@@ -280,15 +278,7 @@ fn friction_in_the_grid_is_told_and_not_fatal() {
         return;
     };
     let desk = Desk::new();
-    let words: [&OsStr; 5] = [
-        "identify".as_ref(),
-        folder.as_ref(),
-        "-o".as_ref(),
-        "model.json".as_ref(),
-        "--json".as_ref(),
-    ];
-    let out = desk.program(&words).output().unwrap();
-    let summary: serde_json::Value = serde_json::from_str(&stdout_of("identify", &out)).unwrap();
+    let summary = identified(&desk, &folder);
     let reasons = summary["reasons"].to_string();
     assert!(reasons.contains("outside the unit circle"), "{reasons}");
     assert!(reasons.contains("relative error"), "{reasons}");

@@ -1,11 +1,11 @@
 //! What effects see of the data before they are fitted.
 
+mod pulses;
+
 use crate::base::{Base, Motion, Pair};
 use crate::track::Track;
-use crate::whiten::Whitening;
-use experiment_data::ControllerState;
-use lpv_core::{Discrete, StateSpace};
 use nalgebra::{DMatrix, DVector};
+pub(crate) use pulses::Pulses;
 use rayon::prelude::*;
 
 /// The records along the present model, and its residual with all that the machine's parameters explain taken out.
@@ -18,11 +18,9 @@ pub struct Screen<'a> {
     pub motions: Vec<Vec<Motion>>,
     /// Steps of the grids on which readings lie, by output; zero where they lie on none.
     pub resolution: Pair,
-    pub(crate) controller: &'a ControllerState,
-    pub(crate) whitening: &'a Whitening,
-    pub(crate) known: Option<Known>,
-    /// The machine at rest, for a quick look.
-    pub(crate) quick: Quick,
+    pub(crate) known: Known,
+    /// The loop at rest, for a quick look.
+    pub(crate) pulses: Pulses,
 }
 
 /// Residual and columns of the machine's parameters.
@@ -106,19 +104,20 @@ impl Screen<'_> {
         self.tracks.first().map_or(1.0, |t| t.step)
     }
 
-    /// Builds a signal from every sample.
-    pub fn signal(&self, mut value: impl FnMut(&Track, usize, &Motion) -> Pair) -> Vec<Vec<Pair>> {
-        self.tracks
-            .iter()
-            .zip(&self.motions)
-            .map(|(track, motions)| {
-                motions
-                    .iter()
-                    .enumerate()
-                    .map(|(k, m)| value(track, k, m))
-                    .collect()
-            })
-            .collect()
+    /// Sine and cosine of a phase at every sample, each times what goes with it, by record.
+    pub fn waves(&self, value: impl Fn(&Track, usize, &Motion) -> (f64, Pair)) -> [Vec<Vec<Pair>>; 2] {
+        let mut waves = [Vec::new(), Vec::new()];
+        for (track, motions) in self.tracks.iter().zip(&self.motions) {
+            let all = motions.iter().enumerate().map(|(k, motion)| {
+                let (phase, gains) = value(track, k, motion);
+                let (sine, cosine) = phase.sin_cos();
+                (gains.map(|g| g * sine), gains.map(|g| g * cosine))
+            });
+            let (sine, cosine): (Vec<Pair>, Vec<Pair>) = all.unzip();
+            waves[0].push(sine);
+            waves[1].push(cosine);
+        }
+        waves
     }
 
     /// Amplitudes of some signals that explain the most of the residual, and the part of its squares that they explain.
@@ -126,17 +125,21 @@ impl Screen<'_> {
     /// A quick look: a machine from first principles counts as rigid, and its decoupling as perfect, so that each channel is a
     /// double integrator in its loop; an identified model counts as it is in the middle of its range.
     pub fn explain(&self, trials: &[Trial]) -> Option<(f64, Vec<f64>)> {
-        let known = self.known.as_ref()?;
+        let known = &self.known;
         let rows = known.left.len();
         let mut columns = DMatrix::zeros(rows, trials.len());
         for (j, trial) in trials.iter().enumerate() {
             let mut column = Vec::with_capacity(rows);
             for (r, track) in self.tracks.iter().enumerate() {
-                let error = match trial {
-                    Trial::Motors(f) => self.rigid(track, &f[r], None),
-                    Trial::Outputs(y) => self.rigid(track, &[], Some(&y[r])),
-                };
-                self.whitening.apply(&error, &mut column);
+                let at = |k: usize| track.scheduling(k)[0];
+                match trial {
+                    Trial::Motors(f) => {
+                        let input = |(k, f): (usize, &Pair)| self.base.as_input(at(k), *f);
+                        let inputs: Vec<Pair> = f[r].iter().enumerate().map(input).collect();
+                        self.pulses.inputs(&inputs, &mut column);
+                    }
+                    Trial::Outputs(y) => self.pulses.sensors(&y[r], &mut column),
+                }
             }
             column.resize(rows, 0.0);
             columns.column_mut(j).copy_from_slice(&column);
@@ -170,9 +173,6 @@ impl Screen<'_> {
 
     /// The frequencies of the highest lines of the residual, all records and outputs together, cycles per unit of time.
     pub fn peaks(&self, count: usize) -> Vec<f64> {
-        let Some(known) = &self.known else {
-            return Vec::new();
-        };
         // Twice the longest record: lines at half its resolution.
         let length = 2 * self.tracks.iter().map(|t| t.samples).max().unwrap_or(1);
         let width = 1.0 / (length as f64 * self.step());
@@ -183,7 +183,7 @@ impl Screen<'_> {
         for samples in self.tracks.iter().map(|t| t.samples) {
             for _ in 0..self.base.channels() {
                 let mut padded = transform.make_input_vec();
-                padded[..samples].copy_from_slice(&known.left.as_slice()[first..first + samples]);
+                padded[..samples].copy_from_slice(&self.known.left.as_slice()[first..first + samples]);
                 first += samples;
                 let mut spectrum = transform.make_output_vec();
                 // Lengths are those of the plan.
@@ -203,28 +203,6 @@ impl Screen<'_> {
         }
         chosen.into_iter().map(|line| width * (line + 1) as f64).collect()
     }
-
-    /// Errors that motor forces or a sensor leave in the loop, from rest without references.
-    fn rigid(&self, track: &Track, motors: &[Pair], sensor: Option<&[Pair]>) -> Vec<Pair> {
-        let mut controller = self.controller.clone();
-        let mut plant = self.quick.clone();
-        let mut errors = Vec::with_capacity(track.samples);
-        for k in 0..track.samples {
-            let mut y = plant.outputs();
-            if let Some(sensor) = sensor {
-                (0..2).for_each(|i| y[i] += sensor[k][i]);
-            }
-            let mut u = [0.0; 2];
-            controller.step(&[0.0; 2], &y, &mut u);
-            if let Some(force) = motors.get(k) {
-                let d = self.base.as_input(track.scheduling(k)[0], *force);
-                (0..2).for_each(|i| u[i] += d[i]);
-            }
-            errors.push(y);
-            plant.advance(u);
-        }
-        errors
-    }
 }
 
 /// Largest difference of two values of one record.
@@ -236,85 +214,4 @@ fn largest_span(records: impl Iterator<Item = impl Iterator<Item = f64>>) -> f64
         ends.1 - ends.0
     };
     records.map(|mut r| span(&mut r)).fold(0.0, f64::max)
-}
-
-/// A machine as a quick look sees it.
-#[derive(Debug, Clone)]
-pub(crate) enum Quick {
-    /// Double integrators.
-    Rigid {
-        /// Inverse of the mass behind an input: one where the decoupling makes it one.
-        mobility: f64,
-        step: f64,
-        position: Pair,
-        speed: Pair,
-    },
-    /// A model in the middle of the range, sampled.
-    Sampled {
-        model: StateSpace<Discrete>,
-        state: DVector<f64>,
-    },
-}
-
-impl Quick {
-    pub(crate) fn new(base: &Base, step: f64) -> Self {
-        let rigid = |mobility| Self::Rigid {
-            mobility,
-            step,
-            position: [0.0; 2],
-            speed: [0.0; 2],
-        };
-        match base {
-            Base::XyTable(_) => rigid(1.0),
-            Base::Axis(axis) => rigid(1.0 / axis.mass()),
-            Base::Lpv(lpv) => match Discrete::new(step).and_then(|clock| lpv.sampled(clock)) {
-                Ok(model) => Self::Sampled {
-                    state: DVector::zeros(model.states()),
-                    model,
-                },
-                // Numbers of a base are finite.
-                Err(_) => rigid(1.0),
-            },
-        }
-    }
-
-    fn outputs(&self) -> Pair {
-        match self {
-            Self::Rigid { position, .. } => *position,
-            Self::Sampled { model, state } => std::array::from_fn(|i| match i < model.outputs() {
-                true => model
-                    .c()
-                    .row(i)
-                    .iter()
-                    .zip(state.iter())
-                    .map(|(c, x)| c * x)
-                    .sum(),
-                false => 0.0,
-            }),
-        }
-    }
-
-    fn advance(&mut self, u: Pair) {
-        match self {
-            Self::Rigid {
-                mobility,
-                step: t,
-                position,
-                speed,
-            } => {
-                for i in 0..2 {
-                    let a = u[i] * *mobility;
-                    position[i] += *t * speed[i] + 0.5 * *t * *t * a;
-                    speed[i] += *t * a;
-                }
-            }
-            Self::Sampled { model, state } => {
-                let mut next = model.a() * &*state;
-                for (u, column) in u.iter().zip(model.b().column_iter()) {
-                    next.axpy(*u, &column, 1.0);
-                }
-                *state = next;
-            }
-        }
-    }
 }

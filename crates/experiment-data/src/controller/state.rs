@@ -82,6 +82,17 @@ impl ControllerState {
         moves.then_some(begun)
     }
 
+    /// The same at rest, without its saturation.
+    #[must_use]
+    pub fn unsaturated(&self) -> Self {
+        let mut other = Self {
+            limit: f64::INFINITY,
+            ..self.clone()
+        };
+        other.reset();
+        other
+    }
+
     /// Back to rest.
     pub fn reset(&mut self) {
         for lp in &mut self.loops {

@@ -70,17 +70,17 @@ fn waves(screen: &Screen<'_>, channel: usize, motors: &[usize]) -> Vec<Vec<f64>>
     let force = super::motor_forces(screen.base, channel, 1.0);
     let found = super::pitches(screen, range, |pitch| {
         let turn = TAU / pitch;
-        let one = |motor: usize, phase: f64| {
-            Trial::Motors(screen.signal(|_, _, m| {
+        let both = |motor: &usize| {
+            let waves = screen.waves(|_, _, m| {
                 // Mean over the sample that follows.
-                let half = 0.5 * turn * step * m.motor_speed[motor];
+                let half = 0.5 * turn * step * m.motor_speed[*motor];
                 let mean = if half.abs() < 1e-6 { 1.0 } else { half.sin() / half };
-                let mut f = [0.0; 2];
-                f[motor] = force[motor] * mean * (turn * m.motor_position[motor] + half + phase).sin();
-                f
-            }))
+                let mut gains = [0.0; 2];
+                gains[*motor] = force[*motor] * mean;
+                (turn * m.motor_position[*motor] + half, gains)
+            });
+            waves.map(Trial::Motors)
         };
-        let both = |motor: &usize| [one(*motor, 0.0), one(*motor, 0.25 * TAU)];
         motors.iter().flat_map(both).collect()
     });
     let start = |(pitch, mut v): (f64, Vec<f64>)| {

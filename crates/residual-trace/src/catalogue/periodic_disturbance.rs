@@ -40,13 +40,8 @@ const fn at<const CHANNEL: usize>() -> Effect {
                 // A line may lie between those of the spectrum.
                 let at = |i: usize| peak + (i as f64 - 4.0) * width;
                 let trials = |i: usize| {
-                    let one = |phase: f64| {
-                        Trial::Motors(screen.signal(|track, k, _| {
-                            let wave = (TAU * at(i) * k as f64 * track.step + phase).sin();
-                            [unit[0] * wave, unit[1] * wave]
-                        }))
-                    };
-                    vec![one(0.0), one(0.25 * TAU)]
+                    let waves = screen.waves(|track, k, _| (TAU * at(i) * k as f64 * track.step, unit));
+                    waves.map(Trial::Motors).into()
                 };
                 let best = screen.best(9, trials).into_iter().next();
                 found.extend(

@@ -35,14 +35,12 @@ const fn at<const CHANNEL: usize>() -> Effect {
         starts: |screen| {
             let (shortest, travel) = screen.periods(CHANNEL);
             super::pitches(screen, (travel, f64::max(1e-3 * travel, shortest)), |pitch| {
-                let one = |phase: f64| {
-                    Trial::Outputs(screen.signal(|track, k, _| {
-                        let mut error = [0.0; 2];
-                        error[CHANNEL] = (TAU / pitch * track.outputs[k][CHANNEL] + phase).sin();
-                        error
-                    }))
-                };
-                vec![one(0.0), one(0.25 * TAU)]
+                let waves = screen.waves(|track, k, _| {
+                    let mut gains = [0.0; 2];
+                    gains[CHANNEL] = 1.0;
+                    (TAU / pitch * track.outputs[k][CHANNEL], gains)
+                });
+                waves.map(Trial::Outputs).into()
             })
             .into_iter()
             .map(|(pitch, v)| vec![v[0], v[1], pitch])

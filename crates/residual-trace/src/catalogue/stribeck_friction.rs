@@ -76,8 +76,8 @@ struct Stribeck {
     fall: f64,
 }
 
-/// Squares of the speed over that of the fall from which nothing of the peak is left.
-const FAR: f64 = 700.0;
+/// Squares of the speed over that of the fall from which the peak is within the rounding of the level.
+const FAR: f64 = 40.0;
 
 impl Block for Stribeck {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {

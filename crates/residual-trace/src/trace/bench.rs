@@ -5,7 +5,7 @@ use crate::base::Base;
 use crate::catalogue::quantization;
 use crate::effect::{Effect, Scale};
 use crate::fit::{Explained, Fitted, Grain, Problem, Seen, squares};
-use crate::screen::{Known, Quick, Screen};
+use crate::screen::{Known, Pulses, Screen};
 use crate::track::Track;
 use crate::whiten::Whitening;
 use nalgebra::DVector;
@@ -47,27 +47,20 @@ impl<'a> Bench<'a> {
         }
     }
 
-    pub(super) fn screen(&'a self, base: &'a Base, tracks: &'a [Track]) -> Screen<'a> {
-        Screen {
-            base,
-            tracks,
-            motions: Vec::new(),
-            resolution: [0.0; 2],
-            controller: self.case.controller,
-            whitening: &self.whitening,
-            known: None,
-            quick: Quick::new(base, tracks.first().map_or(1.0, |t| t.step)),
-        }
-    }
-
     /// The screen at a model, with motions and what is left of the residual.
     pub(super) fn look(&'a self, base: &'a Base, fitted: &Fitted) -> Option<Screen<'a>> {
-        let mut screen = self.screen(base, self.case.fitted);
-        screen.motions = self.problem().motions(&fitted.model)?;
-        screen.resolution = quantization::steps(self.case.fitted).map(|(step, _)| step);
+        let tracks = self.case.fitted;
+        let step = tracks.first()?.step;
+        let longest = tracks.iter().map(|t| t.samples).max()?;
         let rough = self.problem().rough(&fitted.model)?;
-        screen.known = Some(Known::new(&fitted.columns, &fitted.residual, rough));
-        Some(screen)
+        Some(Screen {
+            base,
+            tracks,
+            motions: self.problem().motions(&fitted.model)?,
+            resolution: quantization::steps(tracks).map(|(step, _)| step),
+            known: Known::new(&fitted.columns, &fitted.residual, rough),
+            pulses: Pulses::new(base, self.case.controller, &self.whitening, (longest, step)),
+        })
     }
 
     pub(super) fn judge(&'a self, model: &Explained) -> Judged {
@@ -146,7 +139,7 @@ impl<'a> Bench<'a> {
 
     /// The part of a screen on the record with the largest residual, for many trials.
     pub(super) fn narrow(&'a self, fitted: &Fitted, screen: &Screen<'a>) -> Option<(Problem<'a>, Known)> {
-        let rough = screen.known.as_ref()?.rough.as_slice();
+        let rough = screen.known.rough.as_slice();
         let size = |r: usize| {
             let rows = self.rows(r);
             squares(&fitted.residual[rows.clone()]) / rows.len() as f64
@@ -193,7 +186,7 @@ impl<'a> Bench<'a> {
         now: &Fitted,
         screen: &Screen<'_>,
     ) -> Option<Candidate> {
-        let known = screen.known.as_ref()?;
+        let known = &screen.known;
         let amplitudes = effect
             .parameters
             .iter()

@@ -247,10 +247,7 @@ fn run_measured(options: &Pages) -> Result<(), TaskError> {
         std::fs::write(folder.join("images/two-mass-distortion.svg"), svg)?;
     }
     std::fs::create_dir_all(&options.output)?;
-    reproduce::write_json(
-        &options.output.join("measured.json"),
-        &serde_json::to_value(&found)?,
-    )?;
+    reproduce::write_json(&options.output.join("measured.json"), &found)?;
     println!("page: {}", page.display());
     Ok(())
 }
@@ -286,7 +283,7 @@ fn run_instructions(options: &Bench) -> Result<bool, TaskError> {
     let kept = docs.join("metrics/instructions.json");
     let mut wrong = Vec::new();
     if options.bless {
-        reproduce::write_json(&kept, &serde_json::to_value(&counts)?)?;
+        reproduce::write_json(&kept, &counts)?;
         std::fs::write(docs.join("instructions.md"), bench::page(&counts))?;
     } else if options.check {
         wrong = bench::changed(&counts, &kept)?;
@@ -324,7 +321,6 @@ fn run_blind(options: &Blind) -> Result<bool, TaskError> {
     };
     let (all, seconds) = blind::run(&extent, options.seed, &log, done)?;
     let metrics = blind::score(&all, seconds);
-    let figures = serde_json::to_value(&metrics)?;
     let command = format!(
         "cargo xtask blind --seeds {} --seed {}{}",
         options.seeds,
@@ -333,14 +329,14 @@ fn run_blind(options: &Blind) -> Result<bool, TaskError> {
     );
     let asked = blind::count(&extent, options.seed);
     let page = blind::page(&metrics, &all, (&command, asked));
-    reproduce::write_json(&options.output.join("metrics.json"), &figures)?;
+    reproduce::write_json(&options.output.join("metrics.json"), &metrics)?;
     std::fs::write(options.output.join("blind.md"), &page)?;
     if options.bless {
         let docs = root().join("docs");
-        reproduce::write_json(&docs.join("metrics/blind.json"), &figures)?;
+        reproduce::write_json(&docs.join("metrics/blind.json"), &metrics)?;
         std::fs::write(docs.join("blind.md"), &page)?;
     }
-    println!("{}", serde_json::to_string_pretty(&figures)?);
+    println!("{}", serde_json::to_string_pretty(&metrics)?);
     Ok(!options.quick || metrics.meets_quick_bars())
 }
 

@@ -5,6 +5,7 @@ use crate::identification::{ObfError, TestGrid};
 use crate::size::Size;
 use crate::{Reproduce, TaskError, check, figures, identification, measured, page, time};
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
@@ -174,7 +175,7 @@ fn peak_rss_mib() -> Option<f64> {
     Some(kib / 1024.0)
 }
 
-pub(crate) fn write_json(file: &Path, value: &Value) -> Result<(), TaskError> {
+pub(crate) fn write_json(file: &Path, value: &impl Serialize) -> Result<(), TaskError> {
     std::fs::write(file, serde_json::to_string_pretty(value)? + "\n")?;
     Ok(())
 }

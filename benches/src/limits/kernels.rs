@@ -72,6 +72,13 @@ pub(crate) fn all(bench: &Bench, gemm: f64, copy: f64) -> Result<Vec<Kernel>, Fa
         n * (8.0 * 6.0 + 0.5 * 2.0 * 8.0 * 24.0 / 2.0),
         Some(0.6),
     );
+    let transforms = of(
+        "its transforms alone: four of 32,768 real samples",
+        time(works::transforms(PERIOD, 4))?,
+        4.0 * transform,
+        4.0 * n * 16.0,
+        None,
+    );
     let model = bench.large_model(24)?;
     let lines = bench.lines_hz(2000);
     let response = of(
@@ -133,6 +140,7 @@ pub(crate) fn all(bench: &Bench, gemm: f64, copy: f64) -> Result<Vec<Kernel>, Fa
     Ok(vec![
         regression,
         accumulation,
+        transforms,
         response,
         simulation,
         motion,

@@ -138,6 +138,22 @@ pub(crate) fn accumulation(length: usize, channels: usize) -> Result<Work<'stati
     }))
 }
 
+/// Transforms of so many signals, nothing else.
+pub(crate) fn transforms(length: usize, signals: usize) -> Work<'static> {
+    let plan = realfft::RealFftPlanner::<f64>::new().plan_fft_forward(length);
+    let (signal, mut input) = (period(length, 1, 1).swap_remove(0), plan.make_input_vec());
+    let (mut output, mut scratch) = (plan.make_output_vec(), plan.make_scratch_vec());
+    Box::new(move || {
+        for _ in 0..signals {
+            // A transform spoils its input.
+            input.copy_from_slice(&signal);
+            plan.process_with_scratch(&mut input, &mut output, &mut scratch)?;
+        }
+        black_box(&output);
+        Ok(())
+    })
+}
+
 /// A record of so many periods of 4,096 samples.
 pub(crate) fn record<'a>(periods: usize) -> Result<Work<'a>, Failure> {
     let signals = Signals::new(1 << 12, 2);

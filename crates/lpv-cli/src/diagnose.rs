@@ -15,6 +15,7 @@ mod responses;
 pub use account::{Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors, Tested, Value};
 pub use axis::{AxisErrors, AxisStage};
 pub(crate) use base::table;
+pub use doubt::EQUAL_DB;
 pub use explanation::{BaseKind, Explanation};
 pub use left::{Characterisation, LeftTest, LeftTests};
 pub(crate) use places::placed;

@@ -1,7 +1,8 @@
 //! docs/blind.md: the figures beside their bars, and who was taken for whom.
 
-use super::score::{Kind, Metrics, is_named, kind, names, worst};
+use super::score::{Kind, Metrics, is_named, is_within, kind, names, reached, worst};
 use super::{CATALOGUE, Outcome, SEVERITIES};
+use lpv_cli::diagnose::EQUAL_DB;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -99,6 +100,7 @@ pub(crate) fn page(metrics: &Metrics, all: &[Outcome], (command, asked): (&str, 
         }
         let _ = writeln!(text, " {} |", others(&own));
     }
+    text += &others_that_do(all);
     text += &identified(all);
     let rest: Vec<&Outcome> = all
         .iter()
@@ -116,6 +118,47 @@ pub(crate) fn page(metrics: &Metrics, all: &[Outcome], (command, asked): (&str, 
         }
     }
     text
+}
+
+/// How often what is said instead explains the records as well, and what no figure counts.
+fn others_that_do(all: &[Outcome]) -> String {
+    let mut text = String::new();
+    let taken: Vec<&Outcome> = all
+        .iter()
+        .filter(|o| kind(o) == Kind::Single && !is_named(o) && !names(o).is_empty())
+        .collect();
+    if !taken.is_empty() {
+        let enough = taken.iter().filter(|o| is_within(o)).count();
+        let told = taken.iter().filter(|o| is_told(o)).count();
+        let _ = writeln!(
+            text,
+            "\nIn {} machines with one effect another is named. In {enough} of these it explains the held-out moves to within the bar of \
+             the error after; in {told} the diagnosis names the hidden one beside it, as equal within {EQUAL_DB} dB or as a refinement \
+             that the records do not ask for, with the experiment that would show it.",
+            taken.len(),
+        );
+    }
+    let short = all
+        .iter()
+        .filter(|o| matches!(kind(o), Kind::Single | Kind::Outside) && !reached(o))
+        .count();
+    if short > 0 {
+        let _ = writeln!(
+            text,
+            "\n{short} machines, whose deviation could not be brought within a factor of two of the wanted one, are in this table alone."
+        );
+    }
+    text
+}
+
+/// The hidden effect is the runner-up, as good as what is named.
+fn is_told(o: &Outcome) -> bool {
+    let Ok(d) = &o.diagnosis else { return false };
+    d.effects.iter().any(|e| {
+        let margin = e.evidence.runner_up_margin_db;
+        let other = e.evidence.runner_up.as_ref();
+        other.is_some_and(|r| o.hidden.contains(r)) && margin.is_some_and(|m| m < EQUAL_DB)
+    })
 }
 
 /// What the small LFR as the base found, one row a machine.

@@ -57,7 +57,7 @@ pub(crate) fn kind(o: &Outcome) -> Kind {
 }
 
 /// The deviation that was asked for could be made.
-fn reached(o: &Outcome) -> bool {
+pub(crate) fn reached(o: &Outcome) -> bool {
     o.deviation > 0.5 * o.wanted && o.deviation < 2.0 * o.wanted
 }
 
@@ -100,7 +100,7 @@ fn is_explained(o: &Outcome) -> bool {
 }
 
 /// 1.1 times the noise, 1.5 times at 100, and at 1000 a fall by 30 dB.
-fn is_within(o: &Outcome) -> bool {
+pub(crate) fn is_within(o: &Outcome) -> bool {
     let Ok(d) = &o.diagnosis else { return false };
     let (before, after) = (worst(&d.before), worst(&d.after));
     match o.wanted {
@@ -197,4 +197,22 @@ pub(crate) fn line(o: &Outcome) -> String {
         "{mark} {hidden} at {:.0} ({:.1}): {what} ({:.0} s)",
         o.wanted, o.deviation, o.seconds
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_are_written_in_the_order_of_their_bars() -> Result<(), crate::TaskError> {
+        let folder = tempfile::tempdir()?;
+        let file = folder.path().join("metrics.json");
+        crate::reproduce::write_json(&file, &score(&[], None))?;
+        let text = std::fs::read_to_string(file)?;
+        let keys: Vec<&str> = text.split('"').skip(1).step_by(2).collect();
+        let asked = "named family named_at_3 after_over_noise_share parameter_coverage false_alarm pairs_named outside_wrong_name \
+                     seconds";
+        assert_eq!(keys, asked.split(' ').collect::<Vec<_>>());
+        Ok(())
+    }
 }

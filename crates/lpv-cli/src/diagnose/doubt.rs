@@ -6,7 +6,7 @@ use residual_trace::effect::{Effect, Family};
 use residual_trace::{Base, Trace, Verdict};
 
 /// Margin on the judged records, dB, below which two effects do as well as each other.
-const EQUAL_DB: f64 = 0.02;
+pub const EQUAL_DB: f64 = 0.02;
 
 /// Part of the squared white error that a test may see in what counts as white.
 const WHITE: f64 = 0.02;

@@ -12,6 +12,7 @@ noise, factor = complex_("noise", P, -1, 2, 2), complex_("factor", P, -1, 2, 2)
 L = basis.shape[0]
 # Lines along the last axis.
 phi = np.ascontiguousarray(basis.T)
+conjugate = phi.conj()
 
 
 def rows(p):
@@ -55,24 +56,31 @@ def qr(p):
 
 def inverse(m):
     """Of 2x2 matrices, lines along the last axis."""
-    (a, b), (c, d) = np.moveaxis(m, 0, -1)
-    return np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+    (a, b), (c, d) = np.ascontiguousarray(np.moveaxis(m, 0, -1))
+    over = 1 / (a * d - b * c)
+    return np.array([[d * over, -b * over], [-c * over, a * over]])
+
+
+def product(a, b):
+    """Of 2x2 matrices, lines along the last axis."""
+    return np.array([[a[i, 0] * b[0, j] + a[i, 1] * b[1, j] for j in range(2)] for i in range(2)])
 
 
 def normal(p):
     """Sums of products, whose condition is the square of that of the equations: C^-1 on the left of F, S^-1 on its right."""
-    f = np.moveaxis(frf[p], 0, -1)
     left, right = inverse(noise[p]), inverse(factor[p])
-    gram, sums = np.empty((4, N, 4, N)), np.empty((4, N))
-    target = np.einsum("ikl,kml,mjl->ijl", left, f, right)
-    for row in range(4):
-        i, j = divmod(row, 2)
-        sums[row] = (phi.conj() @ target[i, j]).real
-        for column in range(row + 1):
-            k, m = divmod(column, 2)
-            block = (phi.conj() * (left[i, k] * right[m, j])) @ phi.T
-            gram[row, :, column] = block.real
-            gram[column, :, row] = block.real.T
+    target = product(product(left, np.ascontiguousarray(np.moveaxis(frf[p], 0, -1))), right)
+    sums = (conjugate @ target.reshape(4, L).T).real.T
+    pairs = [(row, column) for row in range(4) for column in range(row + 1)]
+    blocks = np.empty((len(pairs), N, L), complex)
+    for block, (row, column) in zip(blocks, pairs):
+        (i, j), (k, m) = divmod(row, 2), divmod(column, 2)
+        np.multiply(conjugate, left[i, k] * right[m, j], out=block)
+    products = (blocks.reshape(-1, L) @ phi.T).real.reshape(len(pairs), N, N)
+    gram = np.empty((4, N, 4, N))
+    for block, (row, column) in zip(products, pairs):
+        gram[row, :, column] = block
+        gram[column, :, row] = block.T
     weights = np.linalg.solve(gram.reshape(4 * N, 4 * N), sums.reshape(4 * N))
     return weights.reshape(2, 2, N).transpose(2, 0, 1)
 

@@ -4,10 +4,13 @@ use crate::works::Failure;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{ChildStdin, ChildStdout, Command, Stdio};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A run is repeated until it takes so long, seconds.
 const LEAST: f64 = 0.02;
+
+/// Before a run: threads of a BLAS go on asking for work for a tenth of a second, on a core that whoever is next needs.
+const QUIET: Duration = Duration::from_millis(300);
 
 /// Answers commands of the standard input: `run`, `save PATH`, `memory`.
 pub(crate) fn serve(run: &mut dyn FnMut() -> Result<Vec<f64>, Failure>) -> Result<(), Failure> {
@@ -67,8 +70,9 @@ impl Child {
         }
     }
 
-    /// Seconds of one run.
+    /// Seconds of one run, all others at rest.
     pub(crate) fn run(&mut self) -> Result<f64, Failure> {
+        std::thread::sleep(QUIET);
         Ok(self.ask("run")?.parse()?)
     }
 

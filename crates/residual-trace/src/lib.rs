@@ -32,7 +32,8 @@
 //! - *Judged records*: held out, never fitted. They decide whether an effect is kept, and so its gain on them is that of the best of
 //!   a few.
 //! - *Noise*: as it leaves the loop; the controller feeds back what the sensors add.
-//! - *Left*: what tests find in the white error, with bounds that hold for all of them together.
+//! - *Left*: what tests find in the white error, with bounds that hold for all of them together. Where readings lie on a coarse grid
+//!   and errors are no larger than its rounding, that is the rounding.
 //! - *Equivalent force*: what has to be added to the inputs for the outputs to be those of the record ([`equivalent_force`]).
 //! - *Unexplained*: effects that take less than 85 percent of the excess over the noise are not named.
 //!

@@ -74,6 +74,21 @@ fn an_extra_mode_is_named_with_its_frequency() {
     }
 }
 
+/// What such a sensor leaves is not white: it stays the same while the machine moves by less than a step.
+#[test]
+fn the_rounding_of_a_coarse_sensor_is_named() {
+    let desk = Desk::new();
+    desk.done("simulate --hide quantization=1.5e-4 -o coarse");
+    desk.done("diagnose coarse -o found");
+    let found: serde_json::Value = serde_json::from_str(&desk.text("found/diagnosis.json")).unwrap();
+    assert!(found["left"]["after"][0]["share"].as_f64().unwrap() > 0.05);
+    assert_eq!(found["verdict"], "explained");
+    assert_eq!(found["effects"].as_array().unwrap().len(), 1);
+    assert_eq!(found["effects"][0]["effect"], "quantization");
+    let step = number(&found, "/effects/0/parameters/step/value");
+    assert!((step / 1.5e-4 - 1.0).abs() < 1e-6, "{step}");
+}
+
 /// Janot, Gautier, Brunot (2019): 95.109 kg, 203.50 N s/m, 20.394 N, -3.165 N; in closed loop on the pulse record 0.00802, 0.4789 and
 /// 8.941 %, with friction by direction 3.112 % of force on the other.
 #[test]

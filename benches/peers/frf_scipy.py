@@ -13,8 +13,8 @@ assert np.array_equal(lines, np.arange(band.start, band.stop))
 
 
 def run():
-    references = scipy.fft.rfft(signals[:, :, 4:].mean(axis=1), axis=-1, workers=THREADS)[..., band]
-    spectra = scipy.fft.rfft(signals[:, :, :4], axis=-1, workers=THREADS)[..., band]
+    references = scipy.fft.rfft(signals[:, :, 4:].mean(axis=1), axis=-1, norm="forward", workers=THREADS)[..., band]
+    spectra = scipy.fft.rfft(signals[:, :, :4], axis=-1, norm="forward", workers=THREADS)[..., band]
     mean = spectra.mean(axis=1)
     r = np.linalg.inv(references.transpose(2, 1, 0))
     y, u = mean[:, :2].transpose(2, 1, 0) @ r, mean[:, 2:].transpose(2, 1, 0) @ r
@@ -30,8 +30,8 @@ def run():
     covariance[:, 0, 1] = covariance[:, 1, 0].conj()
     covariance /= EXPERIMENTS * (PERIODS - 1) * PERIODS
     factor = np.linalg.inv(mean[:, 2:].transpose(2, 1, 0))
-    run.covariance = covariance, factor.conj().transpose(0, 2, 1) @ factor
-    return g
+    # Views, column after column.
+    return [part.transpose(0, 2, 1) for part in (g, covariance, factor.conj().transpose(0, 2, 1) @ factor)]
 
 
 serve(run)

@@ -4,12 +4,12 @@ The driver writes a command a line to the standard input: `run` answers the seco
 `memory` answers the peak of the resident memory in MiB.
 """
 
-import resource
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
+from memory import peak_mib
 
 FOLDER = Path(sys.argv[1])
 THREADS = int(sys.argv[2])
@@ -41,4 +41,4 @@ def serve(run):
             np.ascontiguousarray(result).tofile(words[1])
             print("saved", flush=True)
         elif words[0] == "memory":
-            print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0, flush=True)
+            print(peak_mib(), flush=True)

@@ -11,7 +11,6 @@ Gauss-Newton from one start; the LFR takes all outputs through each delta block.
 
 import json
 import os
-import resource
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -22,6 +21,7 @@ import scipy.linalg
 import scipy.signal
 import scipy.stats
 from factors import inverse_cholesky, triangle
+from memory import peak_mib
 from numpy.polynomial import chebyshev
 from scipy.interpolate import CubicSpline, make_interp_spline
 
@@ -937,7 +937,7 @@ def main():
     print(json.dumps({
         "stage_seconds": seconds,
         "wall_seconds": time.perf_counter() - start,
-        "peak_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "peak_mib": peak_mib(),
         "frf": responses,
         "worst_pole_percent": float(100 * distance.max()),
         "pole_error_over_deviation": float(np.sqrt(np.mean(distance**2 / variances))),

@@ -57,6 +57,12 @@ fn rows<'a>(bench: &'a Bench, model: &'a StateSpace<Discrete>) -> Vec<Row<'a>> {
             Box::new(|n| works::accumulation(n, 2)),
         ),
         row(
+            "its transforms alone: sixteen real signals against their length",
+            (10..=18).map(|i| 1 << i).collect(),
+            None,
+            Box::new(|n| Ok(works::transforms(n, 16))),
+        ),
+        row(
             "FRF accumulation of a record against its periods (4,096 samples, 2x2)",
             (2..=12).map(|i| 1 << i).collect(),
             Some(1.05),

@@ -1,51 +1,105 @@
 //! The kernels beside the speeds that limit them.
 
-use crate::works::{self, time};
+use crate::works::{self, RUNS, Work, median, once};
 use crate::{Failure, Kernel};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
 use lpv_benches::Bench;
-use lpv_benches::refinement::{self, Case};
+use lpv_benches::refinement;
+use lpv_core::{Discrete, StateSpace};
 use std::hint::black_box;
 
-/// Operations a second of a product of matrices.
-pub(crate) fn gemm_speed() -> Result<f64, Failure> {
+/// Products of matrices, and the operations of one.
+fn products() -> (Work<'static>, f64) {
     const N: usize = 1024;
     let a = Mat::<f64>::from_fn(N, N, |i, j| (i + 3 * j) as f64 * 1e-3);
     let mut c = Mat::<f64>::zeros(N, N);
-    let seconds = time(Box::new(|| {
+    let run = move || {
         matmul(c.as_mut(), Accum::Replace, a.as_ref(), a.as_ref(), 1.0, Par::Seq);
         black_box(&c);
         Ok(())
-    }))?;
-    Ok(2.0 * (N as f64).powi(3) / seconds)
+    };
+    (Box::new(run), 2.0 * (N as f64).powi(3))
 }
 
-/// Bytes a second that a copy reads and writes.
-pub(crate) fn copy_speed() -> Result<f64, Failure> {
+/// Copies, and the bytes that one reads and writes.
+fn copies() -> (Work<'static>, f64) {
     const N: usize = 1 << 25;
     let from = vec![1.0_f64; N];
     let mut to = vec![0.0_f64; N];
-    let seconds = time(Box::new(|| {
+    let run = move || {
         to.copy_from_slice(black_box(&from));
         black_box(&to);
         Ok(())
-    }))?;
-    Ok(16.0 * N as f64 / seconds)
+    };
+    (Box::new(run), 16.0 * N as f64)
 }
 
-pub(crate) fn all(bench: &Bench, gemm: f64, copy: f64) -> Result<Vec<Kernel>, Failure> {
-    let of = |kernel, seconds: f64, operations: f64, bytes: f64, bar| {
-        let (compute, memory) = (operations / gemm, bytes / copy);
-        Kernel {
-            kernel,
-            seconds,
-            operations,
-            bytes,
-            limit: if compute > memory { "compute" } else { "memory" },
-            fraction: compute.max(memory) / seconds,
-            bar,
+/// What is to be measured.
+struct Case<'a> {
+    kernel: &'static str,
+    /// Its time is a sum of those of works, each with a factor.
+    works: Vec<(f64, Work<'a>)>,
+    operations: f64,
+    bytes: f64,
+    bar: Option<f64>,
+}
+
+impl Case<'_> {
+    /// Beside the speeds that limit it, which are measured again each time: what else a machine does changes them by the minute. Appends
+    /// them, operations and bytes a second.
+    fn measure(mut self, speeds: &mut [Vec<f64>; 2]) -> Result<Kernel, Failure> {
+        let ((mut product, operations), (mut copy, bytes)) = (products(), copies());
+        for (_, work) in &mut self.works {
+            work()?;
         }
+        let (mut times, mut computing, mut moving) = (Vec::new(), Vec::new(), Vec::new());
+        for _ in 0..RUNS {
+            let limits = [operations / once(&mut product)?, bytes / once(&mut copy)?];
+            let mut seconds = 0.0;
+            for (factor, work) in &mut self.works {
+                seconds += *factor * once(work)?;
+            }
+            times.push(seconds);
+            computing.push(self.operations / limits[0] / seconds);
+            moving.push(self.bytes / limits[1] / seconds);
+            for (all, limit) in speeds.iter_mut().zip(limits) {
+                all.push(limit);
+            }
+        }
+        let (compute, memory) = (median(computing), median(moving));
+        Ok(Kernel {
+            kernel: self.kernel,
+            seconds: median(times),
+            operations: self.operations,
+            bytes: self.bytes,
+            limit: if compute > memory { "compute" } else { "memory" },
+            fraction: compute.max(memory),
+            bar: self.bar,
+        })
+    }
+}
+
+/// All kernels; operations a second of a product of matrices and bytes a second of a copy.
+pub(crate) fn all(bench: &Bench) -> Result<(Vec<Kernel>, [f64; 2]), Failure> {
+    let mut speeds = [Vec::new(), Vec::new()];
+    let (model, case) = (bench.large_model(24)?, refinement::Case::new()?);
+    let cases = cases(bench, &model, &case)?.into_iter();
+    let kernels: Result<_, _> = cases.map(|case| case.measure(&mut speeds)).collect();
+    Ok((kernels?, speeds.map(median)))
+}
+
+fn cases<'a>(
+    bench: &'a Bench,
+    model: &'a StateSpace<Discrete>,
+    case: &'a refinement::Case,
+) -> Result<Vec<Case<'a>>, Failure> {
+    let of = |kernel, works, operations, bytes, bar| Case {
+        kernel,
+        works,
+        operations,
+        bytes,
+        bar,
     };
     // Sums of products of 64 unknowns and two gains, weighted, and their right side.
     const LINES: usize = (1 << 14) - 1;
@@ -54,7 +108,7 @@ pub(crate) fn all(bench: &Bench, gemm: f64, copy: f64) -> Result<Vec<Kernel>, Fa
     let a_line = columns * (columns + 1.0) + 4.0 * columns;
     let regression = of(
         "regression core: 21 positions, 16,383 lines, 16 functions, 2x2",
-        time(works::regression(bench, POSITIONS, LINES, 16)?)?,
+        vec![(1.0, works::regression(bench, POSITIONS, LINES, 16)?)],
         (POSITIONS * LINES) as f64 * a_line,
         // Response, covariances, and the responses of the functions.
         LINES as f64 * 16.0 * (POSITIONS as f64 * 12.0 + 16.0),
@@ -63,27 +117,38 @@ pub(crate) fn all(bench: &Bench, gemm: f64, copy: f64) -> Result<Vec<Kernel>, Fa
     const PERIOD: usize = 1 << 15;
     let n = PERIOD as f64;
     let transform = 2.5 * n * n.log2();
+    // Signals in; sums of the means and of the products in and out, once for two periods.
+    let bytes = n * (8.0 * 6.0 + 0.5 * 2.0 * 8.0 * 24.0 / 2.0);
+    // Ten products of the spectra.
+    let products = 0.5 * n * 8.0 * 10.0;
     let accumulation = of(
         "FRF accumulation: a period of 32,768 samples, 2x2",
-        time(works::accumulation(PERIOD, 2)?)? / works::TOGETHER as f64,
-        // Four transforms of real signals, sums of ten products of the spectra.
-        4.0 * transform + 0.5 * n * 8.0 * 10.0,
-        // Signals in; sums of the means and of the products in and out, once for two periods.
-        n * (8.0 * 6.0 + 0.5 * 2.0 * 8.0 * 24.0 / 2.0),
+        vec![(1.0 / works::TOGETHER as f64, works::accumulation(PERIOD, 2)?)],
+        4.0 * transform + products,
+        bytes,
         Some(0.6),
     );
     let transforms = of(
         "its transforms alone: four of 32,768 real samples",
-        time(works::transforms(PERIOD, 4))?,
+        vec![(1.0, works::transforms(PERIOD, 4))],
         4.0 * transform,
         4.0 * n * 16.0,
         None,
     );
-    let model = bench.large_model(24)?;
+    let rest = of(
+        "the rest of it: the difference of the two above",
+        vec![
+            (1.0 / works::TOGETHER as f64, works::accumulation(PERIOD, 2)?),
+            (-1.0, works::transforms(PERIOD, 4)),
+        ],
+        products,
+        bytes,
+        None,
+    );
     let lines = bench.lines_hz(2000);
     let response = of(
         "frequency response: 24 states, 2,000 lines, 2x2",
-        time(works::response(&model, lines))?,
+        vec![(1.0, works::response(model, lines))],
         // A Hessenberg matrix is eliminated and solved with two right sides, complex numbers of eight operations.
         2000.0 * 8.0 * (0.5 * 24.0 * 24.0 + 2.0 * (0.5 * 24.0 * 24.0 + 24.0) + 2.0 * 2.0 * 24.0),
         2000.0 * 4.0 * 16.0,
@@ -92,7 +157,7 @@ pub(crate) fn all(bench: &Bench, gemm: f64, copy: f64) -> Result<Vec<Kernel>, Fa
     const SAMPLES: usize = 1 << 14;
     let simulation = of(
         "simulation at constant p: 24 states, 16,384 samples",
-        time(works::simulation(&model, SAMPLES))?,
+        vec![(1.0, works::simulation(model, SAMPLES))],
         2.0 * 26.0 * 26.0 * SAMPLES as f64,
         32.0 * SAMPLES as f64,
         None,
@@ -102,15 +167,14 @@ pub(crate) fn all(bench: &Bench, gemm: f64, copy: f64) -> Result<Vec<Kernel>, Fa
     const TERMS: f64 = 16.0;
     let motion = of(
         "simulation at moving p: the plant in its loop, 4,000 samples",
-        time(works::motion(bench, MOVES)?)?,
+        vec![(1.0, works::motion(bench, MOVES)?)],
         // Of a term: three products with the polynomial of p, two forces, four accelerations, eight sums; three control laws.
         MOVES as f64 * (TERMS * 52.0 + 3.0 * 18.0),
         8.0 * 10.0 * MOVES as f64,
         None,
     );
-    let case = Case::new()?;
     let (few, many) = (2, 8);
-    let steps = time(works::refinement(&case, many)?)? - time(works::refinement(&case, few)?)?;
+    let each = 1.0 / (many - few) as f64;
     let (n, channels) = (refinement::STATES as f64, 4.0);
     // What a change of the state coordinates does not show needs no column; one more for the residual.
     let columns = (n + 2.0) * (n + 2.0) - n * n + 1.0;
@@ -124,7 +188,10 @@ pub(crate) fn all(bench: &Bench, gemm: f64, copy: f64) -> Result<Vec<Kernel>, Fa
     let triangles = positions * (columns - 1.0);
     let jacobian = of(
         "LFR refinement, a step with its Jacobian: 8 states, 5 deltas, 21 positions, 160 lines, 2x2",
-        steps / (many - few) as f64,
+        vec![
+            (each, works::refinement(case, many)?),
+            (-each, works::refinement(case, few)?),
+        ],
         // Both sides of a response at each line, once more for a trial, a product an entry, reflections of all rows; how the entries
         // at a position move with those of the LFR; the triangles of all positions, reflected.
         positions
@@ -141,6 +208,7 @@ pub(crate) fn all(bench: &Bench, gemm: f64, copy: f64) -> Result<Vec<Kernel>, Fa
         regression,
         accumulation,
         transforms,
+        rest,
         response,
         simulation,
         motion,

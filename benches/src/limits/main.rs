@@ -94,11 +94,11 @@ fn measure(arguments: &Arguments) -> Result<(), Failure> {
         return growth::tell_memory(of);
     }
     let bench = Bench::new()?;
-    let (gemm, copy) = (kernels::gemm_speed()?, kernels::copy_speed()?);
+    let (kernels, [gemm, copy]) = kernels::all(&bench)?;
     let account = Account {
         gemm,
         copy,
-        kernels: kernels::all(&bench, gemm, copy)?,
+        kernels,
         growth: growth::all(&bench, arguments.disk)?,
     };
     let page = page::page(&account);

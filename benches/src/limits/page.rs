@@ -8,7 +8,7 @@ pub(crate) fn page(account: &Account) -> String {
         "# Limits and growth\n\nMade by `cargo xtask limits --bless`, on one thread; medians of 7. This machine multiplies matrices at \
          {:.1} Gflop/s and copies at {:.1} GB/s (read and written).\n\n\
          ## How near the limit\n\nThe time that the operations (at the speed of that product) or the bytes (at the speed of that copy) \
-         need, whichever is longer, over the time taken.\n\n\
+         need, whichever is longer, over the time taken; both speeds are measured again beside each run.\n\n\
          | kernel | time | Mflop | MB | limited by | fraction | bar |\n|---|---|---|---|---|---|---|\n",
         1e-9 * account.gemm,
         1e-9 * account.copy

@@ -19,23 +19,32 @@ type C64 = Complex<f64>;
 /// One run.
 pub(crate) type Work<'a> = Box<dyn FnMut() -> Result<(), Failure> + 'a>;
 
-/// Median time of several runs, of which the first does not count.
-pub(crate) fn time(mut run: Work<'_>) -> Result<f64, Failure> {
-    const RUNS: usize = 7;
+/// Measurements of which the median counts.
+pub(crate) const RUNS: usize = 7;
+
+/// Mean seconds of a run, repeated for a while.
+pub(crate) fn once(run: &mut Work<'_>) -> Result<f64, Failure> {
     /// A run is repeated until it takes so long, seconds.
     const LEAST: f64 = 0.01;
-    run()?;
-    let mut times = Vec::new();
-    for _ in 0..RUNS {
-        let (start, mut count) = (Instant::now(), 0.0);
-        while count == 0.0 || start.elapsed().as_secs_f64() < LEAST {
-            run()?;
-            count += 1.0;
-        }
-        times.push(start.elapsed().as_secs_f64() / count);
+    let (start, mut count) = (Instant::now(), 0.0);
+    while count == 0.0 || start.elapsed().as_secs_f64() < LEAST {
+        run()?;
+        count += 1.0;
     }
-    times.sort_by(f64::total_cmp);
-    Ok(times[RUNS / 2])
+    Ok(start.elapsed().as_secs_f64() / count)
+}
+
+/// Median time of several runs, of which the first does not count.
+pub(crate) fn time(mut run: Work<'_>) -> Result<f64, Failure> {
+    run()?;
+    let times: Vec<f64> = (0..RUNS).map(|_| once(&mut run)).collect::<Result<_, _>>()?;
+    Ok(median(times))
+}
+
+/// The one in the middle.
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// What is local to a position, and the gains that all share.

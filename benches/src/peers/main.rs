@@ -244,6 +244,7 @@ fn measure(
             let mut other = Command::new(python);
             let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers");
             other.arg(folder.join(script)).arg(inputs).arg(&count).arg(word);
+            other.env("PYTHONDONTWRITEBYTECODE", "1");
             for variable in ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"] {
                 other.env(variable, &count);
             }
@@ -256,14 +257,19 @@ fn measure(
         times.push((ours.run()?, theirs.run()?));
     }
     let (ratio, spread) = ratios(times.iter().map(|(a, b)| b / a));
+    let results = [
+        ours.result(&inputs.join("ours"))?,
+        theirs.result(&inputs.join("theirs"))?,
+    ];
+    work.compare(&results[0], &results[1])?;
     Ok(Row {
         work: work.what,
         peer: peer.name,
         threads,
         ratio,
         bar: peer.bar,
-        our_error: (work.error)(&ours.result(&inputs.join("ours"))?)?,
-        their_error: (work.error)(&theirs.result(&inputs.join("theirs"))?)?,
+        our_error: (work.error)(&results[0])?,
+        their_error: (work.error)(&results[1])?,
         our_mib: ours.memory()?,
         their_mib: theirs.memory()?,
         our_seconds: median(times.iter().map(|t| t.0).collect()),

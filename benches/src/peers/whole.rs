@@ -59,6 +59,7 @@ fn theirs(python: &Path, threads: usize) -> Result<Once, Failure> {
         .arg(script)
         .env("OMP_NUM_THREADS", threads.to_string())
         .env("OPENBLAS_NUM_THREADS", "1")
+        .env("PYTHONDONTWRITEBYTECODE", "1")
         .stderr(Stdio::inherit())
         .output()?;
     if !out.status.success() {

@@ -48,6 +48,32 @@ pub(crate) struct Work {
     pub(crate) error: fn(&[f64]) -> Result<f64, Failure>,
     /// Error that is small enough, whatever the peer's is.
     pub(crate) enough: f64,
+    /// Parts of equal length of a result; in each, ours and theirs are to be the same numbers. None where ways differ.
+    pub(crate) same: usize,
+}
+
+impl Work {
+    /// Largest relative difference of results that are the same.
+    const SAME: f64 = 1e-8;
+
+    /// That both have computed the same, where they have to.
+    pub(crate) fn compare(&self, ours: &[f64], theirs: &[f64]) -> Result<(), Failure> {
+        if self.same == 0 {
+            return Ok(());
+        }
+        let length = ours.len().max(theirs.len()).div_ceil(self.same).max(1);
+        for (part, (a, b)) in ours.chunks(length).zip(theirs.chunks(length)).enumerate() {
+            let difference = distance(a, b)?;
+            if !(difference <= Self::SAME) {
+                return Err(format!(
+                    "{}: part {part} of ours differs from theirs by {difference:.1e}",
+                    self.name
+                )
+                .into());
+            }
+        }
+        Ok(())
+    }
 }
 
 const fn python(name: &'static str, script: &'static str, word: &'static str, bar: f64) -> Peer {
@@ -75,6 +101,8 @@ pub(crate) const WORKS: [Work; 8] = [
         ours: frf_ours,
         error: frf_error,
         enough: 0.0,
+        // Response, covariance of the outputs, factor of the inputs.
+        same: 3,
     },
     Work {
         name: "poles",
@@ -87,6 +115,7 @@ pub(crate) const WORKS: [Work; 8] = [
         ours: poles_ours,
         error: poles_error,
         enough: 0.0,
+        same: 0,
     },
     Work {
         name: "simulation",
@@ -100,6 +129,7 @@ pub(crate) const WORKS: [Work; 8] = [
         ours: simulation_ours,
         error: simulation_error,
         enough: 0.0,
+        same: 0,
     },
     Work {
         name: "response",
@@ -109,6 +139,7 @@ pub(crate) const WORKS: [Work; 8] = [
         ours: response_ours,
         error: response_error,
         enough: 0.0,
+        same: 0,
     },
     Work {
         name: "regression",
@@ -122,6 +153,7 @@ pub(crate) const WORKS: [Work; 8] = [
         ours: regression_ours,
         error: regression_error,
         enough: 0.0,
+        same: 0,
     },
     Work {
         name: "moving",
@@ -134,6 +166,7 @@ pub(crate) const WORKS: [Work; 8] = [
         ours: moving::ours,
         error: moving::error,
         enough: 1e-10,
+        same: 0,
     },
     Work {
         name: "refinement",
@@ -148,6 +181,7 @@ pub(crate) const WORKS: [Work; 8] = [
         ours: refinement::ours,
         error: refinement::error,
         enough: 0.0,
+        same: 0,
     },
     Work {
         name: "positions",
@@ -162,6 +196,7 @@ pub(crate) const WORKS: [Work; 8] = [
         ours: positions::ours,
         error: positions::error,
         enough: 0.0,
+        same: 0,
     },
 ];
 
@@ -175,6 +210,15 @@ fn write(folder: &Path, name: &str, values: impl IntoIterator<Item = f64>) -> Re
 
 fn parts(z: C64) -> [f64; 2] {
     [z.re, z.im]
+}
+
+/// As they stand.
+fn numbers_of(values: &[C64]) -> Vec<f64> {
+    let mut all = Vec::with_capacity(2 * values.len());
+    values
+        .iter()
+        .for_each(|value| all.extend_from_slice(&parts(*value)));
+    all
 }
 
 /// Line after line, row after row.
@@ -301,7 +345,15 @@ fn frf_export(folder: &Path) -> Result<(), Failure> {
 
 fn frf_ours() -> Result<Run, Failure> {
     let periods = periods(&Bench::new()?)?;
-    Ok(Box::new(move || Ok(rows_of(frf_estimate(&periods)?.frf()))))
+    Ok(Box::new(move || {
+        let found = frf_estimate(&periods)?;
+        let results = [
+            found.frf().values(),
+            found.output_covariances(),
+            found.input_factors(),
+        ];
+        Ok(numbers_of(&results.concat()))
+    }))
 }
 
 fn frf_error(found: &[f64]) -> Result<f64, Failure> {
@@ -312,7 +364,7 @@ fn frf_error(found: &[f64]) -> Result<f64, Failure> {
         .machine
         .sampled(0.2, bench.clock)?
         .frequency_response(&lines)?;
-    distance(found, &rows_of(&truth))
+    distance(&found[..found.len() / 3], &numbers_of(truth.values()))
 }
 
 // Poles of an FRF.

@@ -30,16 +30,17 @@ pub(crate) fn page(account: &Account) -> String {
             verdict(k.bar, k.bar.is_none_or(|b| k.fraction >= b))
         );
     }
-    out += "\nFRF, a quarter of four periods: what a period brings, and what is kept, in and out once for the two that are taken together. Regression: the sums of products are one matrix product for all \
+    out += "\nFRF, a quarter of four periods: transforms take half of the time, at a third of the speed of a large product; the rest moves what is kept \
+            through the third cache, at about the speed of a copy in memory, and is no limit of the machine. Regression: the sums of products are one matrix product for all \
             positions and take two fifths of the time, at the speed of that product; what is left reads the covariances once, makes a \
-            weight of each and a right side, and the response of the basis; eleven runs on one day gave 49 to 56 %, their median is 51 %. A correction by what the equations leave is computed only \
+            weight of each and a right side, and the response of the basis. A correction by what the equations leave is computed only \
             where more than six digits would be lost without. Moving p: the terms of a series follow from each \
             other, one number at a time; only machines side by side would fill the registers. LFR: two \
             fifths are reflections, column by column in blocks that fit the cache (normal equations would lose half of the digits), a \
             fifth the curvature, the rest the responses and their products; none of it is large enough for the speed of a large product.\n\
             \n## Growth\n\nA transform of N samples takes N log N operations: from 2^10 to 2^18 that alone is an exponent of 1.11; what is kept of an \
-            experiment (192 bytes a line) no longer fits the second cache from 2^15 on, nor do the buffers of a transform \
-            (24 bytes a sample) from 2^16 on.\n\n| time | sizes | milliseconds | exponent | bar |\n|---|---|---|---|---|\n";
+            experiment (192 bytes a line) no longer fits a second cache of 1 MiB from 2^14 on, nor do the buffers of a transform \
+            (24 bytes a sample) from 2^16 on; what is above 1.11 is that.\n\n| time | sizes | milliseconds | exponent | bar |\n|---|---|---|---|---|\n";
     for g in &account.growth {
         let list = |v: Vec<String>| v.join(", ");
         let _ = writeln!(

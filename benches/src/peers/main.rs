@@ -94,6 +94,9 @@ struct Account {
     rows: Vec<Row>,
 }
 
+/// Runs of each side that the page asks for.
+const LEAST_RUNS: usize = 7;
+
 /// Packages of the peers, pinned.
 const PACKAGES: [&str; 4] = [
     "numpy==2.4.6",
@@ -138,6 +141,9 @@ fn compare(arguments: &Arguments) -> Result<(), Failure> {
     }
     if arguments.bless && !arguments.only.is_empty() {
         return Err("the page has the rows of all works: leave out --only, or --bless and read target/peers/performance.md".into());
+    }
+    if arguments.bless && arguments.runs < LEAST_RUNS {
+        return Err(format!("the page has medians of {LEAST_RUNS} runs or more: raise --runs").into());
     }
     let is_wanted = |name: &str| arguments.only.is_empty() || arguments.only.iter().any(|o| o == name);
     let folder = std::path::absolute(&arguments.output)?;

@@ -64,7 +64,7 @@ impl Work {
         let length = ours.len().max(theirs.len()).div_ceil(self.same).max(1);
         for (part, (a, b)) in ours.chunks(length).zip(theirs.chunks(length)).enumerate() {
             let difference = distance(a, b)?;
-            if !(difference <= Self::SAME) {
+            if difference.is_nan() || difference > Self::SAME {
                 return Err(format!(
                     "{}: part {part} of ours differs from theirs by {difference:.1e}",
                     self.name

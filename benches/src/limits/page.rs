@@ -30,8 +30,8 @@ pub(crate) fn page(account: &Account) -> String {
             verdict(k.bar, k.bar.is_none_or(|b| k.fraction >= b))
         );
     }
-    out += "\nFRF, a quarter of four periods: transforms take half of the time, at a third of the speed of a large product; the rest moves what is kept \
-            through the third cache, at about the speed of a copy in memory, and is no limit of the machine. Regression: the sums of products are one matrix product for all \
+    out += "\nFRF, a quarter of four periods: transforms take more than half of the time, at a quarter of the speed of a large product; the rest moves what is kept \
+            through the third cache, at two thirds of the speed of a copy in memory. Regression: the sums of products are one matrix product for all \
             positions and take two fifths of the time, at the speed of that product; what is left reads the covariances once, makes a \
             weight of each and a right side, and the response of the basis. A correction by what the equations leave is computed only \
             where more than six digits would be lost without. Moving p: the terms of a series follow from each \

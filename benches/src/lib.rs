@@ -49,6 +49,12 @@ pub enum InputError {
     },
 }
 
+/// The one in the middle, the upper of two; NaN of none.
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
 /// How the benches measure: seconds each, since each is there to be compared with itself.
 pub fn short() -> Criterion {
     Criterion::default()

@@ -1,11 +1,10 @@
 //! The kernels beside the speeds that limit them.
 
-use crate::works::{self, RUNS, Work, median, once};
+use crate::works::{self, RUNS, Work, once};
 use crate::{Failure, Kernel};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
-use lpv_benches::Bench;
-use lpv_benches::refinement;
+use lpv_benches::{Bench, median, refinement};
 use lpv_core::{Discrete, StateSpace};
 use std::hint::black_box;
 
@@ -35,6 +34,33 @@ fn copies() -> (Work<'static>, f64) {
     (Box::new(run), 16.0 * N as f64)
 }
 
+/// The works that show the speeds of the machine, and what they told so far.
+struct Limits {
+    /// With the operations or bytes of one.
+    works: [(Work<'static>, f64); 2],
+    /// A second: operations, bytes.
+    speeds: [Vec<f64>; 2],
+}
+
+impl Limits {
+    fn new() -> Self {
+        Self {
+            works: [products(), copies()],
+            speeds: [Vec::new(), Vec::new()],
+        }
+    }
+
+    /// Operations and bytes a second, now.
+    fn measure(&mut self) -> Result<[f64; 2], Failure> {
+        let mut now = [0.0; 2];
+        for (((work, amount), speeds), now) in self.works.iter_mut().zip(&mut self.speeds).zip(&mut now) {
+            *now = *amount / once(work)?;
+            speeds.push(*now);
+        }
+        Ok(now)
+    }
+}
+
 /// What is to be measured.
 struct Case<'a> {
     kernel: &'static str,
@@ -46,26 +72,21 @@ struct Case<'a> {
 }
 
 impl Case<'_> {
-    /// Beside the speeds that limit it, which are measured again each time: what else a machine does changes them by the minute. Appends
-    /// them, operations and bytes a second.
-    fn measure(mut self, speeds: &mut [Vec<f64>; 2]) -> Result<Kernel, Failure> {
-        let ((mut product, operations), (mut copy, bytes)) = (products(), copies());
+    /// Beside the speeds that limit it, which are measured again each time: what else a machine does changes them by the minute.
+    fn measure(mut self, limits: &mut Limits) -> Result<Kernel, Failure> {
         for (_, work) in &mut self.works {
             work()?;
         }
         let (mut times, mut computing, mut moving) = (Vec::new(), Vec::new(), Vec::new());
         for _ in 0..RUNS {
-            let limits = [operations / once(&mut product)?, bytes / once(&mut copy)?];
+            let [operations, bytes] = limits.measure()?;
             let mut seconds = 0.0;
             for (factor, work) in &mut self.works {
                 seconds += *factor * once(work)?;
             }
             times.push(seconds);
-            computing.push(self.operations / limits[0] / seconds);
-            moving.push(self.bytes / limits[1] / seconds);
-            for (all, limit) in speeds.iter_mut().zip(limits) {
-                all.push(limit);
-            }
+            computing.push(self.operations / operations / seconds);
+            moving.push(self.bytes / bytes / seconds);
         }
         let (compute, memory) = (median(computing), median(moving));
         Ok(Kernel {
@@ -82,11 +103,11 @@ impl Case<'_> {
 
 /// All kernels; operations a second of a product of matrices and bytes a second of a copy.
 pub(crate) fn all(bench: &Bench) -> Result<(Vec<Kernel>, [f64; 2]), Failure> {
-    let mut speeds = [Vec::new(), Vec::new()];
+    let mut limits = Limits::new();
     let (model, case) = (bench.large_model(24)?, refinement::Case::new()?);
     let cases = cases(bench, &model, &case)?.into_iter();
-    let kernels: Result<_, _> = cases.map(|case| case.measure(&mut speeds)).collect();
-    Ok((kernels?, speeds.map(median)))
+    let kernels: Result<_, _> = cases.map(|case| case.measure(&mut limits)).collect();
+    Ok((kernels?, limits.speeds.map(median)))
 }
 
 fn cases<'a>(
@@ -136,7 +157,7 @@ fn cases<'a>(
         None,
     );
     let rest = of(
-        "the rest of it: the difference of the two above, with the sums that it reads and writes once for two periods",
+        "the rest of it, a difference measured anew, with the sums that it reads and writes once for two periods",
         vec![
             (1.0 / works::TOGETHER as f64, works::accumulation(PERIOD, 2)?),
             (-1.0, works::transforms(PERIOD, 4)),

@@ -101,7 +101,7 @@ fn measure(arguments: &Arguments) -> Result<(), Failure> {
         kernels,
         growth: growth::all(&bench, arguments.disk)?,
     };
-    let page = page::page(&account);
+    let page = page::page(&account, arguments.disk);
     print!("{page}");
     std::fs::create_dir_all(&arguments.output)?;
     std::fs::write(

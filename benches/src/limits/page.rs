@@ -3,9 +3,10 @@
 use crate::Account;
 use std::fmt::Write as _;
 
-pub(crate) fn page(account: &Account) -> String {
+/// The page; bundles on disk had at most so many GB.
+pub(crate) fn page(account: &Account, disk: f64) -> String {
     let mut out = format!(
-        "# Limits and growth\n\nMade by `cargo xtask limits --bless`, on one thread; medians of 7. This machine multiplies matrices at \
+        "# Limits and growth\n\nMade by `cargo xtask limits --bless --disk {disk}`, on one thread; medians of 7. This machine multiplies matrices at \
          {:.1} Gflop/s and copies at {:.1} GB/s (read and written).\n\n\
          ## How near the limit\n\nThe time that the operations (at the speed of that product) or the bytes (at the speed of that copy) \
          need, whichever is longer, over the time taken; both speeds are measured again beside each run.\n\n\
@@ -30,8 +31,8 @@ pub(crate) fn page(account: &Account) -> String {
             verdict(k.bar, k.bar.is_none_or(|b| k.fraction >= b))
         );
     }
-    out += "\nFRF, a quarter of four periods: transforms take more than half of the time, at a quarter of the speed of a large product; the rest moves what is kept \
-            through the third cache, at two thirds of the speed of a copy in memory. Regression: the sums of products are one matrix product for all \
+    out += "\nFRF, a quarter of four periods: transforms take more than half of the time, at a quarter to a third of the speed of a large product; the rest moves what is kept \
+            through the third cache, at two thirds to all of the speed of a copy in memory. Regression: the sums of products are one matrix product for all \
             positions and take two fifths of the time, at the speed of that product; what is left reads the covariances once, makes a \
             weight of each and a right side, and the response of the basis. A correction by what the equations leave is computed only \
             where more than six digits would be lost without. Moving p: the terms of a series follow from each \
@@ -40,7 +41,7 @@ pub(crate) fn page(account: &Account) -> String {
             fifth the curvature, the rest the responses and their products; none of it is large enough for the speed of a large product.\n\
             \n## Growth\n\nA transform of N samples takes N log N operations: from 2^10 to 2^18 that alone is an exponent of 1.11; what is kept of an \
             experiment (192 bytes a line) no longer fits a second cache of 1 MiB from 2^14 on, nor do the buffers of a transform \
-            (24 bytes a sample) from 2^16 on; what is above 1.11 is that.\n\n| time | sizes | milliseconds | exponent | bar |\n|---|---|---|---|---|\n";
+            (24 bytes a sample) from 2^16 on. The transforms alone have a row.\n\n| time | sizes | milliseconds | exponent | bar |\n|---|---|---|---|---|\n";
     for g in &account.growth {
         let list = |v: Vec<String>| v.join(", ");
         let _ = writeln!(

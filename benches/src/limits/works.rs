@@ -4,7 +4,7 @@ use crate::Failure;
 use frf_estimation::PeriodicAccumulator;
 use lfr_realize::{RefineSettings, refine};
 use lpv_benches::refinement::Case;
-use lpv_benches::{Bench, accumulator, twelve_poles};
+use lpv_benches::{Bench, accumulator, median, twelve_poles};
 use lpv_core::nalgebra::{Complex, DMatrix, DVector};
 use lpv_core::{Discrete, Frf, FrfEstimate, PeriodBlock, StateSpace};
 use lpv_ident::{RegressionSettings, regress};
@@ -39,12 +39,6 @@ pub(crate) fn time(mut run: Work<'_>) -> Result<f64, Failure> {
     run()?;
     let times: Vec<f64> = (0..RUNS).map(|_| once(&mut run)).collect::<Result<_, _>>()?;
     Ok(median(times))
-}
-
-/// The one in the middle.
-pub(crate) fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// What is local to a position, and the gains that all share.

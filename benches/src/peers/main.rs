@@ -10,6 +10,7 @@ mod works;
 
 use child::Child;
 use clap::Parser;
+use lpv_benches::median;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -23,7 +24,7 @@ struct Arguments {
     #[arg(long)]
     bless: bool,
     /// Runs of each side, at least 7 for the page.
-    #[arg(long, default_value_t = 7)]
+    #[arg(long, default_value_t = LEAST_RUNS)]
     runs: usize,
     /// These works only.
     #[arg(long, value_delimiter = ',')]
@@ -69,12 +70,6 @@ pub(crate) struct Row {
 impl Row {
     /// The peer of a row that compares two threads with one.
     pub(crate) const ITSELF: &str = "itself on one thread";
-}
-
-/// The one in the middle.
-pub(crate) fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// Median, and the smallest and the largest.

@@ -1,7 +1,8 @@
 //! The whole reproduction beside a pipeline of numpy and scipy, stage by stage of one process each.
 
 use crate::works::Failure;
-use crate::{Row, median, ratios};
+use crate::{Row, ratios};
+use lpv_benches::median;
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Stdio};

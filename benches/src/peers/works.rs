@@ -48,7 +48,7 @@ pub(crate) struct Work {
     pub(crate) error: fn(&[f64]) -> Result<f64, Failure>,
     /// Error that is small enough, whatever the peer's is.
     pub(crate) enough: f64,
-    /// Parts of equal length of a result; in each, ours and theirs are to be the same numbers. None where ways differ.
+    /// Parts of equal length of a result; in each, ours and theirs are to be the same numbers; 0 where they need not.
     pub(crate) same: usize,
 }
 
@@ -61,7 +61,16 @@ impl Work {
         if self.same == 0 {
             return Ok(());
         }
-        let length = ours.len().max(theirs.len()).div_ceil(self.same).max(1);
+        if ours.len() != theirs.len() {
+            return Err(format!(
+                "{}: {} numbers and {} of theirs",
+                self.name,
+                ours.len(),
+                theirs.len()
+            )
+            .into());
+        }
+        let length = ours.len().div_ceil(self.same).max(1);
         for (part, (a, b)) in ours.chunks(length).zip(theirs.chunks(length)).enumerate() {
             let difference = distance(a, b)?;
             if difference.is_nan() || difference > Self::SAME {
@@ -364,7 +373,8 @@ fn frf_error(found: &[f64]) -> Result<f64, Failure> {
         .machine
         .sampled(0.2, bench.clock)?
         .frequency_response(&lines)?;
-    distance(&found[..found.len() / 3], &numbers_of(truth.values()))
+    let truth = numbers_of(truth.values());
+    distance(&found[..truth.len().min(found.len())], &truth)
 }
 
 // Poles of an FRF.

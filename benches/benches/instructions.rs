@@ -12,45 +12,60 @@ use lpv_core::{Discrete, FrfEstimate, PeriodBlock, StateSpace};
 use lpv_ident::{RegressionSettings, regress};
 use pole_fit::fit;
 use std::hint::black_box;
+use std::ops::Range;
 use xytable_plant::{MovingExperiment, MovingSettings, Noise, PlantError, Setpoints};
 
 const PERIOD: usize = 1 << 12;
 
-fn estimates(lines: usize) -> (Vec<FrfEstimate>, StateSpace<Discrete>) {
+fn estimates(positions: usize, lines: usize) -> (Vec<FrfEstimate>, StateSpace<Discrete>) {
     let bench = Bench::new().unwrap();
-    (bench.estimates(4, lines).unwrap(), bench.basis(16).unwrap())
+    (
+        bench.estimates(positions, lines).unwrap(),
+        bench.basis(16).unwrap(),
+    )
 }
 
-// Four positions, sixteen functions; twice the lines are to cost twice as much.
+// Sixteen functions; twice the lines or positions are to cost twice as much.
 #[library_benchmark]
-#[bench::lines_8191(args = (8191), setup = estimates)]
-#[bench::lines_16383(args = (16383), setup = estimates)]
+#[bench::lines_8191(args = (4, 8191), setup = estimates)]
+#[bench::lines_16383(args = (4, 16383), setup = estimates)]
+#[bench::positions_8(args = (8, 1023), setup = estimates)]
+#[bench::positions_16(args = (16, 1023), setup = estimates)]
 fn regression((estimates, basis): (Vec<FrfEstimate>, StateSpace<Discrete>)) {
     let settings = RegressionSettings::new().diagonal_rigid_body(2).check().unwrap();
     black_box(regress(black_box(&estimates), &basis, &settings).unwrap());
 }
 
-fn signals(period: usize) -> (PeriodicAccumulator, Vec<Vec<f64>>) {
-    let wave = |i: usize| (0..period).map(|k| ((i + 1) as f64 * k as f64).sin()).collect();
-    (
-        accumulator(period, 2, Some(0.2)).unwrap(),
-        (0..6).map(wave).collect(),
-    )
+/// Periods that are there before, so that plans and buffers are made, and periods that are counted: none is left to wait.
+const PERIODS: [usize; 2] = [2, 4];
+
+fn push(accumulator: &mut PeriodicAccumulator, signals: &[Vec<f64>], periods: Range<usize>) {
+    for period in periods {
+        let block = PeriodBlock {
+            experiment: 0,
+            period,
+            outputs: &signals[..2],
+            inputs: &signals[2..4],
+            references: &signals[4..],
+        };
+        accumulator.push(black_box(&block)).unwrap();
+    }
 }
 
-// One period of two outputs, inputs and references.
+fn signals(period: usize) -> (PeriodicAccumulator, Vec<Vec<f64>>) {
+    let wave = |i: usize| (0..period).map(|k| ((i + 1) as f64 * k as f64).sin()).collect();
+    let signals: Vec<Vec<f64>> = (0..6).map(wave).collect();
+    let mut accumulator = accumulator(period, 2, Some(0.2)).unwrap();
+    push(&mut accumulator, &signals, 0..PERIODS[0]);
+    (accumulator, signals)
+}
+
+// Four periods of two outputs, inputs and references.
 #[library_benchmark]
 #[bench::period_4096(args = (PERIOD), setup = signals)]
 #[bench::period_8192(args = (2 * PERIOD), setup = signals)]
 fn frf_push((mut accumulator, signals): (PeriodicAccumulator, Vec<Vec<f64>>)) {
-    let block = PeriodBlock {
-        experiment: 0,
-        period: 0,
-        outputs: &signals[..2],
-        inputs: &signals[2..4],
-        references: &signals[4..],
-    };
-    accumulator.push(black_box(&block)).unwrap();
+    push(&mut accumulator, &signals, PERIODS[0]..PERIODS[0] + PERIODS[1]);
 }
 
 fn model(lines: usize) -> (StateSpace<Discrete>, Vec<f64>) {
@@ -103,6 +118,7 @@ fn moving_p((bench, moves): (Bench, Setpoints)) {
 #[library_benchmark]
 #[bench::steps_2(args = (2), setup = refinement)]
 #[bench::steps_4(args = (4), setup = refinement)]
+#[bench::steps_6(args = (6), setup = refinement)]
 fn lfr_refinement((case, settings): (Case, CheckedRefineSettings)) {
     black_box(refine(&case.start, &case.data, &settings).unwrap());
 }
@@ -125,6 +141,7 @@ fn response(lines: usize) -> (FrfEstimate, Discrete) {
 // Order twelve, two inputs and outputs.
 #[library_benchmark]
 #[bench::lines_401(args = (401), setup = response)]
+#[bench::lines_802(args = (802), setup = response)]
 fn poles((estimate, clock): (FrfEstimate, Discrete)) {
     let settings = twelve_poles().check().unwrap();
     black_box(fit(black_box(&estimate), clock, &settings).unwrap());

@@ -95,19 +95,14 @@ fn bytes_read() -> Option<u64> {
     text.lines().find_map(|l| l.strip_prefix("rchar: "))?.parse().ok()
 }
 
-/// The other tests here read no files.
-#[test]
-fn the_records_of_a_bundle_are_read_once_for_their_responses() {
-    if bytes_read().is_none() {
-        println!("skipped: this system does not count the bytes that are read");
-        return;
-    }
+/// Bytes of the periodic records of a simulated bundle, and those that are read for the responses at its positions.
+fn bytes_for_responses(positions: usize, period: usize, periods: usize) -> Option<[u64; 2]> {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("bundle");
-    let file = toml::from_str::<MachineFile>(
-        "positions = { count = 3 }\nmultisine = { period = 2048, periods = 8 }\n\
-         moves = { estimation = 0, validation = 1 }\nsetpoints = { samples = 400 }\n",
-    );
+    let file = toml::from_str::<MachineFile>(&format!(
+        "positions = {{ count = {positions} }}\nmultisine = {{ period = {period}, periods = {periods} }}\n\
+         moves = {{ estimation = 0, validation = 1 }}\nsetpoints = {{ samples = 400 }}\n"
+    ));
     simulate(&file.unwrap(), &[], &out, RecordFormat::Npz, &|_, _| ()).unwrap();
     let bundle = Bundle::open(&out).unwrap();
     let entries = bundle.description().records.iter();
@@ -115,10 +110,28 @@ fn the_records_of_a_bundle_are_read_once_for_their_responses() {
     let size: u64 = periodic
         .map(|r| out.join(&r.file).metadata().unwrap().len())
         .sum();
-    let before = bytes_read().unwrap();
+    let before = bytes_read()?;
     let found = estimate_bundle(&bundle, None, &silent).unwrap();
-    let read = bytes_read().unwrap() - before;
-    assert_eq!(found.estimates.len(), 3);
-    // One of seven columns is read before, for the position.
-    assert!(size <= read && 4 * read < 5 * size, "{read} bytes of {size}");
+    let read = bytes_read()? - before;
+    assert_eq!(found.estimates.len(), positions);
+    Some([size, read])
+}
+
+/// The other tests here read no files.
+#[test]
+fn the_records_of_a_bundle_are_read_once_for_their_responses_and_large_ones_three_times() {
+    // Records above 64 MiB at a position are not kept in memory.
+    for (case, times) in [((3, 2048, 8), 1), ((2, 1 << 15, 20), 3)] {
+        let (positions, period, periods) = case;
+        let Some([size, read]) = bytes_for_responses(positions, period, periods) else {
+            println!("skipped: this system does not count the bytes that are read");
+            return;
+        };
+        // One of seven columns is read before, for the position.
+        let least = times * size;
+        assert!(
+            least <= read && 4 * read < 4 * least + size,
+            "{read} bytes of {size}, {times} times"
+        );
+    }
 }

@@ -63,6 +63,8 @@ struct Growth {
     bar: Option<f64>,
     /// What a run takes at its peak beyond its inputs; none where the system does not tell.
     mib: Option<Vec<f64>>,
+    /// Most that it may be.
+    most_mib: Option<f64>,
     /// Slope of its logarithms over the upper half of the sizes, where what any run takes no longer counts.
     mib_exponent: Option<f64>,
 }

@@ -54,7 +54,7 @@ pub(crate) fn page(account: &Account, disk: f64) -> String {
             verdict(g.bar, g.bar.is_none_or(|b| g.exponent <= b))
         );
     }
-    out += "\n| peak memory beyond the inputs | sizes | MiB | exponent, upper half |\n|---|---|---|---|\n";
+    out += "\n| peak memory beyond the inputs | sizes | MiB | exponent, upper half | bar, MiB |\n|---|---|---|---|---|\n";
     for g in &account.growth {
         let list = |v: Vec<String>| v.join(", ");
         let mib = g.mib.as_ref().map_or("not told".to_owned(), |m| {
@@ -62,7 +62,9 @@ pub(crate) fn page(account: &Account, disk: f64) -> String {
         });
         let sizes = list(g.sizes.iter().map(usize::to_string).collect());
         let exponent = g.mib_exponent.map_or("-".to_owned(), |e| format!("{e:.2}"));
-        let _ = writeln!(out, "| {} | {sizes} | {mib} | {exponent} |", g.what);
+        let is_met = |most: f64| g.mib.as_ref().is_some_and(|m| m.iter().all(|m| *m <= most));
+        let bar = verdict(g.most_mib, g.most_mib.is_none_or(is_met));
+        let _ = writeln!(out, "| {} | {sizes} | {mib} | {exponent} | {bar} |", g.what);
     }
     out += "\nEach in a process of its own, which gives back at once what it frees. Counts of work (transforms, factorisations, bytes \
             read) are held by `tests/tests/work.rs`, instructions by `cargo xtask bench --growth`, both in CI.\n";

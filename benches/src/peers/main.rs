@@ -93,10 +93,12 @@ struct Account {
 const LEAST_RUNS: usize = 7;
 
 /// Packages of the peers, pinned.
-const PACKAGES: [&str; 4] = [
+const PACKAGES: [&str; 5] = [
     "numpy==2.4.6",
     "scipy==1.17.1",
     "control==0.10.2",
+    // The compiled routines of control.
+    "slycot==0.7.1",
     "scikit-rf==2.2.0",
 ];
 
@@ -153,7 +155,18 @@ fn compare(arguments: &Arguments) -> Result<(), Failure> {
             return Ok(());
         }
     };
-    let mut rows = Vec::new();
+    let mut account = Account {
+        packages: &PACKAGES,
+        runs: arguments.runs,
+        rows: Vec::new(),
+    };
+    // Row by row: what is measured is kept, whatever comes after.
+    let mut keep = |row: Row| -> Result<(), Failure> {
+        println!("{}", page::line(&row));
+        account.rows.push(row);
+        let text = serde_json::to_string_pretty(&account)?;
+        Ok(std::fs::write(folder.join("peers.json"), text)?)
+    };
     for work in &WORKS {
         if !is_wanted(work.name) {
             continue;
@@ -163,25 +176,15 @@ fn compare(arguments: &Arguments) -> Result<(), Failure> {
         (work.export)(&inputs)?;
         for peer in work.peers {
             for threads in [1, 2] {
-                let row = measure(work, peer, threads, arguments.runs, &python, &inputs)?;
-                println!("{}", page::line(&row));
-                rows.push(row);
+                keep(measure(work, peer, threads, arguments.runs, &python, &inputs)?)?;
             }
         }
         std::fs::remove_dir_all(&inputs)?;
     }
     if let (true, Some(xtask)) = (is_wanted(whole::NAME), &arguments.xtask) {
-        for row in whole::rows(xtask, &python, &folder.join("reproduction"), arguments.runs)? {
-            println!("{}", page::line(&row));
-            rows.push(row);
-        }
+        let rows = whole::rows(xtask, &python, &folder.join("reproduction"), arguments.runs)?;
+        rows.into_iter().try_for_each(&mut keep)?;
     }
-    let account = Account {
-        packages: &PACKAGES,
-        runs: arguments.runs,
-        rows,
-    };
-    std::fs::write(folder.join("peers.json"), serde_json::to_string_pretty(&account)?)?;
     let page = page::page(&account.rows, arguments.runs, &PACKAGES);
     std::fs::write(folder.join("performance.md"), &page)?;
     if arguments.bless {

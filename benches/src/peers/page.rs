@@ -3,6 +3,9 @@
 use crate::Row;
 use std::fmt::Write as _;
 
+/// Most memory that the whole reproduction may take.
+const MOST_MIB: f64 = 200.0;
+
 /// Errors within this factor are equal.
 const MARGIN: f64 = 1.01;
 
@@ -70,6 +73,14 @@ pub(crate) fn page(rows: &[Row], runs: usize, packages: &[&str]) -> String {
             r.their_error,
             r.our_mib,
             r.their_mib
+        );
+    }
+    if let Some(two) = rows.iter().find(|r| r.peer == Row::ITSELF) {
+        let verdict = if two.our_mib <= MOST_MIB { "met" } else { "MISSED" };
+        let _ = writeln!(
+            out,
+            "\nPeak memory of the {}, on two threads: {:.0} MiB of {MOST_MIB}: {verdict}.",
+            two.work, two.our_mib
         );
     }
     out += include_str!("../../peers/notes.md");

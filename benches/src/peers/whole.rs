@@ -36,15 +36,14 @@ impl Once {
 }
 
 fn ours(xtask: &Path, folder: &Path, threads: usize) -> Result<Once, Failure> {
-    let status = Command::new(xtask)
+    let out = Command::new(xtask)
         .args(["reproduce", "--output"])
         .arg(folder)
         .env("RAYON_NUM_THREADS", threads.to_string())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .status()?;
-    if !status.success() {
-        return Err("the reproduction failed".into());
+        .output()?;
+    if !out.status.success() {
+        let said = String::from_utf8_lossy(&out.stderr);
+        return Err(format!("the reproduction failed: {said}").into());
     }
     let text = std::fs::read_to_string(folder.join("metrics.json"))?;
     Once::new(

@@ -30,7 +30,7 @@ impl Position {
     /// the sum. Lines that scatter about their merged value by more than noise stay as they are.
     pub(crate) fn condensed(&self, clock: Discrete, model: &StateSpace<Discrete>) -> Result<Self, CoreError> {
         let poles = eigenvalues(model.a())?;
-        let mut kernel = ResponseKernel::new(model);
+        let mut kernel = ResponseKernel::new(model)?;
         let arcs = self.arcs(&poles);
         let (ny, nu) = (self.frf.outputs(), self.frf.inputs());
         let mut merged = Merged::default();

@@ -65,7 +65,7 @@ fn response_kernel(s: &DMatrix<f64>, shape: Shape) -> Option<ResponseKernel> {
 /// `C (zI - A)^-1 B + D`; the clock does not matter to it.
 fn kernel(a: DMatrix<f64>, b: DMatrix<f64>, c: DMatrix<f64>, d: DMatrix<f64>) -> Option<ResponseKernel> {
     let system = StateSpace::new(a, b, c, d, Discrete::new(1.0).ok()?).ok()?;
-    Some(ResponseKernel::new(&system))
+    ResponseKernel::new(&system).ok()
 }
 
 impl Position {

@@ -19,7 +19,7 @@
 //! The way to the LFR is exact for polynomials: Clenshaw's recurrence
 //! `b_k = M_k + 2 delta b_(k+1) - b_(k+2)` in Chebyshev polynomials for one parameter, Horner's rule in monomials for
 //! several. At constant p all three are a [`StateSpace`], whose response `C (zI - A)^-1 B + D` on thousands of lines
-//! costs one Hessenberg reduction \[laub1981\] and `O(n^2)` a line.
+//! costs one Schur form of A and `O(n^2)` a line, see [`ResponseKernel`].
 //!
 //! # Glossary
 //!

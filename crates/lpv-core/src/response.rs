@@ -1,35 +1,39 @@
-//! Frequency responses over thousands of lines: one Hessenberg reduction a model, then O(n^2) a line.
+//! Frequency responses over thousands of lines: one Schur form a model, then O(n^2) a line.
 
 mod lanes;
 mod refine;
+mod schur;
 
 use crate::linalg::finite;
 use crate::{Clock, CoreError, Frf, StateSpace};
-use lanes::{WIDEST, lanes_of, shifted, size, solve, times_real, values_of};
-use nalgebra::{DMatrix, Hessenberg};
+use lanes::{WIDEST, lanes_of, size, solve, times_real, values_of};
+use nalgebra::DMatrix;
 use num_complex::Complex;
 use pulp::{Simd, WithSimd};
 use std::ops::{DivAssign, MulAssign, Range};
 
-/// A model reduced to Hessenberg form, ready to be evaluated at many points.
+/// A model reduced to Schur form, ready to be evaluated at many points.
 ///
-/// With `D^-1 A D = Q H Q^T`, D diagonal such that rows and columns have like norms (powers of two, so that nothing is rounded), the
-/// response is `C D Q (z I - H)^-1 Q^T D^-1 B + D_u`, D_u the direct term; `z I - H` is solved by elimination between
-/// neighbouring rows with pivoting \[laub1981\], for as many points at a time as a vector register of the
+/// With `D^-1 A D = Q T Q^T`, D diagonal such that rows and columns have like norms (powers of two, so that nothing is rounded), the
+/// response is `C D Q (z I - T)^-1 Q^T D^-1 B + D_u`, D_u the direct term. T is real, and triangular but for blocks of two on the
+/// diagonal: of `z I - T` only these are complex, and it is solved by substitution, which takes a quarter of what elimination takes from a
+/// Hessenberg form (\[laub1981\]), for as many points at a time as a vector register of the
 /// machine has lanes. States that do not reach each other are solved for apart. Where the states are many times larger
 /// than B, near a pole, the solution is refined once or more with residuals of twice the precision (\[higham2002\], ch. 12), so
-/// that neither the reduction nor the elimination shows. No products and sums are fused but where that is exact: the
+/// that neither the reduction nor the substitution shows. No products and sums are fused but where that is exact: the
 /// result does not depend on the machine.
 #[derive(Debug, Clone)]
 pub struct ResponseKernel {
     /// Balanced, and in parts.
     model: Matrices,
-    /// `Q^T A Q`, `Q^T B`, `C Q`.
+    /// `Q^T B`, `C Q`, and `T^T` for the sake of its columns.
     reduced: Matrices,
     q: DMatrix<f64>,
     d: DMatrix<f64>,
     /// States that do not reach those of another part.
     parts: Vec<Range<usize>>,
+    /// Largest entries of A and B.
+    largest: [f64; 2],
     work: Vec<f64>,
 }
 
@@ -45,7 +49,10 @@ const NEAR_A_POLE: f64 = 256.0;
 
 impl ResponseKernel {
     /// One reduction of `A`.
-    pub fn new<K: Clock>(system: &StateSpace<K>) -> Self {
+    ///
+    /// # Errors
+    /// [`CoreError::NoConvergence`] where the QR iteration finds no Schur form of `A`.
+    pub fn new<K: Clock>(system: &StateSpace<K>) -> Result<Self, CoreError> {
         let n = system.states();
         let (order, parts) = components(system.a());
         let mut model = Matrices {
@@ -54,31 +61,32 @@ impl ResponseKernel {
             c: system.c().select_columns(&order),
         };
         balance(&mut model);
-        let (mut q, mut h) = (DMatrix::identity(n, n), model.a.clone());
+        let (mut q, mut t) = (DMatrix::identity(n, n), model.a.clone());
         for part in parts.iter().filter(|p| p.len() > 2) {
             let (at, size) = ((part.start, part.start), (part.len(), part.len()));
-            let (turn, form) = Hessenberg::new(model.a.view(at, size).into_owned()).unpack();
+            let (turn, form) = schur::schur(&model.a.view(at, size).into_owned())?;
             q.view_mut(at, size).copy_from(&turn);
-            h.view_mut(at, size).copy_from(&form);
+            t.view_mut(at, size).copy_from(&form);
         }
-        Self {
+        Ok(Self {
             reduced: Matrices {
-                a: h,
+                a: t.transpose(),
                 b: q.transpose() * &model.b,
                 c: &model.c * &q,
             },
             d: system.d().clone(),
-            work: vec![0.0; 2 * WIDEST * n * (n + 3 * system.inputs())],
+            work: vec![0.0; 2 * WIDEST * n * 3 * system.inputs()],
+            largest: [model.a.amax(), model.b.amax()],
             model,
             q,
             parts,
-        }
+        })
     }
 
     /// Writes the response at each of `points` into `out`, point after point, `n_y x n_u` each, column-major.
     ///
     /// # Errors
-    /// The index of the first point that is a pole: where elimination meets an exact zero or the response overflows; from
+    /// The index of the first point that is a pole: where substitution meets an exact zero or the response overflows; from
     /// there on `out` is unspecified. A pole that rounding has moved off the point gives a very large response instead.
     ///
     /// # Panics
@@ -182,18 +190,16 @@ impl ResponseKernel {
         let (ny, nu) = self.d.shape();
         let (all, _) = S::as_mut_simd_f64s(&mut self.work);
         let (all, _) = all.as_chunks_mut::<2>();
-        let (work, rest) = all.split_at_mut(n * n);
-        let (rhs, rest) = rest.split_at_mut(n * nu);
+        let (rhs, rest) = all.split_at_mut(n * nu);
         let (left, rest) = rest.split_at_mut(n * nu);
         let states = &mut rest[..n * nu];
         let (zero, z) = (simd.splat_f64s(0.0), lanes_of::<S>(simd, points));
-        shifted::<S>(simd, &self.reduced.a, z, &self.parts, work);
         for i in 0..n {
             for j in 0..nu {
                 rhs[i * nu + j] = [simd.splat_f64s(self.reduced.b[(i, j)]), zero];
             }
         }
-        solve::<S>(simd, work, rhs, &self.parts, n, nu);
+        solve::<S>(simd, &self.reduced.a, z, rhs, &self.parts, nu);
         // What is not finite minus itself is not zero.
         let (mut largest, mut lost) = (zero, zero);
         for x in rhs.iter() {
@@ -207,12 +213,13 @@ impl ResponseKernel {
         {
             return Err(lane);
         }
-        let limit = NEAR_A_POLE * self.model.b.amax();
-        let scale = simd.add_f64s(size(simd, z), simd.splat_f64s(self.model.a.amax()));
-        let is_near = simd.greater_than_f64s(simd.mul_f64s(largest, scale), simd.splat_f64s(limit));
+        let [a, b] = self.largest;
+        let scale = simd.add_f64s(size(simd, z), simd.splat_f64s(a));
+        let limit = simd.splat_f64s(NEAR_A_POLE * b);
+        let is_near = simd.greater_than_f64s(simd.mul_f64s(largest, scale), limit);
         let (states, c) = if simd.first_true_m64s(is_near) < S::F64_LANES {
             let matrices = (&self.model, &self.reduced.a, &self.q);
-            refine::refine(simd, matrices, z, &self.parts, [work, rhs, left, states]);
+            refine::refine(simd, matrices, z, &self.parts, [rhs, left, states]);
             (&*states, &self.model.c)
         } else {
             (&*rhs, &self.reduced.c)
@@ -244,7 +251,7 @@ impl<K: Clock> StateSpace<K> {
     ///
     /// # Errors
     /// [`CoreError::Frequency`] for a frequency that is negative, not finite, not increasing or above Nyquist;
-    /// [`CoreError::PoleOnLine`] where the response is infinite.
+    /// [`CoreError::PoleOnLine`] where the response is infinite; those of [`ResponseKernel::new`].
     pub fn frequency_response(&self, frequencies_hz: &[f64]) -> Result<Frf, CoreError> {
         let limit = self.clock().nyquist_hz() * (1.0 + 1e-12);
         if let Some(index) = frequencies_hz.iter().position(|&f| f > limit) {
@@ -256,7 +263,7 @@ impl<K: Clock> StateSpace<K> {
         }
         finite("frequency response: A", self.a())?;
         let mut frf = Frf::zeros(frequencies_hz.to_vec(), self.outputs(), self.inputs())?;
-        let mut kernel = ResponseKernel::new(self);
+        let mut kernel = ResponseKernel::new(self)?;
         let points: Vec<Complex<f64>> = frequencies_hz.iter().map(|&f| self.clock().point(f)).collect();
         match kernel.evaluate(&points, frf.values_mut()) {
             Ok(()) => Ok(frf),

@@ -91,7 +91,7 @@ fn tustin_maps_the_imaginary_axis_to_the_unit_circle() {
 }
 
 #[test]
-fn hessenberg_response_is_the_dense_one() {
+fn schur_response_is_the_dense_one() {
     for n in [0, 1, 2, 5, 12] {
         let s = StateSpace::new(
             matrix(n, n, 1),

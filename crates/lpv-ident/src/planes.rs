@@ -59,6 +59,19 @@ impl Planes {
         (&self.re[lines.clone()], &self.im[lines])
     }
 
+    /// `self = sign x y`, or with `conj(y)` for a negative `conjugate`.
+    #[inline(always)]
+    pub(crate) fn set_product(&mut self, x: &Self, y: &Self, sign: f64, conjugate: f64) {
+        let n = self.re.len();
+        let (re, im) = (&mut self.re[..n], &mut self.im[..n]);
+        let (xr, xi, yr, yi) = (&x.re[..n], &x.im[..n], &y.re[..n], &y.im[..n]);
+        for k in 0..n {
+            let yi = conjugate * yi[k];
+            re[k] = sign * (xr[k] * yr[k] - xi[k] * yi);
+            im[k] = sign * (xr[k] * yi + xi[k] * yr[k]);
+        }
+    }
+
     /// `self += sign x y`, or with `conj(y)` for a negative `conjugate`.
     #[inline(always)]
     pub(crate) fn add_product(&mut self, x: &Self, y: &Self, sign: f64, conjugate: f64) {

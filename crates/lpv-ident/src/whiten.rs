@@ -16,6 +16,7 @@ const ROUNDING: f64 = 64.0 * f64::EPSILON;
 pub(crate) struct Lower {
     size: usize,
     entries: Vec<Planes>,
+    scratch: Planes,
 }
 
 fn place(i: usize, j: usize) -> usize {
@@ -132,7 +133,11 @@ impl Lower {
         for i in 0..size {
             entries[place(i, i)].fill(1.0);
         }
-        Self { size, entries }
+        Self {
+            size,
+            entries,
+            scratch: Planes::zeros(lines),
+        }
     }
 
     pub(crate) fn size(&self) -> usize {
@@ -194,13 +199,15 @@ impl Lower {
         // Column by column from the left: row i still holds L right of the column; the diagonal is inverted already.
         for j in 0..n {
             for i in j + 1..n {
-                let mut sum = Planes::zeros(self.entries[place(i, j)].re.len());
-                for k in j..i {
-                    let (x, y) = (&self.entries[place(i, k)], &self.entries[place(k, j)]);
+                let sum = &mut self.scratch;
+                let terms = |k| (&self.entries[place(i, k)], &self.entries[place(k, j)]);
+                let (x, y) = terms(j);
+                sum.set_product(x, y, -1.0, 1.0);
+                for (x, y) in (j + 1..i).map(terms) {
                     sum.add_product(x, y, -1.0, 1.0);
                 }
                 sum.scale(&self.entries[place(i, i)].re);
-                self.entries[place(i, j)] = sum;
+                std::mem::swap(sum, &mut self.entries[place(i, j)]);
             }
         }
         for entry in &self.entries {

@@ -221,7 +221,7 @@ fn check(
                 .flat_map(|s| [0.98, 0.99, 1.0, 1.01, 1.02].map(|r| r * s.im.abs() / std::f64::consts::TAU))
                 .filter(|f| *f > 0.0 && *f <= nyquist),
         );
-        let (sensitivity, frequency) = largest_sensitivity(&plant, controller, clock, &frequencies);
+        let (sensitivity, frequency) = largest_sensitivity(&plant, controller, clock, &frequencies)?;
         account.sensitivities.push(sensitivity);
         account.worst_frequencies_hz.push(frequency);
     }
@@ -234,12 +234,12 @@ fn largest_sensitivity(
     controller: &StateSpace<Discrete>,
     clock: Discrete,
     frequencies_hz: &[f64],
-) -> (f64, f64) {
+) -> Result<(f64, f64), PlantError> {
     use lpv_core::Clock;
     let points: Vec<Complex<f64>> = frequencies_hz.iter().map(|&f| clock.point(f)).collect();
-    let loops = responses(plant, &points)
+    let loops = responses(plant, &points)?
         .into_iter()
-        .zip(responses(controller, &points));
+        .zip(responses(controller, &points)?);
     let mut worst = (0.0, 0.0);
     for (loop_, &f) in loops.zip(frequencies_hz) {
         // A pole on the line means infinite loop gain: the sensitivity is zero there.
@@ -254,12 +254,15 @@ fn largest_sensitivity(
             worst = (s, f);
         }
     }
-    worst
+    Ok(worst)
 }
 
 /// The response at each point; none at a pole.
-fn responses(system: &StateSpace<Discrete>, points: &[Complex<f64>]) -> Vec<Option<Matrix2<Complex<f64>>>> {
-    let mut kernel = ResponseKernel::new(system);
+fn responses(
+    system: &StateSpace<Discrete>,
+    points: &[Complex<f64>],
+) -> Result<Vec<Option<Matrix2<Complex<f64>>>>, PlantError> {
+    let mut kernel = ResponseKernel::new(system)?;
     let mut values = vec![Complex::new(0.0, 0.0); 4 * points.len()];
     let mut found = Vec::with_capacity(points.len());
     while found.len() < points.len() {
@@ -272,7 +275,7 @@ fn responses(system: &StateSpace<Discrete>, points: &[Complex<f64>]) -> Vec<Opti
             found.push(None);
         }
     }
-    found
+    Ok(found)
 }
 
 /// Largest singular value of a 2 x 2 matrix from its Frobenius norm and determinant.

@@ -1,4 +1,4 @@
-//! Complex numbers of several points at a time, and Hessenberg systems of them.
+//! Complex numbers of several points at a time, and systems in Schur form at them.
 
 use nalgebra::DMatrix;
 use num_complex::Complex;
@@ -43,16 +43,6 @@ pub(super) fn times<S: Simd>(simd: S, a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {
     [re, im]
 }
 
-/// `sum - a b`.
-#[inline(always)]
-pub(super) fn less<S: Simd>(simd: S, sum: Lanes<S>, a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {
-    let product = times(simd, a, b);
-    [
-        simd.sub_f64s(sum[0], product[0]),
-        simd.sub_f64s(sum[1], product[1]),
-    ]
-}
-
 /// `a / b`.
 #[inline(always)]
 pub(super) fn over<S: Simd>(simd: S, a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {
@@ -75,98 +65,122 @@ pub(super) fn times_real<S: Simd>(simd: S, a: Lanes<S>, b: f64) -> Lanes<S> {
     [simd.mul_f64s(a[0], b), simd.mul_f64s(a[1], b)]
 }
 
-/// Writes `z I - h` into `out`, row after row, h upper Hessenberg within its parts; what lies outside of them is not touched.
+/// `a + b`.
 #[inline(always)]
-pub(super) fn shifted<S: Simd>(
-    simd: S,
-    h: &DMatrix<f64>,
-    z: Lanes<S>,
-    parts: &[Range<usize>],
-    out: &mut [Lanes<S>],
-) {
-    let n = h.nrows();
-    for part in parts {
-        for i in part.clone() {
-            for j in i.saturating_sub(1).max(part.start)..part.end {
-                out[i * n + j] = [simd.splat_f64s(-h[(i, j)]), simd.splat_f64s(0.0)];
-            }
-            let [re, _] = out[i * n + i];
-            out[i * n + i] = [simd.add_f64s(re, z[0]), z[1]];
-        }
-    }
+fn plus<S: Simd>(simd: S, a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {
+    [simd.add_f64s(a[0], b[0]), simd.add_f64s(a[1], b[1])]
 }
 
-/// Solves the Hessenberg systems of all parts in place.
+/// `z - t`, t real.
+#[inline(always)]
+fn minus_real<S: Simd>(simd: S, z: Lanes<S>, t: f64) -> Lanes<S> {
+    [simd.sub_f64s(z[0], simd.splat_f64s(t)), z[1]]
+}
+
+/// Solves `(z I - T) X = rhs` in place, part by part from the last state on. `t` is `T^T`: its columns are the rows of T.
+// Loops, since what takes a function is not always compiled for these registers.
 #[inline(always)]
 pub(super) fn solve<S: Simd>(
     simd: S,
-    work: &mut [Lanes<S>],
+    t: &DMatrix<f64>,
+    z: Lanes<S>,
     rhs: &mut [Lanes<S>],
     parts: &[Range<usize>],
-    n: usize,
     nu: usize,
 ) {
+    let (n, t) = (t.nrows(), t.as_slice());
     for part in parts {
-        eliminate(simd, work, rhs, part, n, nu);
-        substitute(simd, work, rhs, part, n, nu);
-    }
-}
-
-#[inline(always)]
-fn eliminate<S: Simd>(
-    simd: S,
-    work: &mut [Lanes<S>],
-    rhs: &mut [Lanes<S>],
-    part: &Range<usize>,
-    n: usize,
-    nu: usize,
-) {
-    for k in part.start..part.end - 1 {
-        let (top, bottom) = work.split_at_mut((k + 1) * n);
-        let (row, next) = (&mut top[k * n + k..k * n + part.end], &mut bottom[k..part.end]);
-        let (above, below) = rhs.split_at_mut((k + 1) * nu);
-        let (above, below) = (&mut above[k * nu..], &mut below[..nu]);
-        let larger = simd.greater_than_f64s(size(simd, next[0]), size(simd, row[0]));
-        if simd.first_true_m64s(larger) < S::F64_LANES {
-            let rows = row.iter_mut().zip(next.iter_mut());
-            for (one, other) in rows.chain(above.iter_mut().zip(below.iter_mut())) {
-                for (one, other) in one.iter_mut().zip(other.iter_mut()) {
-                    let (a, b) = (*one, *other);
-                    *one = simd.select_f64s(larger, b, a);
-                    *other = simd.select_f64s(larger, a, b);
+        let mut end = part.end;
+        while end > part.start {
+            // A block of two has an entry below the diagonal of T.
+            let is_pair = end - part.start > 1 && t[(end - 1) * n + end - 2] != 0.0;
+            let from = end - if is_pair { 2 } else { 1 };
+            let (rows, known) = rhs[from * nu..part.end * nu].split_at_mut((end - from) * nu);
+            let first = &t[from * n..][..part.end];
+            if is_pair {
+                let second = &t[(from + 1) * n..][..part.end];
+                add_rows::<S, 2>(simd, [&first[end..], &second[end..]], known, rows, nu);
+                let gaps = [
+                    minus_real(simd, z, first[from]),
+                    minus_real(simd, z, second[from + 1]),
+                ];
+                solve_pair(simd, gaps, [first[from + 1], second[from]], rows, nu);
+            } else {
+                add_rows::<S, 1>(simd, [&first[end..]], known, rows, nu);
+                let one = [simd.splat_f64s(1.0), simd.splat_f64s(0.0)];
+                let inverse = over(simd, one, minus_real(simd, z, first[from]));
+                for x in rows {
+                    *x = times(simd, *x, inverse);
                 }
             }
-        }
-        let factor = over(simd, next[0], row[0]);
-        for (next, row) in next[1..].iter_mut().zip(&row[1..]) {
-            *next = less(simd, *next, factor, *row);
-        }
-        for (below, above) in below.iter_mut().zip(above.iter()) {
-            *below = less(simd, *below, factor, *above);
+            end = from;
         }
     }
 }
 
+/// Adds to R rows those of T times what is known.
 #[inline(always)]
-fn substitute<S: Simd>(
+fn add_rows<S: Simd, const R: usize>(
     simd: S,
-    work: &[Lanes<S>],
-    rhs: &mut [Lanes<S>],
-    part: &Range<usize>,
-    n: usize,
+    t: [&[f64]; R],
+    known: &[Lanes<S>],
+    rows: &mut [Lanes<S>],
     nu: usize,
 ) {
-    let one = [simd.splat_f64s(1.0), simd.splat_f64s(0.0)];
-    for k in part.clone().rev() {
-        let inverse = over(simd, one, work[k * n + k]);
-        let (known, solved) = rhs.split_at_mut((k + 1) * nu);
-        let row = &work[k * n + k + 1..k * n + part.end];
-        for j in 0..nu {
-            let mut sum = known[k * nu + j];
-            for (factor, solved) in row.iter().zip(solved.chunks_exact(nu)) {
-                sum = less(simd, sum, *factor, solved[j]);
-            }
-            known[k * nu + j] = times(simd, sum, inverse);
+    let mut at = 0;
+    while at < nu {
+        at += match nu - at {
+            1 => add_columns::<S, R, 1>(simd, t, known, rows, at, nu),
+            _ => add_columns::<S, R, 2>(simd, t, known, rows, at, nu),
+        };
+    }
+}
+
+/// The same for N right sides from `at` on; N.
+#[inline(always)]
+fn add_columns<S: Simd, const R: usize, const N: usize>(
+    simd: S,
+    t: [&[f64]; R],
+    known: &[Lanes<S>],
+    rows: &mut [Lanes<S>],
+    at: usize,
+    nu: usize,
+) -> usize {
+    let mut sums = [[rows[0]; N]; R];
+    for r in 0..R {
+        for j in 0..N {
+            sums[r][j] = rows[r * nu + at + j];
         }
+    }
+    for (m, known) in known.chunks_exact(nu).enumerate() {
+        for r in 0..R {
+            for j in 0..N {
+                sums[r][j] = plus(simd, sums[r][j], times_real(simd, known[at + j], t[r][m]));
+            }
+        }
+    }
+    for r in 0..R {
+        for j in 0..N {
+            rows[r * nu + at + j] = sums[r][j];
+        }
+    }
+    N
+}
+
+/// Two rows `[[g_0, -b_0], [-b_1, g_1]] x = rows`, all right sides, by the inverse.
+#[inline(always)]
+fn solve_pair<S: Simd>(simd: S, gaps: [Lanes<S>; 2], beside: [f64; 2], rows: &mut [Lanes<S>], nu: usize) {
+    let determinant = minus_real(simd, times(simd, gaps[0], gaps[1]), beside[0] * beside[1]);
+    let inverse = over(simd, [simd.splat_f64s(1.0), simd.splat_f64s(0.0)], determinant);
+    let [g0, g1] = [times(simd, gaps[0], inverse), times(simd, gaps[1], inverse)];
+    let [b0, b1] = [
+        times_real(simd, inverse, beside[0]),
+        times_real(simd, inverse, beside[1]),
+    ];
+    let (first, second) = rows.split_at_mut(nu);
+    for (x, y) in first.iter_mut().zip(second) {
+        let (a, b) = (*x, *y);
+        *x = plus(simd, times(simd, g1, a), times(simd, b0, b));
+        *y = plus(simd, times(simd, g0, b), times(simd, b1, a));
     }
 }

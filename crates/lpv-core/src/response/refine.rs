@@ -1,7 +1,7 @@
 //! States near a pole, to the last digits.
 
 use super::Matrices;
-use super::lanes::{Lanes, shifted, size, solve, times_real};
+use super::lanes::{Lanes, size, solve, times_real};
 use nalgebra::DMatrix;
 use pulp::Simd;
 use std::ops::Range;
@@ -35,17 +35,17 @@ impl<S: Simd> Twofold<S> {
     }
 }
 
-/// From a solution in the coordinates of H, in `rhs`, to the `states` of the model, until a correction by the residual
+/// From a solution in the coordinates of T, in `rhs`, to the `states` of the model, until a correction by the residual
 /// `B - (z I - A) X` is lost.
 #[inline(always)]
 pub(super) fn refine<S: Simd>(
     simd: S,
-    (model, h, q): (&Matrices, &DMatrix<f64>, &DMatrix<f64>),
+    (model, t, q): (&Matrices, &DMatrix<f64>, &DMatrix<f64>),
     z: Lanes<S>,
     parts: &[Range<usize>],
-    [work, rhs, left, states]: [&mut [Lanes<S>]; 4],
+    [rhs, left, states]: [&mut [Lanes<S>]; 3],
 ) {
-    let (n, nu) = (h.nrows(), model.b.ncols());
+    let nu = model.b.ncols();
     let zero = simd.splat_f64s(0.0);
     states.fill([zero; 2]);
     for _ in 0..MOST {
@@ -73,8 +73,7 @@ pub(super) fn refine<S: Simd>(
                 }
             }
         }
-        shifted::<S>(simd, h, z, parts, work);
-        solve::<S>(simd, work, rhs, parts, n, nu);
+        solve::<S>(simd, t, z, rhs, parts, nu);
     }
 }
 

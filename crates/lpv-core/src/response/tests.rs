@@ -26,7 +26,7 @@ fn all_registers_agree() {
         })
         .collect();
     let check = |name: &str, run: &dyn Fn(Points<'_>) -> Result<(), usize>| {
-        let mut kernel = ResponseKernel::new(&system);
+        let mut kernel = ResponseKernel::new(&system).unwrap();
         let mut out = vec![Complex::new(0.0, 0.0); exact.len()];
         run(Points {
             kernel: &mut kernel,
@@ -64,7 +64,10 @@ fn near_a_pole_nothing_is_lost() {
     let system = StateSpace::new(a, b, c, dmatrix![0.0], Continuous).unwrap();
     let points: Vec<Complex<f64>> = (4..20).map(|k| 1.0 + Complex::new(0.0, 0.5f64.powi(k))).collect();
     let mut out = vec![Complex::new(0.0, 0.0); points.len()];
-    ResponseKernel::new(&system).evaluate(&points, &mut out).unwrap();
+    ResponseKernel::new(&system)
+        .unwrap()
+        .evaluate(&points, &mut out)
+        .unwrap();
     for (z, o) in points.iter().zip(&out) {
         let exact = h / (z - 1.0).powi(2) + 1.0 / (z - 0.5);
         assert!((o - exact).norm() < 1e-14 * exact.norm(), "{z}: {o} {exact}");
@@ -80,7 +83,10 @@ fn parts_are_solved_for_apart() {
     let system = StateSpace::new(a.clone(), b.clone(), c.clone(), dmatrix![0.0, 0.1], Continuous).unwrap();
     let z = Complex::new(0.3, 0.8);
     let mut out = vec![Complex::new(0.0, 0.0); 2];
-    ResponseKernel::new(&system).evaluate(&[z], &mut out).unwrap();
+    ResponseKernel::new(&system)
+        .unwrap()
+        .evaluate(&[z], &mut out)
+        .unwrap();
     for j in 0..2 {
         let det = (z - 0.5) * (z - 0.4) + 0.03;
         let x0 = ((z - 0.4) * b[(0, j)] + 0.3 * b[(2, j)]) / det;

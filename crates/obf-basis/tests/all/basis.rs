@@ -11,7 +11,10 @@ fn clock() -> Discrete {
 
 fn response(system: &StateSpace<Discrete>, z: Complex<f64>) -> Vec<Complex<f64>> {
     let mut out = vec![c64(0.0, 0.0); system.outputs()];
-    ResponseKernel::new(system).evaluate(&[z], &mut out).unwrap();
+    ResponseKernel::new(system)
+        .unwrap()
+        .evaluate(&[z], &mut out)
+        .unwrap();
     out
 }
 
@@ -74,7 +77,7 @@ proptest! {
     fn the_gram_matrix_on_the_circle_is_the_identity(poles in units(5, 0.9)) {
         let basis = OrthonormalBasis::takenaka_malmquist(&poles, clock()).unwrap();
         let n = poles.len();
-        let mut kernel = ResponseKernel::new(basis.state_space());
+        let mut kernel = ResponseKernel::new(basis.state_space()).unwrap();
         let mut gram = DMatrix::from_element(n, n, c64(0.0, 0.0));
         let mut phi = DVector::from_element(n, c64(0.0, 0.0));
         // The trapezoidal rule on the circle is exact up to |pole|^points.

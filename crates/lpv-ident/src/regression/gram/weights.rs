@@ -147,19 +147,16 @@ impl WeightsAt<'_> {
     pub(super) fn apply(&self, residual: &[Planes], out: &mut Weighted) {
         for (i, (or, oi)) in out.re.iter_mut().zip(&mut out.im).enumerate() {
             let (or, oi) = (&mut or[..BLOCK], &mut oi[..BLOCK]);
-            or.fill(0.0);
-            oi.fill(0.0);
-            for (j, e) in residual.iter().enumerate() {
+            let re = plane(self.re, pair(self.channels, i, i));
+            let (er, ei) = (&residual[i].re[..BLOCK], &residual[i].im[..BLOCK]);
+            for k in 0..BLOCK {
+                or[k] = re[k] * er[k];
+                oi[k] = re[k] * ei[k];
+            }
+            for (j, e) in residual.iter().enumerate().filter(|(j, _)| *j != i) {
                 let (low, high) = (i.min(j), i.max(j));
                 let re = plane(self.re, pair(self.channels, low, high));
                 let (er, ei) = (&e.re[..BLOCK], &e.im[..BLOCK]);
-                if i == j {
-                    for k in 0..BLOCK {
-                        or[k] += re[k] * er[k];
-                        oi[k] += re[k] * ei[k];
-                    }
-                    continue;
-                }
                 let im = plane(self.im, pair_off(self.channels, low, high));
                 let sign = if i < j { 1.0 } else { -1.0 };
                 for k in 0..BLOCK {
@@ -179,9 +176,9 @@ fn square(lower: &Lower, out: &mut [Planes]) {
     for i in 0..n {
         for j in i..n {
             let sum = &mut out[pair(n, i, j)];
-            sum.fill(0.0);
-            for r in j..n {
-                // conj(L[r, i]) L[r, j].
+            // conj(L[r, i]) L[r, j].
+            sum.set_product(lower.entry(j, j), lower.entry(j, i), 1.0, -1.0);
+            for r in j + 1..n {
                 sum.add_product(lower.entry(r, j), lower.entry(r, i), 1.0, -1.0);
             }
         }

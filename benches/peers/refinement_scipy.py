@@ -68,9 +68,12 @@ def run():
         return r
 
     try:
-        best[0] = least_squares(watched, start[free], jacobian, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+        # Of its methods that which is the first to reach the cost: `lm` takes 48 s where this takes 34, scaled by the Jacobian 49 and 45.
+        least_squares(watched, start[free], jacobian, method="trf", xtol=1e-15, ftol=1e-15, gtol=1e-15)
     except Reached:
         pass
+    if best[0] is None:
+        raise SystemExit("the cost was not reached")
     m = start.copy()
     m[free] = best[0]
     return m

@@ -19,6 +19,8 @@ struct Growth {
     whole: &'static str,
     /// What both do before it.
     before: Option<&'static str>,
+    /// Most that the whole may cost of the half.
+    most: f64,
 }
 
 const fn twice(what: &'static str, half: &'static str, whole: &'static str) -> Growth {
@@ -27,6 +29,7 @@ const fn twice(what: &'static str, half: &'static str, whole: &'static str) -> G
         half,
         whole,
         before: None,
+        most: TWICE,
     }
 }
 
@@ -41,11 +44,15 @@ const GROWTH: [Growth; 8] = [
         "regression positions_8",
         "regression positions_16",
     ),
-    twice(
-        "samples of a period",
-        "frf_push period_4096",
-        "frf_push period_8192",
-    ),
+    Growth {
+        // A transform of N samples takes N log N.
+        most: TWICE * 13.0 / 12.0,
+        ..twice(
+            "samples of a period",
+            "frf_push period_4096",
+            "frf_push period_8192",
+        )
+    },
     twice(
         "lines of a frequency response",
         "frequency_response lines_500",
@@ -67,6 +74,7 @@ const GROWTH: [Growth; 8] = [
         half: "lfr_refinement steps_4",
         whole: "lfr_refinement steps_6",
         before: Some("lfr_refinement steps_2"),
+        most: TWICE,
     },
 ];
 
@@ -162,9 +170,10 @@ pub(crate) fn growth(counts: &BTreeMap<String, u64>) -> Vec<String> {
         };
         let ratio = (whole - before) / (half - before);
         println!("twice the {what}: {ratio:.3} times the instructions");
-        if ratio > TWICE {
+        if ratio > growth.most {
             wrong.push(format!(
-                "twice the {what} cost {ratio:.3} times the instructions, more than {TWICE}"
+                "twice the {what} cost {ratio:.3} times the instructions, more than {:.3}",
+                growth.most
             ));
         }
     }
@@ -203,7 +212,7 @@ pub(crate) fn page(counts: &BTreeMap<String, u64>) -> String {
         "# Instruction counts of the hot kernels\n\n\
          Made by `cargo xtask bench --bless`, under valgrind with one thread: registers of 256 bits, as valgrind knows no wider \
          ones. Unlike times they do not depend on what else runs; `cargo xtask bench --check` compares with them within 10 %, and asks \
-         that twice the work costs at most 2.1 times the instructions. Times are in [performance.md](performance.md).\n\n\
+         that twice the work costs at most 2.1 times the instructions (transforms, of N log N, 2.28 times). Times are in [performance.md](performance.md).\n\n\
          | kernel | instructions |\n|---|---|\n",
     );
     for (name, count) in counts {

@@ -1,7 +1,7 @@
 //! The refinement of an LFR on frozen responses, to the same cost.
 
 use super::{Failure, Run, parts, write};
-use lfr_realize::{RefineSettings, refine};
+use lfr_realize::{RefineSettings, StopReason, refine};
 use lpv_benches::refinement::{Case, LINES, lines};
 use lpv_core::nalgebra::DMatrix;
 use std::path::Path;
@@ -26,6 +26,9 @@ pub(super) fn ours() -> Result<Run, Failure> {
     let settings = RefineSettings::new().target(rms).tolerance(1e-9).check()?;
     Ok(Box::new(move || {
         let refined = refine(&case.start, &case.data, &settings)?;
+        if refined.account.stop != StopReason::TargetReached {
+            return Err(format!("the cost was not reached: {:?}", refined.account.stop).into());
+        }
         Ok(refined.candidate.matrix().transpose().as_slice().to_vec())
     }))
 }

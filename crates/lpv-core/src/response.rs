@@ -1,6 +1,7 @@
 //! Frequency responses over thousands of lines: one Schur form a model, then O(n^2) a line.
 
 mod lanes;
+mod order;
 mod refine;
 mod schur;
 
@@ -9,6 +10,7 @@ use crate::{Clock, CoreError, Frf, StateSpace};
 use lanes::{WIDEST, lanes_of, size, solve, times_real, values_of};
 use nalgebra::DMatrix;
 use num_complex::Complex;
+use order::Order;
 use pulp::{Simd, WithSimd};
 use std::ops::{DivAssign, MulAssign, Range};
 
@@ -18,7 +20,8 @@ use std::ops::{DivAssign, MulAssign, Range};
 /// response is `C D Q (z I - T)^-1 Q^T D^-1 B + D_u`, D_u the direct term. T is real, and triangular but for blocks of two on the
 /// diagonal: of `z I - T` only these are complex, and it is solved by substitution, which takes a quarter of what elimination takes from a
 /// Hessenberg form (\[laub1981\]), for as many points at a time as a vector register of the
-/// machine has lanes. States that do not reach each other are solved for apart. Where the states are many times larger
+/// machine has lanes. A is ordered first, so that what feeds others comes last: only states that reach each other both ways are scaled
+/// and turned together, and a chain of sections keeps its numbers. Where the states are many times larger
 /// than B, near a pole, the solution is refined once or more with residuals of twice the precision (\[higham2002\], ch. 12), so
 /// that neither the reduction nor the substitution shows. No products and sums are fused but where that is exact: the
 /// result does not depend on the machine.
@@ -47,6 +50,35 @@ struct Matrices {
 /// How many times larger than B the states are where a solution is refined.
 const NEAR_A_POLE: f64 = 256.0;
 
+impl Matrices {
+    /// Scales states that reach each other by powers of two until their rows and columns have like norms among themselves
+    /// \[parlett1969\], or for as many sweeps as that may reasonably take.
+    fn balance(&mut self, block: &Range<usize>) {
+        let Self { a, b, c } = self;
+        let others = |i: usize| block.clone().filter(move |j| *j != i);
+        for _ in 0..20 {
+            let mut settled = true;
+            for i in block.clone() {
+                let row: f64 = others(i).map(|j| a[(i, j)].abs()).sum();
+                let column: f64 = others(i).map(|j| a[(j, i)].abs()).sum();
+                let power = (0.5 * (row / column).log2()).round();
+                if !(power.is_finite() && power.abs() >= 1.0 && power.abs() < 500.0) {
+                    continue;
+                }
+                let scale = power.exp2();
+                settled = false;
+                a.column_mut(i).mul_assign(scale);
+                c.column_mut(i).mul_assign(scale);
+                a.row_mut(i).div_assign(scale);
+                b.row_mut(i).div_assign(scale);
+            }
+            if settled {
+                break;
+            }
+        }
+    }
+}
+
 impl ResponseKernel {
     /// One reduction of `A`.
     ///
@@ -54,19 +86,39 @@ impl ResponseKernel {
     /// [`CoreError::NoConvergence`] where the QR iteration finds no Schur form of `A`.
     pub fn new<K: Clock>(system: &StateSpace<K>) -> Result<Self, CoreError> {
         let n = system.states();
-        let (order, parts) = components(system.a());
+        let Order {
+            states,
+            blocks,
+            parts,
+        } = Order::new(system.a());
         let mut model = Matrices {
-            a: system.a().select_rows(&order).select_columns(&order),
-            b: system.b().select_rows(&order),
-            c: system.c().select_columns(&order),
+            a: system.a().select_rows(&states).select_columns(&states),
+            b: system.b().select_rows(&states),
+            c: system.c().select_columns(&states),
         };
-        balance(&mut model);
-        let (mut q, mut t) = (DMatrix::identity(n, n), model.a.clone());
-        for part in parts.iter().filter(|p| p.len() > 2) {
-            let (at, size) = ((part.start, part.start), (part.len(), part.len()));
-            let (turn, form) = schur::schur(&model.a.view(at, size).into_owned())?;
-            q.view_mut(at, size).copy_from(&turn);
-            t.view_mut(at, size).copy_from(&form);
+        let mut forms = Vec::new();
+        // One state, or two, are in Schur form.
+        for block in blocks.iter().filter(|b| b.len() > 1) {
+            model.balance(block);
+            if block.len() > 2 {
+                let (at, size) = (block.start, block.len());
+                forms.push((
+                    at,
+                    schur::schur(&model.a.view((at, at), (size, size)).into_owned())?,
+                ));
+            }
+        }
+        let mut q = DMatrix::identity(n, n);
+        for (at, (turn, _)) in &forms {
+            q.view_mut((*at, *at), turn.shape()).copy_from(turn);
+        }
+        let mut t = if forms.is_empty() {
+            model.a.clone()
+        } else {
+            q.transpose() * &model.a * &q
+        };
+        for (at, (_, form)) in &forms {
+            t.view_mut((*at, *at), form.shape()).copy_from(form);
         }
         Ok(Self {
             reduced: Matrices {
@@ -97,59 +149,6 @@ impl ResponseKernel {
             points,
             out,
         })
-    }
-}
-
-/// States that depend on each other, whichever way and by whatever detour, one part after the other: their order, and the parts.
-fn components(a: &DMatrix<f64>) -> (Vec<usize>, Vec<Range<usize>>) {
-    let n = a.nrows();
-    let mut order = Vec::with_capacity(n);
-    let mut parts = Vec::new();
-    let mut seen = vec![false; n];
-    for first in 0..n {
-        if std::mem::replace(&mut seen[first], true) {
-            continue;
-        }
-        let start = order.len();
-        order.push(first);
-        let mut next = start;
-        while let Some(&i) = order.get(next) {
-            for j in 0..n {
-                if !seen[j] && (a[(i, j)] != 0.0 || a[(j, i)] != 0.0) {
-                    seen[j] = true;
-                    order.push(j);
-                }
-            }
-            next += 1;
-        }
-        order[start..].sort_unstable();
-        parts.push(start..order.len());
-    }
-    (order, parts)
-}
-
-/// Scales the states by powers of two until rows and columns of `a` have like norms \[parlett1969\], or for as many sweeps as that may reasonably take.
-fn balance(Matrices { a, b, c }: &mut Matrices) {
-    for _ in 0..20 {
-        let mut settled = true;
-        for i in 0..a.nrows() {
-            let diagonal = a[(i, i)].abs();
-            let row = a.row(i).lp_norm(1) - diagonal;
-            let column = a.column(i).lp_norm(1) - diagonal;
-            let power = (0.5 * (row / column).log2()).round();
-            if !(power.is_finite() && power.abs() >= 1.0 && power.abs() < 500.0) {
-                continue;
-            }
-            let scale = power.exp2();
-            settled = false;
-            a.column_mut(i).mul_assign(scale);
-            c.column_mut(i).mul_assign(scale);
-            a.row_mut(i).div_assign(scale);
-            b.row_mut(i).div_assign(scale);
-        }
-        if settled {
-            break;
-        }
     }
 }
 

@@ -95,3 +95,37 @@ fn parts_are_solved_for_apart() {
         assert!((out[j] - exact).norm() < 1e-14, "{j}: {} {exact}", out[j]);
     }
 }
+
+/// A chain of weak links, beside a loop that would hide them in its rounding: what feeds one way only is neither scaled nor turned.
+#[test]
+fn a_chain_keeps_its_numbers() {
+    let n = 9;
+    let mut a = DMatrix::zeros(n, n);
+    for i in 1..6 {
+        a[(i, i - 1)] = 1e-4;
+    }
+    // The last of the chain feeds a loop of three.
+    for (i, j, v) in [(6, 5, 1e-3), (6, 8, 0.5), (7, 6, 0.25), (8, 7, -0.5), (6, 6, 0.1)] {
+        a[(i, j)] = v;
+    }
+    let mut b = DMatrix::zeros(n, 1);
+    b[0] = 1.0;
+    let mut c = DMatrix::zeros(2, n);
+    (c[(0, 5)], c[(1, 7)]) = (1.0, 1.0);
+    let system = StateSpace::new(a, b, c, DMatrix::zeros(2, 1), Continuous).unwrap();
+    let mut kernel = ResponseKernel::new(&system).unwrap();
+    for k in 0..16 {
+        let z = Complex::from_polar(1.0, 0.2 * f64::from(k));
+        let mut out = vec![Complex::new(0.0, 0.0); 2];
+        kernel.evaluate(&[z], &mut out).unwrap();
+        let chain = 1e-20 * z.powi(-6);
+        // x6 (z - 0.1) = 1e-3 x5 + 0.5 x8, x7 z = 0.25 x6, x8 z = -0.5 x7.
+        let loop_ = 1e-3 * chain * 0.25 / z / (z - 0.1 + 0.0625 / (z * z));
+        for (found, exact) in out.iter().zip([chain, loop_]) {
+            assert!(
+                (found - exact).norm() < 1e-14 * exact.norm(),
+                "{z}: {found} {exact}"
+            );
+        }
+    }
+}

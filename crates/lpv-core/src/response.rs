@@ -7,7 +7,7 @@ mod schur;
 
 use crate::linalg::finite;
 use crate::{Clock, CoreError, Frf, StateSpace};
-use lanes::{WIDEST, lanes_of, size, solve, times_real, values_of};
+use lanes::{WIDEST, lanes_of, plus, size, solve, times_real, values_of};
 use nalgebra::DMatrix;
 use num_complex::Complex;
 use order::Order;
@@ -22,9 +22,10 @@ use std::ops::{DivAssign, MulAssign, Range};
 /// Hessenberg form (\[laub1981\]), for as many points at a time as a vector register of the
 /// machine has lanes. A is ordered first, so that what feeds others comes last: only states that reach each other both ways are scaled
 /// and turned together, and a chain of sections keeps its numbers. Where the states are many times larger
-/// than B, near a pole, the solution is refined once or more with residuals of twice the precision (\[higham2002\], ch. 12), so
-/// that neither the reduction nor the substitution shows. No products and sums are fused but where that is exact: the
-/// result does not depend on the machine.
+/// than B, near a pole, or the response is many times smaller than its terms, the solution is refined once or more with residuals of
+/// twice the precision (\[higham2002\], ch. 12), as long as that brings it nearer: neither the reduction nor the substitution shows but
+/// within some 1e-13 of a pole, or where the terms are so much larger than the response that they hide it whole. Points are refined as
+/// many as a register holds, so that the last digits of a response may depend on its neighbours.
 #[derive(Debug, Clone)]
 pub struct ResponseKernel {
     /// Balanced, and in parts.
@@ -35,6 +36,8 @@ pub struct ResponseKernel {
     d: DMatrix<f64>,
     /// States that do not reach those of another part.
     parts: Vec<Range<usize>>,
+    /// Whether Q is more than an order of the states.
+    is_turned: bool,
     /// Largest entries of A and B.
     largest: [f64; 2],
     work: Vec<f64>,
@@ -49,6 +52,9 @@ struct Matrices {
 
 /// How many times larger than B the states are where a solution is refined.
 const NEAR_A_POLE: f64 = 256.0;
+
+/// How many times smaller than its terms a response is where a solution is refined: what turns the states mixes large ones with small.
+const CANCELLED: f64 = 1024.0;
 
 impl Matrices {
     /// Scales states that reach each other by powers of two until their rows and columns have like norms among themselves
@@ -128,6 +134,7 @@ impl ResponseKernel {
             },
             d: system.d().clone(),
             work: vec![0.0; 2 * WIDEST * n * 3 * system.inputs()],
+            is_turned: !forms.is_empty(),
             largest: [model.a.amax(), model.b.amax()],
             model,
             q,
@@ -216,32 +223,45 @@ impl ResponseKernel {
         let scale = simd.add_f64s(size(simd, z), simd.splat_f64s(a));
         let limit = simd.splat_f64s(NEAR_A_POLE * b);
         let is_near = simd.greater_than_f64s(simd.mul_f64s(largest, scale), limit);
-        let (states, c) = if simd.first_true_m64s(is_near) < S::F64_LANES {
-            let matrices = (&self.model, &self.reduced.a, &self.q);
-            refine::refine(simd, matrices, z, &self.parts, [rhs, left, states]);
-            (&*states, &self.model.c)
-        } else {
-            (&*rhs, &self.reduced.c)
-        };
-        for j in 0..nu {
-            for i in 0..ny {
-                let mut sum = [simd.splat_f64s(self.d[(i, j)]), zero];
-                for k in 0..n {
-                    let product = times_real(simd, states[k * nu + j], c[(i, k)]);
-                    sum = [
-                        simd.add_f64s(sum[0], product[0]),
-                        simd.add_f64s(sum[1], product[1]),
-                    ];
-                }
-                let [re, im] = sum.map(|s| values_of::<S>(simd, s));
-                for lane in 0..points.len() {
-                    if let Some(o) = out.get_mut(lane * ny * nu + j * ny + i) {
-                        *o = Complex::new(re[lane], im[lane]);
+        let mut refined = simd.first_true_m64s(is_near) < S::F64_LANES;
+        loop {
+            if refined {
+                let matrices = (&self.model, &self.reduced.a, &self.q);
+                refine::refine(simd, matrices, z, &self.parts, [rhs, left, states]);
+            }
+            let (x, c) = match refined {
+                true => (&*states, &self.model.c),
+                false => (&*rhs, &self.reduced.c),
+            };
+            let (mut hidden, mut lost) = (zero, zero);
+            for j in 0..nu {
+                for i in 0..ny {
+                    let mut sum = [simd.splat_f64s(self.d[(i, j)]), zero];
+                    let mut whole = zero;
+                    for k in 0..n {
+                        let product = times_real(simd, x[k * nu + j], c[(i, k)]);
+                        sum = plus(simd, sum, product);
+                        whole = simd.add_f64s(whole, size(simd, product));
+                    }
+                    let small = simd.mul_f64s(size(simd, sum), simd.splat_f64s(CANCELLED));
+                    hidden = simd.max_f64s(hidden, simd.sub_f64s(whole, small));
+                    lost = simd.add_f64s(lost, simd.sub_f64s(small, small));
+                    let [re, im] = [values_of::<S>(simd, sum[0]), values_of::<S>(simd, sum[1])];
+                    for lane in 0..points.len() {
+                        if let Some(o) = out.get_mut(lane * ny * nu + j * ny + i) {
+                            *o = Complex::new(re[lane], im[lane]);
+                        }
                     }
                 }
             }
+            let is_hidden = simd.greater_than_f64s(hidden, zero);
+            if refined || !self.is_turned || simd.first_true_m64s(is_hidden) >= S::F64_LANES {
+                let lost = values_of::<S>(simd, lost);
+                let lane = lost[..points.len()].iter().position(|l| *l != 0.0);
+                return lane.map_or(Ok(()), Err);
+            }
+            refined = true;
         }
-        Ok(())
     }
 }
 

@@ -67,7 +67,7 @@ pub(super) fn times_real<S: Simd>(simd: S, a: Lanes<S>, b: f64) -> Lanes<S> {
 
 /// `a + b`.
 #[inline(always)]
-fn plus<S: Simd>(simd: S, a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {
+pub(super) fn plus<S: Simd>(simd: S, a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {
     [simd.add_f64s(a[0], b[0]), simd.add_f64s(a[1], b[1])]
 }
 

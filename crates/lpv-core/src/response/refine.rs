@@ -48,18 +48,27 @@ pub(super) fn refine<S: Simd>(
     let nu = model.b.ncols();
     let zero = simd.splat_f64s(0.0);
     states.fill([zero; 2]);
+    let mut last = simd.splat_f64s(f64::INFINITY);
     for _ in 0..MOST {
         let (mut largest, mut change) = (zero, zero);
         for part in parts {
             for i in part.clone() {
                 for j in 0..nu {
-                    let turned = row_times(simd, |k| q[(i, k)], part, rhs, j, nu);
-                    let x = &mut states[i * nu + j];
-                    *x = [0, 1].map(|w| simd.add_f64s(x[w], turned[w]));
-                    largest = simd.max_f64s(largest, size(simd, *x));
-                    change = simd.max_f64s(change, size(simd, turned));
+                    left[i * nu + j] = row_times(simd, |k| q[(i, k)], part, rhs, j, nu);
+                    change = simd.max_f64s(change, size(simd, left[i * nu + j]));
                 }
             }
+        }
+        // Where it does not get smaller the correction is none.
+        let is_smaller = simd.less_than_f64s(change, last);
+        last = simd.select_f64s(is_smaller, simd.mul_f64s(change, simd.splat_f64s(0.5)), zero);
+        change = simd.select_f64s(is_smaller, change, zero);
+        for (x, turned) in states.iter_mut().zip(left.iter()) {
+            for w in 0..2 {
+                let next = simd.add_f64s(x[w], turned[w]);
+                x[w] = simd.select_f64s(is_smaller, next, x[w]);
+            }
+            largest = simd.max_f64s(largest, size(simd, *x));
         }
         let is_more = simd.greater_than_f64s(change, simd.mul_f64s(largest, simd.splat_f64s(LAST)));
         if simd.first_true_m64s(is_more) >= S::F64_LANES {

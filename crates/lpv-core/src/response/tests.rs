@@ -129,3 +129,73 @@ fn a_chain_keeps_its_numbers() {
         }
     }
 }
+
+fn one(a: DMatrix<f64>, z: Complex<f64>) -> Result<Complex<f64>, usize> {
+    let n = a.nrows();
+    let (mut b, mut c) = (DMatrix::zeros(n, 1), DMatrix::zeros(1, n));
+    (b[0], c[n - 1]) = (1.0, 1.0);
+    let system = StateSpace::new(a, b, c, DMatrix::zeros(1, 1), Continuous).unwrap();
+    let mut out = [Complex::new(0.0, 0.0)];
+    let mut kernel = ResponseKernel::new(&system).unwrap();
+    kernel.evaluate(&[z], &mut out).map(|()| out[0])
+}
+
+/// A ring with a weak link, which balancing makes a ring of equal ones: what the last state is, is hidden by the first.
+#[test]
+fn a_weak_link_hides_nothing() {
+    for n in [3, 10, 30] {
+        for weak in [1e-6, 1e-12, 1e-15] {
+            let a = DMatrix::from_fn(n, n, |i, j| match (i, j) {
+                (0, j) if j == n - 1 => weak,
+                (i, j) if i == j + 1 => 1.0,
+                _ => 0.0,
+            });
+            let z = Complex::from_polar(1.0, 0.3);
+            let exact = 1.0 / (z.powi(n as i32) - weak);
+            let error = (one(a, z).unwrap() - exact).norm();
+            assert!(error < 1e-12, "{n}, {weak}: {error:e}");
+        }
+    }
+}
+
+/// Nearer and nearer to a pole that the reduction has moved: an error of some digits, then of all, but none that grows.
+#[test]
+fn corrections_that_do_not_correct_are_not_taken() {
+    let a = dmatrix![1.0, -1.0, 0.0; -1.0, 2.0, -1.0; 0.0, -1.0, 1.0];
+    for k in 20..52 {
+        let z = Complex::from(1.0 + 0.5f64.powi(k));
+        let exact = 1.0 / (z * (z - 1.0) * (z - 3.0));
+        let error = one(a.clone(), z).map_or(1.0, |found| (found - exact).norm() / exact.norm());
+        assert!(error < if k < 40 { 1e-9 } else { 64.0 }, "{k}: {error:e}");
+    }
+}
+
+/// Inputs, outputs and states in units that differ by many powers of ten.
+#[test]
+fn units_do_not_count() {
+    let n = 6;
+    let plain = DMatrix::from_fn(n, n, |i, j| {
+        ((3 * i + 5 * j) as f64).sin() - if i == j { 2.0 } else { 0.0 }
+    });
+    let unit = |i: usize| 10f64.powi(4 * (i as i32) - 8);
+    let a = DMatrix::from_fn(n, n, |i, j| plain[(i, j)] * unit(j) / unit(i));
+    let z = Complex::new(0.0, 1.5);
+    let gap = DMatrix::identity(n, n) * z - plain.map(Complex::from);
+    let exact = gap.try_inverse().unwrap()[(n - 1, 0)] * (unit(0) / unit(n - 1));
+    assert!((one(a, z).unwrap() - exact).norm() < 1e-12 * exact.norm());
+}
+
+/// A response that no number holds is an error, as a pole is.
+#[test]
+fn what_overflows_is_an_error() {
+    let system = StateSpace::new(
+        dmatrix![-1.0],
+        dmatrix![1e200],
+        dmatrix![1e200],
+        dmatrix![0.0],
+        Continuous,
+    );
+    let mut kernel = ResponseKernel::new(&system.unwrap()).unwrap();
+    let mut out = [Complex::new(0.0, 0.0)];
+    assert_eq!(kernel.evaluate(&[Complex::new(0.0, 1.0)], &mut out), Err(0));
+}

@@ -55,6 +55,11 @@ pub fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
+/// What a page says of a bar.
+pub fn verdict(is_met: bool) -> &'static str {
+    if is_met { "met" } else { "MISSED" }
+}
+
 /// How the benches measure: seconds each, since each is there to be compared with itself.
 pub fn short() -> Criterion {
     Criterion::default()

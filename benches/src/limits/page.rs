@@ -15,7 +15,7 @@ pub(crate) fn page(account: &Account, disk: f64) -> String {
         1e-9 * account.copy
     );
     let verdict = |bar: Option<f64>, met: bool| match bar {
-        Some(bar) => format!("{bar}: {}", if met { "met" } else { "MISSED" }),
+        Some(bar) => format!("{bar}: {}", lpv_benches::verdict(met)),
         None => "-".to_owned(),
     };
     for k in &account.kernels {

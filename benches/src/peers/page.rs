@@ -1,6 +1,7 @@
 //! docs/performance.md.
 
 use crate::Row;
+use lpv_benches::verdict;
 use std::fmt::Write as _;
 
 /// Most memory that the whole reproduction may take.
@@ -53,9 +54,8 @@ pub(crate) fn page(rows: &[Row], runs: usize, packages: &[&str]) -> String {
     for r in rows {
         // Bars hold on one thread, but that of a row with two on its ratio, and for results that are as accurate.
         let counts = if r.peer == Row::ITSELF { 1 } else { r.threads };
-        let met = match (counts, r.ratio >= r.bar && is_accurate(r)) {
-            (1, true) => format!("{}: met", r.bar),
-            (1, false) => format!("{}: MISSED", r.bar),
+        let met = match counts {
+            1 => format!("{}: {}", r.bar, verdict(r.ratio >= r.bar && is_accurate(r))),
             _ => "-".to_owned(),
         };
         let _ = writeln!(
@@ -76,11 +76,12 @@ pub(crate) fn page(rows: &[Row], runs: usize, packages: &[&str]) -> String {
         );
     }
     if let Some(two) = rows.iter().find(|r| r.peer == Row::ITSELF) {
-        let verdict = if two.our_mib <= MOST_MIB { "met" } else { "MISSED" };
         let _ = writeln!(
             out,
-            "\nPeak memory of the {}, on two threads: {:.0} MiB of {MOST_MIB}: {verdict}.",
-            two.work, two.our_mib
+            "\nPeak memory of the {}, on two threads: {:.0} MiB of {MOST_MIB}: {}.",
+            two.work,
+            two.our_mib,
+            verdict(two.our_mib <= MOST_MIB)
         );
     }
     out += include_str!("../../peers/notes.md");

@@ -7,7 +7,7 @@ mod schur;
 
 use crate::linalg::finite;
 use crate::{Clock, CoreError, Frf, StateSpace};
-use lanes::{WIDEST, lanes_of, plus, size, solve, times_real, values_of};
+use lanes::{WIDEST, first_nonzero, lanes_of, plus, size, solve, times_real, values_of};
 use nalgebra::DMatrix;
 use num_complex::Complex;
 use order::Order;
@@ -18,9 +18,8 @@ use std::ops::{DivAssign, MulAssign, Range};
 ///
 /// With `D^-1 A D = Q T Q^T`, D diagonal such that rows and columns have like norms (powers of two, so that nothing is rounded), the
 /// response is `C D Q (z I - T)^-1 Q^T D^-1 B + D_u`, D_u the direct term. T is real, and triangular but for blocks of two on the
-/// diagonal: of `z I - T` only these are complex, and it is solved by substitution, which takes a quarter of what elimination takes from a
-/// Hessenberg form (\[laub1981\]), for as many points at a time as a vector register of the
-/// machine has lanes. A is ordered first, so that what feeds others comes last: only states that reach each other both ways are scaled
+/// diagonal: of `z I - T` only these are complex, and it is solved by substitution, which takes a third of what elimination takes from a
+/// Hessenberg form (\[laub1981\]), for as many points at a time as a vector register of the machine has lanes. A is ordered first, so that what feeds others comes last: only states that reach each other both ways are scaled
 /// and turned together, and a chain of sections keeps its numbers. Where the states are many times larger
 /// than B, near a pole, or the response is many times smaller than its terms, the solution is refined once or more with residuals of
 /// twice the precision (\[higham2002\], ch. 12), as long as that brings it nearer: neither the reduction nor the substitution shows but
@@ -206,17 +205,13 @@ impl ResponseKernel {
             }
         }
         solve::<S>(simd, &self.reduced.a, z, rhs, &self.parts, nu);
-        // What is not finite minus itself is not zero.
         let (mut largest, mut lost) = (zero, zero);
         for x in rhs.iter() {
             let size = size(simd, *x);
             largest = simd.max_f64s(largest, size);
             lost = simd.add_f64s(lost, simd.sub_f64s(size, size));
         }
-        if let Some(lane) = values_of::<S>(simd, lost)[..points.len()]
-            .iter()
-            .position(|l| *l != 0.0)
-        {
+        if let Some(lane) = first_nonzero::<S>(simd, lost, points.len()) {
             return Err(lane);
         }
         let [a, b] = self.largest;
@@ -243,9 +238,10 @@ impl ResponseKernel {
                         sum = plus(simd, sum, product);
                         whole = simd.add_f64s(whole, size(simd, product));
                     }
-                    let small = simd.mul_f64s(size(simd, sum), simd.splat_f64s(CANCELLED));
-                    hidden = simd.max_f64s(hidden, simd.sub_f64s(whole, small));
-                    lost = simd.add_f64s(lost, simd.sub_f64s(small, small));
+                    let size = size(simd, sum);
+                    let seen = simd.mul_f64s(size, simd.splat_f64s(CANCELLED));
+                    hidden = simd.max_f64s(hidden, simd.sub_f64s(whole, seen));
+                    lost = simd.add_f64s(lost, simd.sub_f64s(size, size));
                     let [re, im] = [values_of::<S>(simd, sum[0]), values_of::<S>(simd, sum[1])];
                     for lane in 0..points.len() {
                         if let Some(o) = out.get_mut(lane * ny * nu + j * ny + i) {
@@ -256,9 +252,7 @@ impl ResponseKernel {
             }
             let is_hidden = simd.greater_than_f64s(hidden, zero);
             if refined || !self.is_turned || simd.first_true_m64s(is_hidden) >= S::F64_LANES {
-                let lost = values_of::<S>(simd, lost);
-                let lane = lost[..points.len()].iter().position(|l| *l != 0.0);
-                return lane.map_or(Ok(()), Err);
+                return first_nonzero::<S>(simd, lost, points.len()).map_or(Ok(()), Err);
             }
             refined = true;
         }

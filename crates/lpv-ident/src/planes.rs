@@ -62,26 +62,26 @@ impl Planes {
     /// `self = sign x y`, or with `conj(y)` for a negative `conjugate`.
     #[inline(always)]
     pub(crate) fn set_product(&mut self, x: &Self, y: &Self, sign: f64, conjugate: f64) {
-        let n = self.re.len();
-        let (re, im) = (&mut self.re[..n], &mut self.im[..n]);
-        let (xr, xi, yr, yi) = (&x.re[..n], &x.im[..n], &y.re[..n], &y.im[..n]);
-        for k in 0..n {
-            let yi = conjugate * yi[k];
-            re[k] = sign * (xr[k] * yr[k] - xi[k] * yi);
-            im[k] = sign * (xr[k] * yi + xi[k] * yr[k]);
-        }
+        self.product::<false>(x, y, sign, conjugate);
     }
 
     /// `self += sign x y`, or with `conj(y)` for a negative `conjugate`.
     #[inline(always)]
     pub(crate) fn add_product(&mut self, x: &Self, y: &Self, sign: f64, conjugate: f64) {
+        self.product::<true>(x, y, sign, conjugate);
+    }
+
+    #[inline(always)]
+    fn product<const ADD: bool>(&mut self, x: &Self, y: &Self, sign: f64, conjugate: f64) {
         let n = self.re.len();
         let (re, im) = (&mut self.re[..n], &mut self.im[..n]);
         let (xr, xi, yr, yi) = (&x.re[..n], &x.im[..n], &y.re[..n], &y.im[..n]);
         for k in 0..n {
             let yi = conjugate * yi[k];
-            re[k] += sign * (xr[k] * yr[k] - xi[k] * yi);
-            im[k] += sign * (xr[k] * yi + xi[k] * yr[k]);
+            let real = sign * (xr[k] * yr[k] - xi[k] * yi);
+            let imaginary = sign * (xr[k] * yi + xi[k] * yr[k]);
+            re[k] = if ADD { re[k] + real } else { real };
+            im[k] = if ADD { im[k] + imaginary } else { imaginary };
         }
     }
 

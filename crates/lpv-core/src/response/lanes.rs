@@ -35,6 +35,14 @@ pub(super) fn values_of<S: Simd>(_simd: S, lanes: S::f64s) -> [f64; WIDEST] {
     values
 }
 
+/// The first of so many lanes that is not zero. What is not finite less itself is not zero.
+#[inline(always)]
+pub(super) fn first_nonzero<S: Simd>(simd: S, lanes: S::f64s, count: usize) -> Option<usize> {
+    values_of::<S>(simd, lanes)[..count]
+        .iter()
+        .position(|l| *l != 0.0)
+}
+
 /// `a b`.
 #[inline(always)]
 pub(super) fn times<S: Simd>(simd: S, a: Lanes<S>, b: Lanes<S>) -> Lanes<S> {

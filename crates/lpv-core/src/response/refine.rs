@@ -1,7 +1,7 @@
-//! States near a pole, to the last digits.
+//! States to the last digits: near a pole, and where they are small among others.
 
 use super::Matrices;
-use super::lanes::{Lanes, size, solve, times_real};
+use super::lanes::{Lanes, plus, size, solve, times_real};
 use nalgebra::DMatrix;
 use pulp::Simd;
 use std::ops::Range;
@@ -64,9 +64,9 @@ pub(super) fn refine<S: Simd>(
         last = simd.select_f64s(is_smaller, simd.mul_f64s(change, simd.splat_f64s(0.5)), zero);
         change = simd.select_f64s(is_smaller, change, zero);
         for (x, turned) in states.iter_mut().zip(left.iter()) {
+            let next = plus(simd, *x, *turned);
             for w in 0..2 {
-                let next = simd.add_f64s(x[w], turned[w]);
-                x[w] = simd.select_f64s(is_smaller, next, x[w]);
+                x[w] = simd.select_f64s(is_smaller, next[w], x[w]);
             }
             largest = simd.max_f64s(largest, size(simd, *x));
         }
@@ -98,8 +98,7 @@ fn row_times<S: Simd>(
 ) -> Lanes<S> {
     let zero = [simd.splat_f64s(0.0); 2];
     part.clone().fold(zero, |sum, k| {
-        let product = times_real(simd, x[k * nu + j], row(k));
-        [0, 1].map(|w| simd.add_f64s(sum[w], product[w]))
+        plus(simd, sum, times_real(simd, x[k * nu + j], row(k)))
     })
 }
 

@@ -26,7 +26,7 @@ def run():
         output -= output.mean(axis=1, keepdims=True)
     covariance = np.empty_like(g)
     for i, j in ((0, 0), (1, 0), (1, 1)):
-        covariance[:, i, j] = np.einsum("epl,epl->l", left[i], left[j].conj())
+        covariance[:, i, j] = (left[i] * left[j].conj()).sum((0, 1))
     covariance[:, 0, 1] = covariance[:, 1, 0].conj()
     covariance /= EXPERIMENTS * (PERIODS - 1) * PERIODS
     factor = np.linalg.inv(mean[:, 2:].transpose(2, 1, 0))

@@ -232,9 +232,14 @@ def frf(spectra, r):
     adjoint = r.conj()
     gain = times(adjoint, inverse(times(mean[2:], adjoint)))
     f = times(mean[:2], gain)
-    left = spectra[:, :, :2] - np.einsum("ijl,mejl->meil", f, spectra[:, :, 2:])
+    left = spectra[:, :, :2] - f[:, 0] * spectra[:, :, 2, None]
+    left -= f[:, 1] * spectra[:, :, 3, None]
     left -= left.mean(0)
-    c = np.einsum("meil,mejl->ijl", left, left.conj()) / (2 * (count - 1) * count)
+    c = np.empty_like(f)
+    for i, j in ((0, 0), (1, 0), (1, 1)):
+        c[i, j] = (left[:, :, i] * left[:, :, j].conj()).sum((0, 1))
+    c[0, 1] = c[1, 0].conj()
+    c /= 2 * (count - 1) * count
     s = np.einsum("eil,ejl->ijl", gain.conj(), gain)
     return f, c, s
 

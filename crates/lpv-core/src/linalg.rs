@@ -1,15 +1,21 @@
-//! The few matrix routines that the models need: eigenvalues with balancing, Gramians, finite checks.
+//! The few matrix routines that the models need: Schur form, eigenvalues with balancing, Gramians, finite checks.
+
+mod order;
+mod schur;
 
 use crate::CoreError;
-use nalgebra::{DMatrix, DVector, Schur};
+use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
+pub(crate) use order::Order;
+use schur::on_the_diagonal;
+pub use schur::real_schur;
+use std::ops::Range;
 
 /// Eigenvalues of a real square matrix, sorted by real part and then by imaginary part.
 ///
-/// The matrix is balanced first: without it, badly scaled companion and mechanical matrices lose many digits.
-///
-/// Rows and columns that a permutation brings to triangular form are taken off before that, so that a nilpotent matrix
-/// of that form has eigenvalues of exactly zero and not the `n`-th root of the rounding error.
+/// States are ordered first so that the matrix is as triangular as a permutation makes it, and those that reach each other both ways are
+/// taken by themselves: a nilpotent matrix of that form has eigenvalues of exactly zero and not the `n`-th root of the rounding error.
+/// Each such block is balanced: without it, badly scaled companion and mechanical matrices lose many digits.
 ///
 /// # Errors
 /// [`CoreError::Dimension`] if it is not square, [`CoreError::NotFinite`] if an entry is not finite,
@@ -20,56 +26,47 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, CoreError
     if matrix.is_empty() {
         return Ok(Vec::new());
     }
-    let scale = matrix.amax();
-    if scale == 0.0 {
-        return Ok(vec![Complex::new(0.0, 0.0); matrix.nrows()]);
+    let Order { states, blocks, .. } = Order::new(matrix);
+    let ordered = matrix.select_rows(&states).select_columns(&states);
+    let mut values = Vec::with_capacity(matrix.nrows());
+    for block in blocks {
+        let view = ordered.view((block.start, block.start), (block.len(), block.len()));
+        let scale = view.amax();
+        if scale == 0.0 {
+            values.push(Complex::new(0.0, 0.0));
+            continue;
+        }
+        let mut own = view / scale;
+        balance(&mut own, &(0..block.len()), |_, _| ());
+        // One state, or two, are in Schur form.
+        if block.len() > 2 {
+            own = real_schur(&own)?.1;
+        }
+        values.extend(on_the_diagonal(&own).iter().map(|l| l * scale));
     }
-    let (rest, mut values) = isolated(&(matrix / scale));
-    if !rest.is_empty() {
-        let iterations = 100 * rest.nrows().max(10);
-        let schur =
-            Schur::try_new(balanced(rest), f64::EPSILON, iterations).ok_or(CoreError::NoConvergence {
-                operation: "the QR iteration for eigenvalues",
-            })?;
-        values.extend(schur.complex_eigenvalues().iter());
-    }
-    values.iter_mut().for_each(|l| *l *= scale);
     values.sort_by(|a, b| a.re.total_cmp(&b.re).then(a.im.total_cmp(&b.im)));
     Ok(values)
 }
 
-/// The part of a matrix that no permutation makes triangular, and the eigenvalues of the rest, which are diagonal
-/// entries: a row or a column without entries off the diagonal is taken off, and again.
-fn isolated(m: &DMatrix<f64>) -> (DMatrix<f64>, Vec<Complex<f64>>) {
-    let mut left: Vec<usize> = (0..m.nrows()).collect();
-    let mut values = Vec::new();
-    while let Some(at) = left.iter().position(|&i| {
-        let others = || left.iter().filter(move |&&j| j != i);
-        others().all(|&j| m[(i, j)] == 0.0) || others().all(|&j| m[(j, i)] == 0.0)
-    }) {
-        let i = left.remove(at);
-        values.push(Complex::new(m[(i, i)], 0.0));
-    }
-    (m.select_rows(&left).select_columns(&left), values)
-}
-
-/// Similarity by powers of two that brings the norms of row and column `i` together (Parlett and Reinsch, 1969). The
-/// sweeps are limited, since extreme entries underflow and would keep the loop going for ever.
-fn balanced(mut m: DMatrix<f64>) -> DMatrix<f64> {
-    let n = m.nrows();
+/// Scales states that reach each other by powers of two, so that nothing is rounded, until their rows and columns have like norms among
+/// themselves \[parlett1969\]; `also` scales what else belongs to a state: columns by the factor, rows by one over it.
+///
+/// The sweeps are limited, since extreme entries underflow and would keep the loop going for ever.
+pub(crate) fn balance(a: &mut DMatrix<f64>, block: &Range<usize>, mut also: impl FnMut(usize, f64)) {
+    let others = |i: usize| block.clone().filter(move |j| *j != i);
     for _ in 0..100 {
         let mut changed = false;
-        for i in 0..n {
-            let sum = |v: &mut dyn Iterator<Item = f64>| v.map(f64::abs).sum::<f64>();
-            let column = sum(&mut (0..n).filter(|&j| j != i).map(|j| m[(j, i)]));
-            let row = sum(&mut (0..n).filter(|&j| j != i).map(|j| m[(i, j)]));
-            if column < f64::MIN_POSITIVE || row < f64::MIN_POSITIVE {
+        for i in block.clone() {
+            let row: f64 = others(i).map(|j| a[(i, j)].abs()).sum();
+            let column: f64 = others(i).map(|j| a[(j, i)].abs()).sum();
+            if row < f64::MIN_POSITIVE || column < f64::MIN_POSITIVE {
                 continue;
             }
-            let f = (0.5 * (row / column).log2()).round().clamp(-300.0, 300.0).exp2();
-            if column * f + row / f < 0.95 * (column + row) {
-                m.column_mut(i).scale_mut(f);
-                m.row_mut(i).unscale_mut(f);
+            let factor = (0.5 * (row / column).log2()).round().clamp(-300.0, 300.0).exp2();
+            if column * factor + row / factor < 0.95 * (column + row) {
+                a.column_mut(i).scale_mut(factor);
+                a.row_mut(i).unscale_mut(factor);
+                also(i, factor);
                 changed = true;
             }
         }
@@ -77,7 +74,6 @@ fn balanced(mut m: DMatrix<f64>) -> DMatrix<f64> {
             break;
         }
     }
-    m
 }
 
 /// Controllability Gramian `X = A X A^T + B B^T` of a stable discrete system, by Smith's doubling.

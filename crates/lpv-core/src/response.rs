@@ -1,18 +1,15 @@
 //! Frequency responses over thousands of lines: one Schur form a model, then O(n^2) a line.
 
 mod lanes;
-mod order;
 mod refine;
-mod schur;
 
-use crate::linalg::finite;
+use crate::linalg::{Order, balance, finite, real_schur};
 use crate::{Clock, CoreError, Frf, StateSpace};
 use lanes::{WIDEST, first_nonzero, lanes_of, plus, size, solve, times_real, values_of};
 use nalgebra::DMatrix;
 use num_complex::Complex;
-use order::Order;
 use pulp::{Simd, WithSimd};
-use std::ops::{DivAssign, MulAssign, Range};
+use std::ops::Range;
 
 /// A model reduced to Schur form, ready to be evaluated at many points.
 ///
@@ -55,35 +52,6 @@ const NEAR_A_POLE: f64 = 256.0;
 /// How many times smaller than its terms a response is where a solution is refined: what turns the states mixes large ones with small.
 const CANCELLED: f64 = 1024.0;
 
-impl Matrices {
-    /// Scales states that reach each other by powers of two until their rows and columns have like norms among themselves
-    /// \[parlett1969\], or for as many sweeps as that may reasonably take.
-    fn balance(&mut self, block: &Range<usize>) {
-        let Self { a, b, c } = self;
-        let others = |i: usize| block.clone().filter(move |j| *j != i);
-        for _ in 0..20 {
-            let mut settled = true;
-            for i in block.clone() {
-                let row: f64 = others(i).map(|j| a[(i, j)].abs()).sum();
-                let column: f64 = others(i).map(|j| a[(j, i)].abs()).sum();
-                let power = (0.5 * (row / column).log2()).round();
-                if !(power.is_finite() && power.abs() >= 1.0 && power.abs() < 500.0) {
-                    continue;
-                }
-                let scale = power.exp2();
-                settled = false;
-                a.column_mut(i).mul_assign(scale);
-                c.column_mut(i).mul_assign(scale);
-                a.row_mut(i).div_assign(scale);
-                b.row_mut(i).div_assign(scale);
-            }
-            if settled {
-                break;
-            }
-        }
-    }
-}
-
 impl ResponseKernel {
     /// One reduction of `A`.
     ///
@@ -104,12 +72,16 @@ impl ResponseKernel {
         let mut forms = Vec::new();
         // One state, or two, are in Schur form.
         for block in blocks.iter().filter(|b| b.len() > 1) {
-            model.balance(block);
+            let Matrices { a, b, c } = &mut model;
+            balance(a, block, |i, factor| {
+                b.row_mut(i).unscale_mut(factor);
+                c.column_mut(i).scale_mut(factor);
+            });
             if block.len() > 2 {
                 let (at, size) = (block.start, block.len());
                 forms.push((
                     at,
-                    schur::schur(&model.a.view((at, at), (size, size)).into_owned())?,
+                    real_schur(&model.a.view((at, at), (size, size)).into_owned())?,
                 ));
             }
         }

@@ -433,6 +433,36 @@ fn eigenvalues_of_a_badly_scaled_matrix() {
     }
 }
 
+/// Rings, whose eigenvalues are the roots of one, that feed a chain, whose eigenvalues are zero, all states in disorder.
+#[test]
+fn eigenvalues_of_rings_that_feed_a_chain() {
+    let (rings, n) = ([0..3, 3..8], 14);
+    let place = |i: usize| (5 * i + 3) % n;
+    let mut a = DMatrix::zeros(n, n);
+    let mut expected = vec![num_complex::Complex::new(0.0, 0.0); n - 8];
+    for ring in rings {
+        for i in ring.clone() {
+            let next = if i + 1 < ring.end { i + 1 } else { ring.start };
+            a[(place(next), place(i))] = 1.0;
+            let turn = std::f64::consts::TAU * (i - ring.start) as f64 / ring.len() as f64;
+            expected.push(num_complex::Complex::cis(turn));
+        }
+        a[(place(8), place(ring.start))] = 1e6;
+    }
+    for i in 9..n {
+        a[(place(i), place(i - 1))] = 1e3;
+    }
+    let found = lpv_core::linalg::eigenvalues(&a).unwrap();
+    assert_eq!(found.len(), n);
+    assert_eq!(found.iter().filter(|l| l.norm() == 0.0).count(), n - 8);
+    for l in expected {
+        assert!(
+            found.iter().any(|f| (f - l).norm() < 1e-13),
+            "{l} not in {found:?}"
+        );
+    }
+}
+
 #[test]
 fn gramian_solves_its_equation() {
     let (a, b) = (matrix(5, 5, 3) * 0.35, matrix(5, 2, 4));

@@ -1,7 +1,7 @@
 //! The one structure that both fits search: a linear filter from known signals to predictions.
 
 use crate::{LtiIdentError, Offset};
-use lpv_core::linalg::{discrete_gramian, eigenvalues, from_blocks};
+use lpv_core::linalg::{discrete_gramian, eigenvalues, from_blocks, real_schur};
 use nalgebra::{Complex, DMatrix, DMatrixView, DVector};
 
 /// `x+ = A x + B w`, `y_hat = C x + D w + d`, kept as `[A B 0; C D d]`, which `[x; w; 1]` drives.
@@ -176,10 +176,7 @@ impl Region {
 /// A matrix with the eigenvalues outside the unit circle mirrored at it, `z -> 1 / conj(z)`, and then those outside
 /// a region moved to its edge: the diagonal blocks of the real Schur form are scaled.
 pub(crate) fn reflected(a: &DMatrix<f64>, region: Region) -> Option<DMatrix<f64>> {
-    if a.iter().any(|v| !v.is_finite()) {
-        return None;
-    }
-    let (q, mut t) = nalgebra::Schur::try_new(a.clone(), f64::EPSILON, 100 * a.nrows().max(10))?.unpack();
+    let (q, mut t) = real_schur(a).ok()?;
     let mut i = 0;
     while i < t.nrows() {
         let size = if i + 1 < t.nrows() && t[(i + 1, i)] != 0.0 {

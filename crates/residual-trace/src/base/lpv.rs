@@ -6,6 +6,7 @@ use super::{BaseParameter, Body, Forces, Motion, Pair, Start};
 use crate::TraceError;
 use experiment_data::Geometry;
 use grid::{Grid, ROOM, times};
+use lpv_core::linalg::eigenvalues;
 use lpv_core::{Continuous, CoreError, Discrete, StateSpace};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
@@ -71,10 +72,9 @@ impl Lpv {
         let fastest = (0..self.grid.nodes).map(|k| {
             let node = self.grid.node(k);
             let a = DMatrix::from_fn(n, n, |i, j| node[i * (n + self.grid.channels) + j]);
-            a.complex_eigenvalues()
-                .iter()
-                .map(|l| l.norm())
-                .fold(0.0, f64::max)
+            eigenvalues(&a).map_or(f64::INFINITY, |all| {
+                all.iter().map(|l| l.norm()).fold(0.0, f64::max)
+            })
         });
         let fastest = fastest.fold(0.0, f64::max);
         // An even number has a coarse half.

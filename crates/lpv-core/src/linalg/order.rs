@@ -4,17 +4,17 @@ use nalgebra::DMatrix;
 use std::ops::Range;
 
 /// The states, and what they fall into.
-pub(super) struct Order {
+pub(crate) struct Order {
     /// Whoever is fed comes before those who feed it.
-    pub(super) states: Vec<usize>,
+    pub(crate) states: Vec<usize>,
     /// States that reach each other both ways.
-    pub(super) blocks: Vec<Range<usize>>,
+    pub(crate) blocks: Vec<Range<usize>>,
     /// Blocks that have to do with each other, whichever way and by whatever detour.
-    pub(super) parts: Vec<Range<usize>>,
+    pub(crate) parts: Vec<Range<usize>>,
 }
 
 impl Order {
-    pub(super) fn new(a: &DMatrix<f64>) -> Self {
+    pub(crate) fn new(a: &DMatrix<f64>) -> Self {
         let n = a.nrows();
         let mut search = Search {
             a,

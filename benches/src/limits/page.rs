@@ -31,7 +31,7 @@ pub(crate) fn page(account: &Account, disk: f64) -> String {
             verdict(k.bar, k.bar.is_none_or(|b| k.fraction >= b))
         );
     }
-    out += "\nFRF, a quarter of four periods: transforms take more than half of the time, at a quarter to a third of the speed of a large product; the rest moves what is kept \
+    out += "\nFRF, a quarter of four periods: transforms take more than half of the time, at a quarter to a third of the speed of a large product, so that with nothing else at all the fraction would be two fifths; the rest moves what is kept \
             through the third cache, at two thirds to all of the speed of a copy in memory. Regression: the sums of products are one matrix product for all \
             positions and take two fifths of the time, at the speed of that product; what is left reads the covariances once, makes a \
             weight of each and a right side, and the response of the basis. A correction by what the equations leave is computed only \

@@ -7,8 +7,9 @@ use crate::CoreError;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
 pub(crate) use order::Order;
-use schur::on_the_diagonal;
+use order::components;
 pub use schur::real_schur;
+use schur::{on_the_diagonal, power_of_two};
 use std::ops::Range;
 
 /// Eigenvalues of a real square matrix, sorted by real part and then by imaginary part.
@@ -26,39 +27,47 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, CoreError
     if matrix.is_empty() {
         return Ok(Vec::new());
     }
-    let Order { states, blocks, .. } = Order::new(matrix);
-    let ordered = matrix.select_rows(&states).select_columns(&states);
     let mut values = Vec::with_capacity(matrix.nrows());
-    for block in blocks {
-        let view = ordered.view((block.start, block.start), (block.len(), block.len()));
-        let scale = view.amax();
-        if scale == 0.0 {
-            values.push(Complex::new(0.0, 0.0));
-            continue;
-        }
-        let mut own = view / scale;
+    for block in components(matrix) {
+        let mut own = match block.len() == matrix.nrows() {
+            true => matrix.clone(),
+            false => matrix.select_rows(&block).select_columns(&block),
+        };
         balance(&mut own, &(0..block.len()), |_, _| ());
+        let scale = power_of_two(own.amax());
+        own /= scale;
         // One state, or two, are in Schur form.
         if block.len() > 2 {
             own = real_schur(&own)?.1;
         }
-        values.extend(on_the_diagonal(&own).iter().map(|l| l * scale));
+        for value in on_the_diagonal(&own) {
+            let value = value * scale;
+            if !value.is_finite() {
+                let (row, column) = (block[0], block[0]);
+                return Err(CoreError::NotFinite {
+                    what: "eigenvalues",
+                    row,
+                    column,
+                });
+            }
+            values.push(value);
+        }
     }
     values.sort_by(|a, b| a.re.total_cmp(&b.re).then(a.im.total_cmp(&b.im)));
     Ok(values)
 }
 
 /// Scales states that reach each other by powers of two, so that nothing is rounded, until their rows and columns have like norms among
-/// themselves \[parlett1969\]; `also` scales what else belongs to a state: columns by the factor, rows by one over it.
+/// themselves \[parlett1969\]. The diagonal counts with both, or entries that are mere rounding would be scaled up to it
+/// \[james2014\]. `also` scales what else belongs to a state: columns by the factor, rows by one over it.
 ///
 /// The sweeps are limited, since extreme entries underflow and would keep the loop going for ever.
 pub(crate) fn balance(a: &mut DMatrix<f64>, block: &Range<usize>, mut also: impl FnMut(usize, f64)) {
-    let others = |i: usize| block.clone().filter(move |j| *j != i);
     for _ in 0..100 {
         let mut changed = false;
         for i in block.clone() {
-            let row: f64 = others(i).map(|j| a[(i, j)].abs()).sum();
-            let column: f64 = others(i).map(|j| a[(j, i)].abs()).sum();
+            let row: f64 = block.clone().map(|j| a[(i, j)].abs()).sum();
+            let column: f64 = block.clone().map(|j| a[(j, i)].abs()).sum();
             if row < f64::MIN_POSITIVE || column < f64::MIN_POSITIVE {
                 continue;
             }

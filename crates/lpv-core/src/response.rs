@@ -18,9 +18,10 @@ use std::ops::Range;
 /// diagonal: of `z I - T` only these are complex, and it is solved by substitution, which takes a third of what elimination takes from a
 /// Hessenberg form (\[laub1981\]), for as many points at a time as a vector register of the machine has lanes. A is ordered first, so that what feeds others comes last: only states that reach each other both ways are scaled
 /// and turned together, and a chain of sections keeps its numbers. Where the states are many times larger
-/// than B, near a pole, or the response is many times smaller than its terms, the solution is refined once or more with residuals of
+/// than B, near a pole, or the response is many times smaller than its states, the solution is refined once or more with residuals of
 /// twice the precision (\[higham2002\], ch. 12), as long as that brings it nearer: neither the reduction nor the substitution shows but
-/// within some 1e-13 of a pole, or where the terms are so much larger than the response that they hide it whole. Points are refined as
+/// within some 1e-13 of a pole, or where the terms are so much larger than the response that they hide it whole. Where the entries of D
+/// are of very different size a point is solved by elimination instead. Points are refined as
 /// many as a register holds, so that the last digits of a response may depend on its neighbours.
 #[derive(Debug, Clone)]
 pub struct ResponseKernel {
@@ -34,8 +35,12 @@ pub struct ResponseKernel {
     parts: Vec<Range<usize>>,
     /// Whether Q is more than an order of the states.
     is_turned: bool,
+    /// Whether each point is solved by elimination.
+    is_eliminated: bool,
     /// Largest entries of A and B.
     largest: [f64; 2],
+    /// Largest entry of each row of `C Q`.
+    outputs: Vec<f64>,
     work: Vec<f64>,
 }
 
@@ -46,10 +51,14 @@ struct Matrices {
     c: DMatrix<f64>,
 }
 
+/// Between how different scales of states a matrix that mixes them, orthogonal in these scales, may leave nothing to refine.
+const SPREAD: f64 = 1e6;
+
 /// How many times larger than B the states are where a solution is refined.
 const NEAR_A_POLE: f64 = 256.0;
 
-/// How many times smaller than its terms a response is where a solution is refined: what turns the states mixes large ones with small.
+/// How many times smaller than all states as the output sees the largest a response is where a solution is refined: what turns the states
+/// mixes large ones with small.
 const CANCELLED: f64 = 1024.0;
 
 impl ResponseKernel {
@@ -69,21 +78,28 @@ impl ResponseKernel {
             b: system.b().select_rows(&states),
             c: system.c().select_columns(&states),
         };
-        let mut forms = Vec::new();
-        // One state, or two, are in Schur form.
-        for block in blocks.iter().filter(|b| b.len() > 1) {
+        let mut factors = vec![1.0; n];
+        for block in &blocks {
             let Matrices { a, b, c } = &mut model;
             balance(a, block, |i, factor| {
                 b.row_mut(i).unscale_mut(factor);
                 c.column_mut(i).scale_mut(factor);
+                factors[i] *= factor;
             });
-            if block.len() > 2 {
-                let (at, size) = (block.start, block.len());
-                forms.push((
-                    at,
-                    real_schur(&model.a.view((at, at), (size, size)).into_owned())?,
-                ));
-            }
+        }
+        // One state, or two, are in Schur form.
+        let turned = || blocks.iter().filter(|b| b.len() > 2);
+        let is_eliminated = turned().any(|block| {
+            let (low, high) = block.clone().fold((f64::INFINITY, 0.0), |(low, high), i| {
+                (factors[i].min(low), factors[i].max(high))
+            });
+            high > SPREAD * low
+        });
+        let mut forms = Vec::new();
+        for block in turned().filter(|_| !is_eliminated) {
+            let (at, size) = (block.start, block.len());
+            let own = model.a.view((at, at), (size, size)).into_owned();
+            forms.push((at, real_schur(&own)?));
         }
         let mut q = DMatrix::identity(n, n);
         for (at, (turn, _)) in &forms {
@@ -97,15 +113,18 @@ impl ResponseKernel {
         for (at, (_, form)) in &forms {
             t.view_mut((*at, *at), form.shape()).copy_from(form);
         }
+        let c = &model.c * &q;
         Ok(Self {
+            outputs: c.row_iter().map(|row| row.amax()).collect(),
             reduced: Matrices {
                 a: t.transpose(),
                 b: q.transpose() * &model.b,
-                c: &model.c * &q,
+                c,
             },
             d: system.d().clone(),
             work: vec![0.0; 2 * WIDEST * n * 3 * system.inputs()],
             is_turned: !forms.is_empty(),
+            is_eliminated,
             largest: [model.a.amax(), model.b.amax()],
             model,
             q,
@@ -122,11 +141,29 @@ impl ResponseKernel {
     /// # Panics
     /// Never, if `out` has `n_y n_u` entries a point; a shorter slice is filled as far as it goes.
     pub fn evaluate(&mut self, points: &[Complex<f64>], out: &mut [Complex<f64>]) -> Result<(), usize> {
+        if self.is_eliminated {
+            return self.eliminate(points, out);
+        }
         pulp::Arch::new().dispatch(Points {
             kernel: self,
             points,
             out,
         })
+    }
+
+    /// The responses by elimination, which mixes no scales, in `O(n^3)` a point.
+    fn eliminate(&self, points: &[Complex<f64>], out: &mut [Complex<f64>]) -> Result<(), usize> {
+        let complex = |m: &DMatrix<f64>| m.map(Complex::from);
+        let (b, c, d) = (complex(&self.model.b), complex(&self.model.c), complex(&self.d));
+        for (k, (z, out)) in points.iter().zip(out.chunks_mut(d.len().max(1))).enumerate() {
+            let gap = DMatrix::identity(b.nrows(), b.nrows()) * *z - complex(&self.model.a);
+            let response = &c * gap.lu().solve(&b).ok_or(k)? + &d;
+            if response.iter().any(|v| !v.is_finite()) {
+                return Err(k);
+            }
+            out.iter_mut().zip(response.iter()).for_each(|(o, r)| *o = *r);
+        }
+        Ok(())
     }
 }
 
@@ -202,14 +239,13 @@ impl ResponseKernel {
             };
             let (mut hidden, mut lost) = (zero, zero);
             for j in 0..nu {
+                let states = (0..n).fold(zero, |sum, k| simd.add_f64s(sum, size(simd, x[k * nu + j])));
                 for i in 0..ny {
                     let mut sum = [simd.splat_f64s(self.d[(i, j)]), zero];
-                    let mut whole = zero;
                     for k in 0..n {
-                        let product = times_real(simd, x[k * nu + j], c[(i, k)]);
-                        sum = plus(simd, sum, product);
-                        whole = simd.add_f64s(whole, size(simd, product));
+                        sum = plus(simd, sum, times_real(simd, x[k * nu + j], c[(i, k)]));
                     }
+                    let whole = simd.mul_f64s(states, simd.splat_f64s(self.outputs[i]));
                     let size = size(simd, sum);
                     let seen = simd.mul_f64s(size, simd.splat_f64s(CANCELLED));
                     hidden = simd.max_f64s(hidden, simd.sub_f64s(whole, seen));

@@ -16,23 +16,7 @@ pub(crate) struct Order {
 impl Order {
     pub(crate) fn new(a: &DMatrix<f64>) -> Self {
         let n = a.nrows();
-        let mut search = Search {
-            a,
-            found: vec![0; n],
-            low: vec![0; n],
-            open: Vec::new(),
-            is_open: vec![false; n],
-            count: 0,
-            blocks: Vec::new(),
-        };
-        for i in 0..n {
-            if search.found[i] == 0 {
-                search.visit(i);
-            }
-        }
-        // Those who feed are found first.
-        let mut groups = search.blocks;
-        groups.reverse();
+        let mut groups = components(a);
         let part = parts(a);
         groups.sort_by_key(|group| part[group[0]]);
         let mut order = Self {
@@ -54,6 +38,28 @@ impl Order {
         }
         order
     }
+}
+
+/// States that reach each other both ways; whoever is fed comes before those who feed it.
+pub(super) fn components(a: &DMatrix<f64>) -> Vec<Vec<usize>> {
+    let n = a.nrows();
+    let mut search = Search {
+        a,
+        found: vec![0; n],
+        low: vec![0; n],
+        open: Vec::new(),
+        is_open: vec![false; n],
+        count: 0,
+        blocks: Vec::new(),
+    };
+    for i in 0..n {
+        if search.found[i] == 0 {
+            search.visit(i);
+        }
+    }
+    // Those who feed are found first.
+    search.blocks.reverse();
+    search.blocks
 }
 
 /// For each state the first state of its part.

@@ -9,7 +9,7 @@ use std::ops::Range;
 /// Most corrections.
 const MOST: usize = 6;
 
-/// A correction that is so small a part of the states is the last.
+/// Where every correction is so small a part of its state it is the last.
 const LAST: f64 = 1e-15;
 
 /// Sums with what rounding took from them \[ogita2005\].
@@ -50,7 +50,7 @@ pub(super) fn refine<S: Simd>(
     states.fill([zero; 2]);
     let mut last = simd.splat_f64s(f64::INFINITY);
     for _ in 0..MOST {
-        let (mut largest, mut change) = (zero, zero);
+        let mut change = zero;
         for part in parts {
             for i in part.clone() {
                 for j in 0..nu {
@@ -62,15 +62,16 @@ pub(super) fn refine<S: Simd>(
         // Where it does not get smaller the correction is none.
         let is_smaller = simd.less_than_f64s(change, last);
         last = simd.select_f64s(is_smaller, simd.mul_f64s(change, simd.splat_f64s(0.5)), zero);
-        change = simd.select_f64s(is_smaller, change, zero);
+        let mut more = zero;
         for (x, turned) in states.iter_mut().zip(left.iter()) {
             let next = plus(simd, *x, *turned);
             for w in 0..2 {
                 x[w] = simd.select_f64s(is_smaller, next[w], x[w]);
             }
-            largest = simd.max_f64s(largest, size(simd, *x));
+            let seen = simd.mul_f64s(size(simd, *x), simd.splat_f64s(LAST));
+            more = simd.max_f64s(more, simd.sub_f64s(size(simd, *turned), seen));
         }
-        let is_more = simd.greater_than_f64s(change, simd.mul_f64s(largest, simd.splat_f64s(LAST)));
+        let is_more = simd.greater_than_f64s(simd.select_f64s(is_smaller, more, zero), zero);
         if simd.first_true_m64s(is_more) >= S::F64_LANES {
             break;
         }

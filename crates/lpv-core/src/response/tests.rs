@@ -199,3 +199,43 @@ fn what_overflows_is_an_error() {
     let mut out = [Complex::new(0.0, 0.0)];
     assert_eq!(kernel.evaluate(&[Complex::new(0.0, 1.0)], &mut out), Err(0));
 }
+
+/// Triangular matrices, below whose diagonals something has been rounded: what is no more than that is not scaled up to the rest.
+#[test]
+fn fill_that_is_rounding_does_not_count() {
+    let mut state = 1_u64;
+    let mut number = || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / f64::from(1_u32 << 30) - 1.0
+    };
+    for n in [3, 4, 6, 8] {
+        for fill in [1e-15, 1e-17, 1e-18, 1e-30, 1e-40, 1e-200] {
+            for _ in 0..50 {
+                let a = DMatrix::from_fn(n, n, |i, j| match i > j {
+                    true => fill * number(),
+                    false => 0.1 * (10.0 * number()).round(),
+                });
+                let z = Complex::from_polar(1.0, 0.628);
+                let gap = DMatrix::identity(n, n) * z - a.map(Complex::from);
+                let all = gap.try_inverse().unwrap();
+                let system = StateSpace::new(
+                    a,
+                    DMatrix::identity(n, n),
+                    DMatrix::identity(n, n),
+                    DMatrix::zeros(n, n),
+                    Continuous,
+                );
+                let mut out = vec![Complex::new(0.0, 0.0); n * n];
+                ResponseKernel::new(&system.unwrap())
+                    .unwrap()
+                    .evaluate(&[z], &mut out)
+                    .unwrap();
+                let found = DMatrix::from_column_slice(n, n, &out);
+                let error = (&found - &all).norm() / all.norm();
+                assert!(error < 1e-13, "{n}, {fill:e}: {error:e}");
+            }
+        }
+    }
+}

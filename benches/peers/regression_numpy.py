@@ -12,7 +12,6 @@ noise, factor = complex_("noise", P, -1, 2, 2), complex_("factor", P, -1, 2, 2)
 L = basis.shape[0]
 # Lines along the last axis.
 phi = np.ascontiguousarray(basis.T)
-conjugate = phi.conj()
 
 
 def rows(p):
@@ -55,41 +54,59 @@ def qr(p):
 
 
 def inverse(m):
-    """Of 2x2 matrices, lines along the last axis."""
-    (a, b), (c, d) = np.ascontiguousarray(np.moveaxis(m, 0, -1))
-    over = 1 / (a * d - b * c)
-    return np.array([[d * over, -b * over], [-c * over, a * over]])
+    """Of Hermitian 2x2 matrices, lines along the last axis: both diagonal entries and the one below."""
+    a, b, c = m[:, 0, 0].real, m[:, 1, 0], m[:, 1, 1].real
+    over = 1 / (a * c - (b.real**2 + b.imag**2))
+    return c * over, a * over, -b * over
 
 
-def product(a, b):
-    """Of 2x2 matrices, lines along the last axis."""
-    return np.array([[a[i, 0] * b[0, j] + a[i, 1] * b[1, j] for j in range(2)] for i in range(2)])
+def normal():
+    """Sums of products, whose condition is the square of that of the equations: C^-1 on the left of F, S^-1 on its right.
+
+    Products of two functions are made once for all positions, and summed with the weights of all as one product of real matrices.
+    """
+    rows, columns = np.triu_indices(N)
+    above = rows < columns
+    re, im = np.ascontiguousarray(phi.real), np.ascontiguousarray(phi.imag)
+    even, odd = np.empty((len(rows), L)), np.empty((above.sum(), L))
+    for out, i, j in zip(even, rows, columns):
+        np.multiply(re[i], re[j], out=out)
+        out += im[i] * im[j]
+    for out, i, j in zip(odd, rows[above], columns[above]):
+        np.multiply(re[i], im[j], out=out)
+        out -= im[i] * re[j]
+    # Weights of pairs of channels (2i + j, 2k + m): left[i, k] right[m, j]; real ones first.
+    pairs = [(0, 0), (1, 1), (2, 2), (3, 3), (1, 0), (2, 0), (3, 0), (2, 1), (3, 1), (3, 2)]
+    real_part, imaginary = np.empty((P, 10, L)), np.empty((P, 6, L))
+    sums = np.empty((P, 4, N))
+    for p in range(P):
+        (l0, l1, l10), (r0, r1, r10) = inverse(noise[p]), inverse(factor[p])
+        l01, r01 = l10.conj(), r10.conj()
+        real_part[p, 0], real_part[p, 1] = l0 * r0, l0 * r1
+        real_part[p, 2], real_part[p, 3] = l1 * r0, l1 * r1
+        for k, weight in enumerate((l0 * r01, l10 * r0, l10 * r01, l10 * r10, l10 * r1, l1 * r01)):
+            real_part[p, 4 + k], imaginary[p, k] = weight.real, weight.imag
+        (f00, f01), (f10, f11) = np.ascontiguousarray(frf[p].transpose(1, 2, 0))
+        f00, f01, f10, f11 = l0 * f00 + l01 * f10, l0 * f01 + l01 * f11, l10 * f00 + l1 * f10, l10 * f01 + l1 * f11
+        target = np.stack([f00 * r0 + f01 * r10, f00 * r01 + f01 * r1, f10 * r0 + f11 * r10, f10 * r01 + f11 * r1])
+        sums[p] = target.real @ re.T + target.imag @ im.T
+    even = (real_part.reshape(-1, L) @ even.T).reshape(P, 10, -1)
+    odd = (imaginary.reshape(-1, L) @ odd.T).reshape(P, 6, -1)
+    gram = np.empty((P, 4, N, 4, N))
+    for k, (row, column) in enumerate(pairs):
+        block = np.empty((P, N, N))
+        block[:, rows, columns] = block[:, columns, rows] = even[:, k]
+        if row != column:
+            block[:, rows[above], columns[above]] -= odd[:, k - 4]
+            block[:, columns[above], rows[above]] += odd[:, k - 4]
+            gram[:, column, :, row] = block.swapaxes(1, 2)
+        gram[:, row, :, column] = block
+    weights = np.linalg.solve(gram.reshape(P, 4 * N, 4 * N), sums.reshape(P, 4 * N, 1))
+    return weights.reshape(P, 2, 2, N).transpose(0, 3, 1, 2)
 
 
-def normal(p):
-    """Sums of products, whose condition is the square of that of the equations: C^-1 on the left of F, S^-1 on its right."""
-    left, right = inverse(noise[p]), inverse(factor[p])
-    target = product(product(left, np.ascontiguousarray(np.moveaxis(frf[p], 0, -1))), right)
-    sums = (conjugate @ target.reshape(4, L).T).real.T
-    pairs = [(row, column) for row in range(4) for column in range(row + 1)]
-    blocks = np.empty((len(pairs), N, L), complex)
-    for block, (row, column) in zip(blocks, pairs):
-        (i, j), (k, m) = divmod(row, 2), divmod(column, 2)
-        np.multiply(conjugate, left[i, k] * right[m, j], out=block)
-    products = (blocks.reshape(-1, L) @ phi.T).real.reshape(len(pairs), N, N)
-    gram = np.empty((4, N, 4, N))
-    for block, (row, column) in zip(products, pairs):
-        gram[row, :, column] = block
-        gram[column, :, row] = block.T
-    weights = np.linalg.solve(gram.reshape(4 * N, 4 * N), sums.reshape(4 * N))
-    return weights.reshape(2, 2, N).transpose(2, 0, 1)
+def each(weights):
+    return lambda: np.stack([weights(p) for p in range(P)])
 
 
-weights = {"lstsq": lstsq, "qr": qr, "normal": normal}[sys.argv[3]]
-
-
-def run():
-    return np.stack([weights(p) for p in range(P)])
-
-
-serve(run)
+serve({"lstsq": each(lstsq), "qr": each(qr), "normal": normal}[sys.argv[3]])

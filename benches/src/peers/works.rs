@@ -132,7 +132,7 @@ pub(crate) const WORKS: [Work; 8] = [
         peers: &[
             python("python-control", "simulation_control.py", "", 50.0),
             python("scipy (dlsim)", "simulation_scipy.py", "", 50.0),
-            python("scipy (FFT of the pulse response)", "simulation_fft.py", "", 50.0),
+            python("numpy (64 samples a step)", "simulation_blocks.py", "", 50.0),
         ],
         export: simulation_export,
         ours: simulation_ours,

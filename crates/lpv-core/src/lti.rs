@@ -2,7 +2,7 @@
 
 use crate::clock::same_clock;
 use crate::linalg::{block_diagonal, dimension, eigenvalues, finite, finite_vector, from_blocks, square};
-use crate::recursion::Recursion;
+use crate::recursion;
 use crate::{Clock, CoreError, Discrete};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
@@ -181,7 +181,7 @@ impl StateSpace<Discrete> {
         finite("simulation: input", inputs)?;
         finite_vector("simulation: initial state", initial_state)?;
         let mut x = initial_state.clone();
-        let outputs = Recursion::new(&self.a, &self.b, &self.c, &self.d).run(&mut x, inputs);
+        let outputs = recursion::outputs([&self.a, &self.b, &self.c, &self.d], &mut x, inputs);
         Ok(Trajectory {
             outputs,
             final_state: x,

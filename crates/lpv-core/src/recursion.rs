@@ -1,22 +1,52 @@
-//! `[x(k+1); y(k)] = [A B; C D] [x(k); u(k)]`, one sample after the other, as wide as the machine adds.
+//! `[x(k+1); y(k)] = [A B; C D] [x(k); u(k)]`, one sample after the other or several a step, as wide as the machine adds.
+
+mod lifted;
 
 use nalgebra::{DMatrix, DVector};
-
 use pulp::{Simd, WithSimd};
 
 /// Rows are a multiple of this, so that the widest registers fit.
 const ROWS: usize = 8;
 
+/// Outputs of `[A, B, C, D]` for all inputs, one column a sample; the state moves on.
+pub(crate) fn outputs(
+    matrices: [&DMatrix<f64>; 4],
+    state: &mut DVector<f64>,
+    inputs: &DMatrix<f64>,
+) -> DMatrix<f64> {
+    let samples = inputs.ncols();
+    let mut outputs = DMatrix::zeros(matrices[2].nrows(), samples);
+    let plain = Recursion::new(matrices);
+    if let Some((step, count)) = lifted::lifted(matrices, samples) {
+        let steps = samples / count;
+        let mut x = state.clone();
+        let (now, then) = inputs.as_slice().split_at(inputs.nrows() * count * steps);
+        let (first, rest) = outputs
+            .as_mut_slice()
+            .split_at_mut(matrices[2].nrows() * count * steps);
+        Recursion::new([&step[0], &step[1], &step[2], &step[3]]).run(&mut x, steps, now, first);
+        plain.run(&mut x, samples - steps * count, then, rest);
+        // What overflows does so at its own sample.
+        if x.iter().chain(outputs.iter()).all(|v| v.is_finite()) {
+            *state = x;
+            return outputs;
+        }
+    }
+    plain.run(state, samples, inputs.as_slice(), outputs.as_mut_slice());
+    outputs
+}
+
 /// The matrix of a recursion, column after column.
-pub(crate) struct Recursion {
+struct Recursion {
     columns: Vec<f64>,
     rows: usize,
     states: usize,
+    inputs: usize,
     outputs: usize,
 }
 
 impl Recursion {
-    pub(crate) fn new(a: &DMatrix<f64>, b: &DMatrix<f64>, c: &DMatrix<f64>, d: &DMatrix<f64>) -> Self {
+    fn new([a, b, c, d]: [&DMatrix<f64>; 4]) -> Self {
         let (states, inputs, outputs) = (a.nrows(), b.ncols(), c.nrows());
         let rows = (states + outputs).next_multiple_of(ROWS);
         let mut all = DMatrix::zeros(rows, states + inputs);
@@ -28,20 +58,20 @@ impl Recursion {
             columns: all.as_slice().to_vec(),
             rows,
             states,
+            inputs,
             outputs,
         }
     }
 
-    /// Outputs for all inputs, one column a sample; the state moves on.
-    pub(crate) fn run(&self, state: &mut DVector<f64>, inputs: &DMatrix<f64>) -> DMatrix<f64> {
-        let mut outputs = DMatrix::zeros(self.outputs, inputs.ncols());
+    /// So many samples; the state moves on.
+    fn run(&self, state: &mut DVector<f64>, samples: usize, inputs: &[f64], outputs: &mut [f64]) {
         pulp::Arch::new().dispatch(Samples {
             matrix: self,
             state: state.as_mut_slice(),
+            samples,
             inputs,
-            outputs: &mut outputs,
+            outputs,
         });
-        outputs
     }
 }
 
@@ -49,8 +79,9 @@ impl Recursion {
 struct Samples<'a> {
     matrix: &'a Recursion,
     state: &'a mut [f64],
-    inputs: &'a DMatrix<f64>,
-    outputs: &'a mut DMatrix<f64>,
+    samples: usize,
+    inputs: &'a [f64],
+    outputs: &'a mut [f64],
 }
 
 impl WithSimd for Samples<'_> {
@@ -62,14 +93,15 @@ impl WithSimd for Samples<'_> {
             columns,
             rows,
             states,
+            inputs,
             outputs,
         } = self.matrix;
-        let (n, ny) = (*states, *outputs);
-        let mut now = vec![0.0; n + self.inputs.nrows()];
+        let (n, nu, ny) = (*states, *inputs, *outputs);
+        let mut now = vec![0.0; n + nu];
         now[..n].copy_from_slice(self.state);
         let mut next = vec![0.0; *rows];
-        for k in 0..self.inputs.ncols() {
-            now[n..].copy_from_slice(self.inputs.column(k).as_slice());
+        for k in 0..self.samples {
+            now[n..].copy_from_slice(&self.inputs[nu * k..nu * (k + 1)]);
             let (columns, _) = S::as_simd_f64s(columns);
             let (out, _) = S::as_mut_simd_f64s(&mut next);
             let mut from = 0;
@@ -81,7 +113,7 @@ impl WithSimd for Samples<'_> {
                 };
             }
             now[..n].copy_from_slice(&next[..n]);
-            self.outputs.column_mut(k).copy_from_slice(&next[n..n + ny]);
+            self.outputs[ny * k..ny * (k + 1)].copy_from_slice(&next[n..n + ny]);
         }
         self.state.copy_from_slice(&now[..n]);
     }
@@ -124,7 +156,7 @@ fn product<S: Simd, const WIDE: usize>(
 
 #[cfg(test)]
 mod tests {
-    use super::Recursion;
+    use super::outputs;
     use nalgebra::{DMatrix, DVector};
 
     #[test]
@@ -149,10 +181,11 @@ mod tests {
                 matrix(ny, n, 0.3),
                 matrix(ny, nu, 0.4),
             );
-            let inputs = matrix(nu, 50, 0.5);
+            // Enough for several samples a step, and one more.
+            let inputs = matrix(nu, 513 * n + 1, 0.5);
             let mut x = DVector::from_fn(n, |i, _| 0.1 * i as f64 - 0.2);
             let mut moved = x.clone();
-            let found = Recursion::new(&a, &b, &c, &d).run(&mut moved, &inputs);
+            let found = outputs([&a, &b, &c, &d], &mut moved, &inputs);
             for k in 0..inputs.ncols() {
                 let y = &c * &x + &d * inputs.column(k);
                 x = &a * &x + &b * inputs.column(k);

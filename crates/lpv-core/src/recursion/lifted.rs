@@ -1,0 +1,176 @@
+//! Several samples as one step, whose matrices are products of powers of A: fewer operations a sample, and longer sums.
+//!
+//! With `u` and `y` of K samples above each other the step is `[A^K, R; O, T]`, `R = [A^(K-1) B ... B]`, `O = [C; C A; ...]`, T the block
+//! Toeplitz matrix of the pulse response (\[bamieh1991\]). Powers are made in twice the precision and rounded once: what rounding makes of
+//! A^K otherwise is another model.
+
+use nalgebra::DMatrix;
+
+/// How much larger than A, B and C the entries of the step may be: what grows and comes down again is rounded where it is large.
+const GROWTH: f64 = 16.0;
+
+/// Samples a state from which on the step pays for itself.
+const LONG: usize = 512;
+
+/// `[A, B, C, D]` of several samples a step, and how many, where that is worth the while.
+pub(super) fn lifted(matrices: [&DMatrix<f64>; 4], samples: usize) -> Option<([DMatrix<f64>; 4], usize)> {
+    let [a, b, c, d] = matrices;
+    let (n, nu, ny) = (a.nrows(), b.ncols(), c.nrows());
+    let operations = |k: usize| (n + ny * k).next_multiple_of(super::ROWS) * (n + nu * k);
+    // In units of a sample.
+    let per_sample = |doublings: &u32| operations(1 << doublings) as f64 / f64::from(1_u32 << doublings);
+    let doublings = (1..=4_u32).min_by(|i, j| per_sample(i).total_cmp(&per_sample(j)))?;
+    if samples < LONG * n || per_sample(&doublings) > 0.6 * operations(1) as f64 {
+        return None;
+    }
+    let [mut power, mut reach, mut observe] = [a, b, c].map(Twofold::exact);
+    for _ in 0..doublings {
+        observe = observe.above(&observe.times(&power));
+        reach = power.times(&reach).beside(&reach);
+        power = power.times(&power);
+    }
+    let pulses = observe.times(&Twofold::exact(b)).high;
+    let count = 1 << doublings;
+    let mut through = DMatrix::zeros(ny * count, nu * count);
+    for i in 0..count {
+        for j in 0..=i {
+            let mut block = through.view_mut((ny * i, nu * j), (ny, nu));
+            match i - j {
+                0 => block.copy_from(d),
+                lag => block.copy_from(&pulses.rows(ny * (lag - 1), ny)),
+            }
+        }
+    }
+    let grows = |now: &DMatrix<f64>, before: &DMatrix<f64>| {
+        // Not finite neither.
+        let most = GROWTH * before.amax() * a.amax().max(1.0);
+        !(now.amax() <= most && most.is_finite())
+    };
+    let one = DMatrix::identity(1, 1);
+    let all = [power.high, reach.high, observe.high, through];
+    let is_worse = grows(&all[0], &one) || grows(&all[1], b) || grows(&all[2], c);
+    (!is_worse && all[3].iter().all(|v| v.is_finite())).then_some((all, count))
+}
+
+/// A matrix, and what rounding took from it.
+struct Twofold {
+    high: DMatrix<f64>,
+    low: DMatrix<f64>,
+}
+
+impl Twofold {
+    fn exact(matrix: &DMatrix<f64>) -> Self {
+        Self {
+            high: matrix.clone(),
+            low: DMatrix::zeros(matrix.nrows(), matrix.ncols()),
+        }
+    }
+
+    fn above(&self, other: &Self) -> Self {
+        let stacked = |x: &DMatrix<f64>, y: &DMatrix<f64>| {
+            let mut all = DMatrix::zeros(x.nrows() + y.nrows(), x.ncols());
+            all.rows_mut(0, x.nrows()).copy_from(x);
+            all.rows_mut(x.nrows(), y.nrows()).copy_from(y);
+            all
+        };
+        Self {
+            high: stacked(&self.high, &other.high),
+            low: stacked(&self.low, &other.low),
+        }
+    }
+
+    fn beside(&self, other: &Self) -> Self {
+        let joined = |x: &DMatrix<f64>, y: &DMatrix<f64>| {
+            let mut all = DMatrix::zeros(x.nrows(), x.ncols() + y.ncols());
+            all.columns_mut(0, x.ncols()).copy_from(x);
+            all.columns_mut(x.ncols(), y.ncols()).copy_from(y);
+            all
+        };
+        Self {
+            high: joined(&self.high, &other.high),
+            low: joined(&self.low, &other.low),
+        }
+    }
+
+    /// Sums with what rounding takes from products and sums (\[ogita2005\]).
+    fn times(&self, other: &Self) -> Self {
+        let (rows, columns) = (self.high.nrows(), other.high.ncols());
+        let mut high = DMatrix::zeros(rows, columns);
+        let mut low = DMatrix::zeros(rows, columns);
+        pulp::Arch::new().dispatch(|| {
+            for j in 0..columns {
+                let (sum, lost) = (high.column_mut(j), low.column_mut(j));
+                let mut both: Vec<_> = sum.into_iter().zip(lost.into_iter()).collect();
+                for k in 0..self.high.ncols() {
+                    let (b, b_low) = (other.high[(k, j)], other.low[(k, j)]);
+                    let (a, a_low) = (self.high.column(k), self.low.column(k));
+                    for ((sum, lost), (a, a_low)) in both.iter_mut().zip(a.iter().zip(a_low.iter())) {
+                        let product = a * b;
+                        let rest = a.mul_add(b, -product) + (a * b_low + a_low * b);
+                        let next = **sum + product;
+                        let part = next - **sum;
+                        let rounded = (**sum - (next - part)) + (product - part);
+                        **sum = next;
+                        **lost += rest + rounded;
+                    }
+                }
+                for (sum, lost) in both {
+                    let whole = *sum + *lost;
+                    *lost -= whole - *sum;
+                    *sum = whole;
+                }
+            }
+        });
+        Self { high, low }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::lifted;
+    use nalgebra::DMatrix;
+
+    fn matrix(rows: usize, columns: usize, seed: f64) -> DMatrix<f64> {
+        DMatrix::from_fn(rows, columns, |i, j| {
+            (seed + 1.3 * i as f64 + 0.7 * (j * j) as f64).sin()
+        })
+    }
+
+    /// Integers, whose powers need more than one double and are rounded once.
+    #[test]
+    fn powers_are_rounded_once() {
+        let n = 24;
+        let whole = DMatrix::from_fn(n, n, |i, j| f64::from(((7 * i + 11 * j * j) % 15) as u32) - 7.0);
+        let a = &whole / 1024.0;
+        let (b, c, d) = (matrix(n, 2, 0.2), matrix(2, n, 0.3), matrix(2, 2, 0.4));
+        let ([power, ..], count) = lifted([&a, &b, &c, &d], 1 << 20).unwrap();
+        let integers = whole.map(|v| v as i128);
+        let mut exact = integers.clone();
+        for _ in 1..count {
+            exact = DMatrix::from_fn(n, n, |i, j| {
+                (0..n).map(|k| exact[(i, k)] * integers[(k, j)]).sum()
+            });
+        }
+        let unit = 1024.0_f64.powi(count as i32);
+        assert_eq!(count, 16);
+        for (found, exact) in power.iter().zip(exact.iter()) {
+            assert_eq!(*found, *exact as f64 / unit);
+        }
+    }
+
+    /// Short records, small models, and those that grow on the way are left as they are.
+    #[test]
+    fn only_what_pays_and_harms_nothing_is_lifted() {
+        let n = 12;
+        let (b, c, d) = (matrix(n, 1, 0.2), matrix(1, n, 0.3), matrix(1, 1, 0.4));
+        let calm = matrix(n, n, 0.1) / n as f64;
+        let steep = DMatrix::from_fn(n, n, |i, j| if j == i + 1 { 100.0 } else { 0.0 });
+        let wild = &calm * 1e300;
+        assert!(lifted([&calm, &b, &c, &d], 100_000).is_some());
+        assert!(lifted([&calm, &b, &c, &d], 1000).is_none());
+        assert!(lifted([&steep, &b, &c, &d], 100_000).is_none());
+        assert!(lifted([&wild, &b, &c, &d], 100_000).is_none());
+        let one = |v: f64| DMatrix::from_element(1, 1, v);
+        assert!(lifted([&one(0.5), &one(1.0), &one(1.0), &one(0.0)], 100_000).is_none());
+    }
+}

@@ -100,7 +100,7 @@ impl Twofold {
         pulp::Arch::new().dispatch(|| {
             for j in 0..columns {
                 let (sum, lost) = (high.column_mut(j), low.column_mut(j));
-                let mut both: Vec<_> = sum.into_iter().zip(lost.into_iter()).collect();
+                let mut both: Vec<_> = sum.into_iter().zip(lost).collect();
                 for k in 0..self.high.ncols() {
                     let (b, b_low) = (other.high[(k, j)], other.low[(k, j)]);
                     let (a, a_low) = (self.high.column(k), self.low.column(k));

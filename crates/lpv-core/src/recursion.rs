@@ -2,6 +2,7 @@
 
 mod lifted;
 
+use lifted::Lifted;
 use nalgebra::{DMatrix, DVector};
 use pulp::{Simd, WithSimd};
 
@@ -16,15 +17,15 @@ pub(crate) fn outputs(
 ) -> DMatrix<f64> {
     let samples = inputs.ncols();
     let mut outputs = DMatrix::zeros(matrices[2].nrows(), samples);
-    let plain = Recursion::new(matrices);
-    if let Some((step, count)) = lifted::lifted(matrices, samples) {
+    let plain = Recursion::new(matrices, None);
+    if let Some(Lifted { step, low, count }) = Lifted::new(matrices, samples) {
         let steps = samples / count;
         let mut x = state.clone();
         let (now, then) = inputs.as_slice().split_at(inputs.nrows() * count * steps);
         let (first, rest) = outputs
             .as_mut_slice()
             .split_at_mut(matrices[2].nrows() * count * steps);
-        Recursion::new([&step[0], &step[1], &step[2], &step[3]]).run(&mut x, steps, now, first);
+        Recursion::new(step.each_ref(), Some(&low)).run(&mut x, steps, now, first);
         plain.run(&mut x, samples - steps * count, then, rest);
         // What overflows does so at its own sample.
         if x.iter().chain(outputs.iter()).all(|v| v.is_finite()) {
@@ -43,18 +44,27 @@ struct Recursion {
     states: usize,
     inputs: usize,
     outputs: usize,
+    /// Whether the state goes in once more, times what its columns were rounded by.
+    is_twofold: bool,
 }
 
 impl Recursion {
-    fn new([a, b, c, d]: [&DMatrix<f64>; 4]) -> Self {
+    fn new([a, b, c, d]: [&DMatrix<f64>; 4], low: Option<&[DMatrix<f64>; 2]>) -> Self {
         let (states, inputs, outputs) = (a.nrows(), b.ncols(), c.nrows());
         let rows = (states + outputs).next_multiple_of(ROWS);
-        let mut all = DMatrix::zeros(rows, states + inputs);
+        let more = if low.is_some() { states } else { 0 };
+        let mut all = DMatrix::zeros(rows, states + inputs + more);
         all.view_mut((0, 0), (states, states)).copy_from(a);
         all.view_mut((0, states), (states, inputs)).copy_from(b);
         all.view_mut((states, 0), (outputs, states)).copy_from(c);
         all.view_mut((states, states), (outputs, inputs)).copy_from(d);
+        if let Some([a, c]) = low {
+            let from = states + inputs;
+            all.view_mut((0, from), (states, states)).copy_from(a);
+            all.view_mut((states, from), (outputs, states)).copy_from(c);
+        }
         Self {
+            is_twofold: low.is_some(),
             columns: all.as_slice().to_vec(),
             rows,
             states,
@@ -95,13 +105,17 @@ impl WithSimd for Samples<'_> {
             states,
             inputs,
             outputs,
+            is_twofold,
         } = self.matrix;
         let (n, nu, ny) = (*states, *inputs, *outputs);
-        let mut now = vec![0.0; n + nu];
+        let mut now = vec![0.0; n + nu + if *is_twofold { n } else { 0 }];
         now[..n].copy_from_slice(self.state);
         let mut next = vec![0.0; *rows];
         for k in 0..self.samples {
-            now[n..].copy_from_slice(&self.inputs[nu * k..nu * (k + 1)]);
+            now[n..n + nu].copy_from_slice(&self.inputs[nu * k..nu * (k + 1)]);
+            if *is_twofold {
+                now.copy_within(..n, n + nu);
+            }
             let (columns, _) = S::as_simd_f64s(columns);
             let (out, _) = S::as_mut_simd_f64s(&mut next);
             let mut from = 0;

@@ -1,8 +1,8 @@
 //! Several samples as one step, whose matrices are products of powers of A: fewer operations a sample, and longer sums.
 //!
 //! With `u` and `y` of K samples above each other the step is `[A^K, R; O, T]`, `R = [A^(K-1) B ... B]`, `O = [C; C A; ...]`, T the block
-//! Toeplitz matrix of the pulse response (\[bamieh1991\]). Powers are made in twice the precision and rounded once: what rounding makes of
-//! A^K otherwise is another model.
+//! Toeplitz matrix of the pulse response (\[bamieh1991\]). Powers are made in twice the precision, and what rounding takes from A^K and O is
+//! kept as a second matrix: what rounding makes of A^K is another model.
 
 use nalgebra::DMatrix;
 
@@ -12,44 +12,60 @@ const GROWTH: f64 = 16.0;
 /// Samples a state from which on the step pays for itself.
 const LONG: usize = 512;
 
-/// `[A, B, C, D]` of several samples a step, and how many, where that is worth the while.
-pub(super) fn lifted(matrices: [&DMatrix<f64>; 4], samples: usize) -> Option<([DMatrix<f64>; 4], usize)> {
-    let [a, b, c, d] = matrices;
-    let (n, nu, ny) = (a.nrows(), b.ncols(), c.nrows());
-    let operations = |k: usize| (n + ny * k).next_multiple_of(super::ROWS) * (n + nu * k);
-    // In units of a sample.
-    let per_sample = |doublings: &u32| operations(1 << doublings) as f64 / f64::from(1_u32 << doublings);
-    let doublings = (1..=4_u32).min_by(|i, j| per_sample(i).total_cmp(&per_sample(j)))?;
-    if samples < LONG * n || per_sample(&doublings) > 0.6 * operations(1) as f64 {
-        return None;
-    }
-    let [mut power, mut reach, mut observe] = [a, b, c].map(Twofold::exact);
-    for _ in 0..doublings {
-        observe = observe.above(&observe.times(&power));
-        reach = power.times(&reach).beside(&reach);
-        power = power.times(&power);
-    }
-    let pulses = observe.times(&Twofold::exact(b)).high;
-    let count = 1 << doublings;
-    let mut through = DMatrix::zeros(ny * count, nu * count);
-    for i in 0..count {
-        for j in 0..=i {
-            let mut block = through.view_mut((ny * i, nu * j), (ny, nu));
-            match i - j {
-                0 => block.copy_from(d),
-                lag => block.copy_from(&pulses.rows(ny * (lag - 1), ny)),
+/// Several samples as one step.
+pub(super) struct Lifted {
+    /// A, B, C, D of the step.
+    pub(super) step: [DMatrix<f64>; 4],
+    /// What rounding took from A and C.
+    pub(super) low: [DMatrix<f64>; 2],
+    /// Samples a step.
+    pub(super) count: usize,
+}
+
+impl Lifted {
+    /// `[A, B, C, D]` for several samples a step, where so many samples make that worth the while.
+    pub(super) fn new(matrices: [&DMatrix<f64>; 4], samples: usize) -> Option<Self> {
+        let [a, b, c, d] = matrices;
+        let (n, nu, ny) = (a.nrows(), b.ncols(), c.nrows());
+        let operations =
+            |k: usize, states: usize| (n + ny * k).next_multiple_of(super::ROWS) * (states + nu * k);
+        let per_sample =
+            |doublings: &u32| operations(1 << doublings, 2 * n) as f64 / f64::from(1_u32 << doublings);
+        let doublings = (1..=4_u32).min_by(|i, j| per_sample(i).total_cmp(&per_sample(j)))?;
+        if samples < LONG * n || per_sample(&doublings) > 0.6 * operations(1, n) as f64 {
+            return None;
+        }
+        let [mut power, mut reach, mut observe] = [a, b, c].map(Twofold::exact);
+        for _ in 0..doublings {
+            observe = observe.above(&observe.times(&power));
+            reach = power.times(&reach).beside(&reach);
+            power = power.times(&power);
+        }
+        let pulses = observe.times(&Twofold::exact(b)).high;
+        let count = 1 << doublings;
+        let mut through = DMatrix::zeros(ny * count, nu * count);
+        for i in 0..count {
+            for j in 0..=i {
+                let mut block = through.view_mut((ny * i, nu * j), (ny, nu));
+                match i - j {
+                    0 => block.copy_from(d),
+                    lag => block.copy_from(&pulses.rows(ny * (lag - 1), ny)),
+                }
             }
         }
+        let most = GROWTH * a.amax().max(1.0);
+        let grows = |now: &DMatrix<f64>, before: f64| {
+            // A number that is none is no less than another.
+            now.iter().any(|v| !(v.abs() <= most * before && v.is_finite()))
+        };
+        let is_worse =
+            grows(&power.high, 1.0) || grows(&reach.high, b.amax()) || grows(&observe.high, c.amax());
+        (!is_worse && through.iter().all(|v| v.is_finite())).then_some(Self {
+            step: [power.high, reach.high, observe.high, through],
+            low: [power.low, observe.low],
+            count,
+        })
     }
-    let grows = |now: &DMatrix<f64>, before: &DMatrix<f64>| {
-        // Not finite neither.
-        let most = GROWTH * before.amax() * a.amax().max(1.0);
-        !(now.amax() <= most && most.is_finite())
-    };
-    let one = DMatrix::identity(1, 1);
-    let all = [power.high, reach.high, observe.high, through];
-    let is_worse = grows(&all[0], &one) || grows(&all[1], b) || grows(&all[2], c);
-    (!is_worse && all[3].iter().all(|v| v.is_finite())).then_some((all, count))
 }
 
 /// A matrix, and what rounding took from it.
@@ -127,7 +143,7 @@ impl Twofold {
 
 #[cfg(test)]
 mod tests {
-    use super::lifted;
+    use super::Lifted;
     use nalgebra::DMatrix;
 
     fn matrix(rows: usize, columns: usize, seed: f64) -> DMatrix<f64> {
@@ -143,7 +159,8 @@ mod tests {
         let whole = DMatrix::from_fn(n, n, |i, j| f64::from(((7 * i + 11 * j * j) % 15) as u32) - 7.0);
         let a = &whole / 1024.0;
         let (b, c, d) = (matrix(n, 2, 0.2), matrix(2, n, 0.3), matrix(2, 2, 0.4));
-        let ([power, ..], count) = lifted([&a, &b, &c, &d], 1 << 20).unwrap();
+        let lifted = Lifted::new([&a, &b, &c, &d], 1 << 20).unwrap();
+        let (count, [power, ..]) = (lifted.count, lifted.step);
         let integers = whole.map(|v| v as i128);
         let mut exact = integers.clone();
         for _ in 1..count {
@@ -166,11 +183,11 @@ mod tests {
         let calm = matrix(n, n, 0.1) / n as f64;
         let steep = DMatrix::from_fn(n, n, |i, j| if j == i + 1 { 100.0 } else { 0.0 });
         let wild = &calm * 1e300;
-        assert!(lifted([&calm, &b, &c, &d], 100_000).is_some());
-        assert!(lifted([&calm, &b, &c, &d], 1000).is_none());
-        assert!(lifted([&steep, &b, &c, &d], 100_000).is_none());
-        assert!(lifted([&wild, &b, &c, &d], 100_000).is_none());
+        assert!(Lifted::new([&calm, &b, &c, &d], 100_000).is_some());
+        assert!(Lifted::new([&calm, &b, &c, &d], 1000).is_none());
+        assert!(Lifted::new([&steep, &b, &c, &d], 100_000).is_none());
+        assert!(Lifted::new([&wild, &b, &c, &d], 100_000).is_none());
         let one = |v: f64| DMatrix::from_element(1, 1, v);
-        assert!(lifted([&one(0.5), &one(1.0), &one(1.0), &one(0.0)], 100_000).is_none());
+        assert!(Lifted::new([&one(0.5), &one(1.0), &one(1.0), &one(0.0)], 100_000).is_none());
     }
 }

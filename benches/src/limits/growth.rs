@@ -143,6 +143,7 @@ fn measured((index, row): (usize, Row<'_>)) -> Result<Growth, Failure> {
     let mib_exponent = mib.as_ref().map(|m| slope(&row.sizes[from..], &m[from..]));
     Ok(Growth {
         mib_exponent: mib_exponent.filter(|e| e.is_finite()),
+        upper_exponent: slope(&row.sizes[from..], &seconds[from..]),
         what: row.what,
         sizes: row.sizes,
         seconds,

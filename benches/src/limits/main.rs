@@ -60,6 +60,8 @@ struct Growth {
     seconds: Vec<f64>,
     /// Slope of the logarithms, least squares.
     exponent: f64,
+    /// The same over the upper half of the sizes.
+    upper_exponent: f64,
     bar: Option<f64>,
     /// What a run takes at its peak beyond its inputs; none where the system does not tell.
     mib: Option<Vec<f64>>,

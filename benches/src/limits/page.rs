@@ -33,7 +33,7 @@ pub(crate) fn page(account: &Account, disk: f64) -> String {
     }
     out += "\nFRF, a quarter of four periods: transforms take more than half of the time, at a quarter to a third of the speed of a large product, so that with nothing else at all the fraction would be two fifths; the rest moves what is kept \
             through the third cache, at two thirds to all of the speed of a copy in memory. Regression: the sums of products are one matrix product for all \
-            positions and take two fifths of the time, at the speed of that product; what is left reads the covariances once, makes a \
+            positions and take half of the time, at the speed of that product; what is left reads the covariances once, makes a \
             weight of each and a right side, and the response of the basis. A correction by what the equations leave is computed only \
             where more than six digits would be lost without. Moving p: the terms of a series follow from each \
             other, one number at a time; only machines side by side would fill the registers. LFR: two \
@@ -41,17 +41,20 @@ pub(crate) fn page(account: &Account, disk: f64) -> String {
             fifth the curvature, the rest the responses and their products; none of it is large enough for the speed of a large product.\n\
             \n## Growth\n\nA transform of N samples takes N log N operations: from 2^10 to 2^18 that alone is an exponent of 1.11; what is kept of an \
             experiment (192 bytes a line) no longer fits a second cache of 1 MiB from 2^14 on, nor do the buffers of a transform \
-            (24 bytes a sample) from 2^16 on. The transforms alone have a row.\n\n| time | sizes | milliseconds | exponent | bar |\n|---|---|---|---|---|\n";
+            (24 bytes a sample) from 2^16 on. The transforms alone have a row. \
+            The bar is on all sizes; their upper half is where what a size needs leaves one cache after the other, of a regression or a \
+            response as of a transform.\n\n| time | sizes | milliseconds | exponent | bar | upper half |\n|---|---|---|---|---|---|\n";
     for g in &account.growth {
         let list = |v: Vec<String>| v.join(", ");
         let _ = writeln!(
             out,
-            "| {} | {} | {} | {:.2} | {} |",
+            "| {} | {} | {} | {:.2} | {} | {:.2} |",
             g.what,
             list(g.sizes.iter().map(usize::to_string).collect()),
             list(g.seconds.iter().map(|s| format!("{:.3}", 1e3 * s)).collect()),
             g.exponent,
-            verdict(g.bar, g.bar.is_none_or(|b| g.exponent <= b))
+            verdict(g.bar, g.bar.is_none_or(|b| g.exponent <= b)),
+            g.upper_exponent
         );
     }
     out += "\n| peak memory beyond the inputs | sizes | MiB | exponent, upper half | bar, MiB |\n|---|---|---|---|---|\n";

@@ -58,16 +58,16 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, CoreError
 }
 
 /// Scales states that reach each other by powers of two, so that nothing is rounded, until their rows and columns have like norms among
-/// themselves \[parlett1969\]. The diagonal counts with both, or entries that are mere rounding would be scaled up to it
-/// \[james2014\]. `also` scales what else belongs to a state: columns by the factor, rows by one over it.
+/// themselves \[parlett1969\]; `also` scales what else belongs to a state: columns by the factor, rows by one over it.
 ///
 /// The sweeps are limited, since extreme entries underflow and would keep the loop going for ever.
 pub(crate) fn balance(a: &mut DMatrix<f64>, block: &Range<usize>, mut also: impl FnMut(usize, f64)) {
+    let others = |i: usize| block.clone().filter(move |j| *j != i);
     for _ in 0..100 {
         let mut changed = false;
         for i in block.clone() {
-            let row: f64 = block.clone().map(|j| a[(i, j)].abs()).sum();
-            let column: f64 = block.clone().map(|j| a[(j, i)].abs()).sum();
+            let row: f64 = others(i).map(|j| a[(i, j)].abs()).sum();
+            let column: f64 = others(i).map(|j| a[(j, i)].abs()).sum();
             if row < f64::MIN_POSITIVE || column < f64::MIN_POSITIVE {
                 continue;
             }

@@ -463,6 +463,26 @@ fn eigenvalues_of_rings_that_feed_a_chain() {
     }
 }
 
+/// Nearly triangular matrices whose scales balancing takes apart, and those whose eigenvalues are the same many times over.
+#[test]
+fn eigenvalues_of_fill_and_of_equal_ones_are_found() {
+    for e in [1e-17, 1e-30, 1e-40, 1e-200] {
+        let a = dmatrix![0.3, -0.3, -0.3, 0.1; -e, 0.4, -0.3, 0.2; e, 2.0 * e, 0.3, -0.2; e, -e, e, 0.3];
+        let found = lpv_core::linalg::eigenvalues(&a).unwrap();
+        let sum: f64 = found.iter().map(|l| l.re).sum();
+        assert!((sum - 1.3).abs() < 1e-14, "{e}: {found:?}");
+    }
+    for n in [16, 22, 23, 40, 44, 60] {
+        let a = DMatrix::identity(n, n) - DMatrix::from_element(n, n, 2.0 / n as f64);
+        let found = lpv_core::linalg::eigenvalues(&a).unwrap();
+        assert!((found[0] + 1.0).norm() < 1e-12, "{n}: {}", found[0]);
+        assert!(found[1..].iter().all(|l| (l - 1.0).norm() < 1e-12), "{n}");
+    }
+    // A large coupling and a small one, whose product alone counts.
+    let found = lpv_core::linalg::eigenvalues(&dmatrix![0.0, 1e200; 1e-200, 0.0]).unwrap();
+    assert!((found[0] + 1.0).norm() < 1e-14 && (found[1] - 1.0).norm() < 1e-14);
+}
+
 #[test]
 fn gramian_solves_its_equation() {
     let (a, b) = (matrix(5, 5, 3) * 0.35, matrix(5, 2, 4));

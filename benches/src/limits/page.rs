@@ -42,8 +42,8 @@ pub(crate) fn page(account: &Account, disk: f64) -> String {
             \n## Growth\n\nA transform of N samples takes N log N operations: from 2^10 to 2^18 that alone is an exponent of 1.11; what is kept of an \
             experiment (192 bytes a line) no longer fits a second cache of 1 MiB from 2^14 on, nor do the buffers of a transform \
             (24 bytes a sample) from 2^16 on. The transforms alone have a row. \
-            The bar is on all sizes; their upper half is where what a size needs leaves one cache after the other, of a regression or a \
-            response as of a transform.\n\n| time | sizes | milliseconds | exponent | bar | upper half |\n|---|---|---|---|---|---|\n";
+            The bar is on all sizes; their upper half is where what a size needs leaves one cache after the other, of a regression as of \
+            a transform.\n\n| time | sizes | milliseconds | exponent | bar | upper half |\n|---|---|---|---|---|---|\n";
     for g in &account.growth {
         let list = |v: Vec<String>| v.join(", ");
         let _ = writeln!(

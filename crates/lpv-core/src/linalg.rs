@@ -8,8 +8,8 @@ use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
 pub(crate) use order::Order;
 use order::components;
+use schur::on_the_diagonal;
 pub use schur::real_schur;
-use schur::{on_the_diagonal, power_of_two};
 use std::ops::Range;
 
 /// Eigenvalues of a real square matrix, sorted by real part and then by imaginary part.
@@ -19,7 +19,7 @@ use std::ops::Range;
 /// Each such block is balanced: without it, badly scaled companion and mechanical matrices lose many digits.
 ///
 /// # Errors
-/// [`CoreError::Dimension`] if it is not square, [`CoreError::NotFinite`] if an entry is not finite,
+/// [`CoreError::Dimension`] if it is not square, [`CoreError::NotFinite`] if an entry or an eigenvalue is not finite,
 /// [`CoreError::NoConvergence`].
 pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, CoreError> {
     square("eigenvalues: matrix", matrix)?;
@@ -34,23 +34,18 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, CoreError
             false => matrix.select_rows(&block).select_columns(&block),
         };
         balance(&mut own, &(0..block.len()), |_, _| ());
-        let scale = power_of_two(own.amax());
-        own /= scale;
         // One state, or two, are in Schur form.
         if block.len() > 2 {
             own = real_schur(&own)?.1;
         }
-        for value in on_the_diagonal(&own) {
-            let value = value * scale;
-            if !value.is_finite() {
-                let (row, column) = (block[0], block[0]);
-                return Err(CoreError::NotFinite {
-                    what: "eigenvalues",
-                    row,
-                    column,
-                });
-            }
-            values.push(value);
+        values.extend(on_the_diagonal(&own));
+        if !values.iter().all(|l| l.is_finite()) {
+            let (row, column) = (block[0], block[0]);
+            return Err(CoreError::NotFinite {
+                what: "eigenvalues",
+                row,
+                column,
+            });
         }
     }
     values.sort_by(|a, b| a.re.total_cmp(&b.re).then(a.im.total_cmp(&b.im)));

@@ -43,7 +43,7 @@ pub fn real_schur(a: &DMatrix<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>), Core
 }
 
 /// A power of two near a size, by which to divide without rounding; 1 for zero.
-pub(super) fn power_of_two(size: f64) -> f64 {
+fn power_of_two(size: f64) -> f64 {
     match size > 0.0 {
         true => size.log2().floor().clamp(-1000.0, 1000.0).exp2(),
         false => 1.0,
@@ -92,16 +92,18 @@ pub(super) fn on_the_diagonal(t: &DMatrix<f64>) -> Vec<Complex<f64>> {
 }
 
 /// Eigenvalues of two rows. Two real ones are as far from `a` as from `d`, and the product of what is near and what is far is `b c`.
-fn of_two([[a, b], [c, d]]: [[f64; 2]; 2]) -> [Complex<f64>; 2] {
+fn of_two(rows: [[f64; 2]; 2]) -> [Complex<f64>; 2] {
+    let scale = power_of_two(rows.as_flattened().iter().fold(0.0, |most, v| v.abs().max(most)));
+    let [[a, b], [c, d]] = rows.map(|row| row.map(|v| v / scale));
     let half = 0.5 * (a - d);
     let discriminant = half * half + b * c;
     if discriminant < 0.0 {
         let (middle, imaginary) = (0.5 * (a + d), (-discriminant).sqrt());
-        return [Complex::new(middle, imaginary), Complex::new(middle, -imaginary)];
+        return [imaginary, -imaginary].map(|imaginary| Complex::new(middle, imaginary) * scale);
     }
     let far = half + discriminant.sqrt().copysign(half);
     let near = if far == 0.0 { 0.0 } else { b * c / far };
-    [Complex::new(a + near, 0.0), Complex::new(d - near, 0.0)]
+    [a + near, d - near].map(|real| Complex::new(real * scale, 0.0))
 }
 
 #[cfg(test)]

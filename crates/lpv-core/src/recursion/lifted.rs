@@ -4,6 +4,8 @@
 //! Toeplitz matrix of the pulse response (\[bamieh1991\]). Powers are made in twice the precision, and what rounding takes from A^K and O is
 //! kept as a second matrix: what rounding makes of A^K is another model.
 
+use crate::CoreError;
+use crate::linalg::from_blocks;
 use nalgebra::DMatrix;
 
 /// How much larger than A, B and C the entries of the step may be: what grows and comes down again is rounded where it is large.
@@ -37,8 +39,10 @@ impl Lifted {
         }
         let [mut power, mut reach, mut observe] = [a, b, c].map(Twofold::exact);
         for _ in 0..doublings {
-            observe = observe.above(&observe.times(&power));
-            reach = power.times(&reach).beside(&reach);
+            observe = observe.joined(&observe.times(&power), |x, y| from_blocks(&[&[x], &[y]]))?;
+            reach = power
+                .times(&reach)
+                .joined(&reach, |x, y| from_blocks(&[&[x, y]]))?;
             power = power.times(&power);
         }
         let pulses = observe.times(&Twofold::exact(b)).high;
@@ -82,30 +86,16 @@ impl Twofold {
         }
     }
 
-    fn above(&self, other: &Self) -> Self {
-        let stacked = |x: &DMatrix<f64>, y: &DMatrix<f64>| {
-            let mut all = DMatrix::zeros(x.nrows() + y.nrows(), x.ncols());
-            all.rows_mut(0, x.nrows()).copy_from(x);
-            all.rows_mut(x.nrows(), y.nrows()).copy_from(y);
-            all
-        };
-        Self {
-            high: stacked(&self.high, &other.high),
-            low: stacked(&self.low, &other.low),
-        }
-    }
-
-    fn beside(&self, other: &Self) -> Self {
-        let joined = |x: &DMatrix<f64>, y: &DMatrix<f64>| {
-            let mut all = DMatrix::zeros(x.nrows(), x.ncols() + y.ncols());
-            all.columns_mut(0, x.ncols()).copy_from(x);
-            all.columns_mut(x.ncols(), y.ncols()).copy_from(y);
-            all
-        };
-        Self {
-            high: joined(&self.high, &other.high),
-            low: joined(&self.low, &other.low),
-        }
+    /// Both parts of two of them, joined alike.
+    fn joined(
+        &self,
+        other: &Self,
+        join: impl Fn(&DMatrix<f64>, &DMatrix<f64>) -> Result<DMatrix<f64>, CoreError>,
+    ) -> Option<Self> {
+        Some(Self {
+            high: join(&self.high, &other.high).ok()?,
+            low: join(&self.low, &other.low).ok()?,
+        })
     }
 
     /// Sums with what rounding takes from products and sums (\[ogita2005\]).

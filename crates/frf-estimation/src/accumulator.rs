@@ -1,13 +1,11 @@
 //! Periods in, one at a time; averages and scatter kept.
 
-use crate::moments::{Means, Scatter, TOGETHER};
+use crate::moments::{Means, Order, Scatter};
 use crate::periodic::{Averages, PeriodicEstimate};
-use crate::spectra::{Spectra, equal, mean, sum};
+use crate::spectra::{Spectra, equal, sum};
+use crate::waiting::Waiting;
 use crate::{CheckedSettings, FrfError, SkipRule};
 use lpv_core::PeriodBlock;
-use num_complex::Complex;
-
-type C64 = Complex<f64>;
 
 /// Shape of the experiments at one scheduling position.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,10 +71,8 @@ pub(crate) struct Experiment {
     next_period: usize,
     /// Outputs, then inputs.
     pub(crate) signals: Means,
-    /// Means of their last period over time.
-    offsets: Vec<f64>,
     /// First period of the references, to see whether the others repeat it.
-    first_reference: Vec<f64>,
+    first_reference: Vec<Vec<f64>>,
     pub(crate) reference: Means,
     reference_repeats: bool,
     pub(crate) reference_moves: bool,
@@ -85,11 +81,8 @@ pub(crate) struct Experiment {
 impl Experiment {
     /// Whether the references are those of the first period, as all before were.
     fn repeats(&self, references: &[Vec<f64>]) -> bool {
-        let first = |length: usize| self.first_reference.chunks_exact(length.max(1));
-        let same = |length: usize| first(length).zip(references).all(|(a, b)| equal(a, b));
-        self.reference_repeats
-            && !self.first_reference.is_empty()
-            && references.first().is_some_and(|r| same(r.len()))
+        let mut first = self.first_reference.iter().zip(references);
+        self.reference_repeats && !self.first_reference.is_empty() && first.all(|(a, b)| equal(a, b))
     }
 
     /// Averages the references; a period that [repeats](Self::repeats) the first one costs no transform. `used` periods
@@ -97,28 +90,21 @@ impl Experiment {
     fn push_reference(
         &mut self,
         references: &[Vec<f64>],
-        spectra: &mut Spectra,
-        buffer: &mut [C64],
+        waiting: &mut Waiting,
         used: usize,
     ) -> Result<(), FrfError> {
-        let size = buffer.len() / references.len();
         if self.first_reference.is_empty() {
-            self.first_reference = references.concat();
+            self.first_reference = references.to_vec();
             self.reference_moves = references.iter().any(|s| s.iter().any(|v| *v != s[0]));
         } else if self.reference_repeats {
             // The periods before this one were alike and stand for one entry so far: give each its weight.
-            let first = self.first_reference.chunks_exact(references[0].len());
-            for (signal, out) in first.zip(buffer.chunks_exact_mut(size)) {
-                spectra.transform(signal, mean(signal), out)?;
-            }
-            (2..used).for_each(|_| self.reference.push(buffer));
+            waiting.push(self.first_reference.iter())?;
+            waiting.average(&mut self.reference, used.saturating_sub(2));
             self.reference_repeats = false;
             self.reference_moves = true;
         }
-        for (signal, out) in references.iter().zip(buffer.chunks_exact_mut(size)) {
-            spectra.transform(signal, mean(signal), out)?;
-        }
-        self.reference.push(buffer);
+        waiting.push(references.iter())?;
+        waiting.average(&mut self.reference, 1);
         Ok(())
     }
 }
@@ -136,12 +122,10 @@ pub struct PeriodicAccumulator {
     position: Option<f64>,
     skip: usize,
     lines: usize,
-    spectra: Option<Spectra>,
-    /// Spectra of periods that wait, all of one experiment.
-    spectra_waiting: Vec<C64>,
-    waiting: usize,
+    /// Periods that wait, all of one experiment.
+    waiting: Option<Waiting>,
     waiting_of: usize,
-    references: Vec<C64>,
+    references: Option<Waiting>,
     scatter: Option<Scatter>,
     experiments: Vec<Option<Experiment>>,
 }
@@ -183,11 +167,9 @@ impl PeriodicAccumulator {
             position,
             skip,
             lines,
-            spectra: None,
-            spectra_waiting: Vec::new(),
-            waiting: 0,
+            waiting: None,
             waiting_of: 0,
-            references: Vec::new(),
+            references: None,
             scatter: None,
             experiments: (0..layout.experiments).map(|_| None).collect(),
         })
@@ -207,17 +189,18 @@ impl PeriodicAccumulator {
             references,
             ..
         } = self.layout;
-        let (lines, nz) = (self.lines, outputs + inputs);
+        let nz = outputs + inputs;
         if self.waiting_of != block.experiment {
             self.take_up();
             self.waiting_of = block.experiment;
         }
+        let waiting = self.waiting.get_or_insert_with(|| Waiting::new(period, nz));
+        let order = waiting.order();
         let experiment = self.experiments[block.experiment].get_or_insert_with(|| Experiment {
             next_period: 0,
-            signals: Means::new(nz, lines),
-            offsets: Vec::new(),
+            signals: Means::new(nz, order),
             first_reference: Vec::new(),
-            reference: Means::new(references, lines),
+            reference: Means::new(references, order),
             reference_repeats: true,
             reference_moves: false,
         });
@@ -226,34 +209,18 @@ impl PeriodicAccumulator {
             experiment.next_period += 1;
             return Ok(());
         }
-        let spectra = self.spectra.get_or_insert_with(|| Spectra::new(period));
-        let size = Spectra::size(period);
-        self.spectra_waiting
-            .resize(TOGETHER * nz * size, C64::new(0.0, 0.0));
-        let free = self
-            .spectra_waiting
-            .chunks_exact_mut(size)
-            .skip(self.waiting * nz);
-        let signals = || block.outputs.iter().chain(block.inputs);
-        if experiment.offsets.is_empty() {
-            experiment.offsets = signals().map(|s| mean(s)).collect();
+        let finite = waiting.push(block.outputs.iter().chain(block.inputs))?;
+        // Finite numbers may be too large to be added up: that is for the end to tell.
+        if !finite {
+            channels_finite(block).inspect_err(|_| waiting.forget())?;
         }
-        for ((signal, offset), out) in signals().zip(&mut experiment.offsets).zip(free) {
-            *offset += spectra.transform(signal, *offset, out)?;
-        }
-        if !experiment.offsets.iter().all(|o| o.is_finite()) {
-            // Finite numbers may be too large to be added up: that is for the end to tell.
-            experiment.offsets.clear();
-            channels_finite(block)?;
-        }
-        self.waiting += 1;
         experiment.next_period += 1;
         if references > 0 && !repeats {
-            self.references.resize(references * size, C64::new(0.0, 0.0));
             let used = experiment.next_period - self.skip;
-            experiment.push_reference(block.references, spectra, &mut self.references, used)?;
+            let beside = self.references.get_or_insert_with(|| waiting.beside(references));
+            experiment.push_reference(block.references, beside, used)?;
         }
-        if self.waiting == TOGETHER {
+        if waiting.is_full() {
             self.take_up();
         }
         Ok(())
@@ -262,13 +229,12 @@ impl PeriodicAccumulator {
     /// Takes up the periods that wait.
     fn take_up(&mut self) {
         let nz = self.layout.outputs + self.layout.inputs;
-        let size = self.waiting * nz * Spectra::size(self.layout.period);
-        if let Some(experiment) = &mut self.experiments[self.waiting_of] {
-            let spectra = &self.spectra_waiting[..size];
-            let scatter = self.scatter.get_or_insert_with(|| Scatter::new(nz, self.lines));
-            scatter.push(&mut experiment.signals, spectra, self.waiting);
+        if let (Some(experiment), Some(waiting)) = (&mut self.experiments[self.waiting_of], &mut self.waiting)
+        {
+            let order = waiting.order();
+            let scatter = self.scatter.get_or_insert_with(|| Scatter::new(nz, order));
+            waiting.take_up(&mut experiment.signals, scatter);
         }
-        self.waiting = 0;
     }
 
     /// The estimate from all periods.
@@ -294,14 +260,20 @@ impl PeriodicAccumulator {
         }
         // There are periods, so there is a scatter.
         let nz = self.layout.outputs + self.layout.inputs;
-        let scatter = self.scatter.unwrap_or_else(|| Scatter::new(nz, self.lines));
+        let order = self
+            .waiting
+            .as_ref()
+            .map_or(Order::Ascending(self.lines), Waiting::order);
+        let scatter = self.scatter.unwrap_or_else(|| Scatter::new(nz, order));
+        let transforms = [self.waiting, self.references];
         Averages {
             layout: self.layout,
             settings: self.settings.get(),
             position: self.position,
             skipped: self.skip,
             lines: self.lines,
-            transforms: self.spectra.map_or(0, |s| s.count()),
+            order,
+            transforms: transforms.iter().flatten().map(Waiting::transforms).sum(),
             scatter: &scatter,
             experiments: &experiments,
         }

@@ -90,11 +90,9 @@ pub(crate) fn detect(
     }
     let mut signal = vec![0.0; ny];
     for &k in excited {
+        let l = averages.order.place(k);
         for (i, s) in signal.iter_mut().enumerate() {
-            let power = averages
-                .experiments
-                .iter()
-                .map(|e| e.signals.at(i, k - 1).norm_sqr());
+            let power = averages.experiments.iter().map(|e| e.signals.at(i, l).norm_sqr());
             *s += power.sum::<f64>() / (ne * excited.len() as f64);
         }
     }

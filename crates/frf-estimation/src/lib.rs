@@ -67,12 +67,14 @@ mod error;
 mod gain;
 mod local;
 mod moments;
+mod pairs;
 mod periodic;
 mod realisations;
 mod records;
 mod selection;
 mod settings;
 mod spectra;
+mod waiting;
 
 pub use accumulator::{Layout, PeriodicAccumulator};
 pub use coherence::{Coherence, multiple_coherence};

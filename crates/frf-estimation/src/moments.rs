@@ -7,20 +7,67 @@
 //! `s / (n + k)` and the scatter grows by `sum d_i d_i^H - s s^H / (n + k)`, which is `sum e_i e_i^H` of
 //! `e_i = d_i - s / (n + k + sqrt(n (n + k)))`: squares alone.
 
+use crate::pairs::Blocks;
 use num_complex::Complex;
 use pulp::{Simd, WithSimd};
 
 type C64 = Complex<f64>;
 
-/// Observations that are taken up together: what is kept is larger than the caches, and read and written once for all of
-/// them. With more than two, the spectra that wait would leave the caches too.
-pub(crate) const TOGETHER: usize = 2;
-
 /// Lines worked on at once, so that the deviations stay in the fastest cache.
-const CHUNK: usize = 64;
+pub(crate) const CHUNK: usize = 64;
 
 /// One real or imaginary part of the lines worked on.
-type Part = [f64; CHUNK];
+pub(crate) type Part = [f64; CHUNK];
+
+/// Observations that are taken up together: what is kept is larger than the caches, and read and written once for all of
+/// them. With more than two, what waits would leave the caches too.
+pub(crate) const TOGETHER: usize = 2;
+
+/// Spectra of some observations of one experiment, a chunk of lines at a time, in ascending order.
+pub(crate) trait Observed {
+    /// How many observations.
+    fn count(&self) -> usize;
+
+    /// Writes the real and imaginary parts of chunk `at` of `COUNT` observations, the first of which is `from`: channel by
+    /// channel, and there one observation after the other.
+    fn chunk<S: Simd, const COUNT: usize>(&mut self, simd: S, at: usize, from: usize, out: &mut [[Part; 2]]);
+}
+
+/// Where the lines of a spectrum are kept.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Order {
+    /// One after the other; how many.
+    Ascending(usize),
+    /// In [`Blocks`] of a period of so many samples.
+    Blocks(usize),
+}
+
+/// Place of a line in a plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Place(usize);
+
+impl Order {
+    pub(crate) fn chunks(self) -> usize {
+        match self {
+            Self::Ascending(lines) => lines.div_ceil(CHUNK),
+            Self::Blocks(length) => Blocks::blocks(length),
+        }
+    }
+
+    /// Place of line `k`, in cycles a period.
+    pub(crate) fn place(self, k: usize) -> Place {
+        Place(match self {
+            Self::Ascending(_) => k - 1,
+            Self::Blocks(length) => Blocks::place(length, k),
+        })
+    }
+
+    /// From one plane to the next: whole chunks, and as much more as keeps lines of different planes from the same place
+    /// of a cache.
+    fn stride(self) -> usize {
+        self.chunks() * CHUNK + 8
+    }
+}
 
 /// Zeros that, as the compiler treats this today, stand in memory. Those that are only promised are mapped at the first reading and
 /// copied at the first writing, and such a copy stops all threads.
@@ -30,23 +77,22 @@ fn written_zeros(count: usize) -> Vec<f64> {
     zeros
 }
 
-/// Mean of `channels` spectra over `lines` lines, a plane of real parts and one of imaginary parts a channel. Observations are
-/// spectra of some size each, channel after channel, with the lines from index 1 on.
+/// Mean of `channels` spectra over all lines, a plane of real parts and one of imaginary parts a channel.
 #[derive(Debug, Clone)]
 pub(crate) struct Means {
     channels: usize,
-    lines: usize,
+    order: Order,
     count: usize,
     planes: Vec<f64>,
 }
 
 impl Means {
-    pub(crate) fn new(channels: usize, lines: usize) -> Self {
+    pub(crate) fn new(channels: usize, order: Order) -> Self {
         Self {
             channels,
-            lines,
+            order,
             count: 0,
-            planes: written_zeros(2 * channels * lines),
+            planes: written_zeros(2 * channels * order.stride()),
         }
     }
 
@@ -55,25 +101,52 @@ impl Means {
         self.count
     }
 
-    /// Takes one observation, of which nothing but the mean is kept.
-    pub(crate) fn push(&mut self, spectra: &[C64]) {
-        self.count += 1;
-        let inverse = 1.0 / self.count as f64;
-        let size = (spectra.len() / self.channels.max(1)).max(1);
-        let means = self.planes.chunks_exact_mut(2 * self.lines.max(1));
-        for (z, mean) in spectra.chunks_exact(size).zip(means) {
-            let (re, im) = mean.split_at_mut(self.lines);
-            for ((z, re), im) in z[1..].iter().zip(re).zip(im) {
-                *re += (z.re - *re) * inverse;
-                *im += (z.im - *im) * inverse;
-            }
-        }
+    /// Takes one observation so many times, and keeps nothing of it but the mean.
+    pub(crate) fn push(&mut self, observed: &mut impl Observed, times: usize) {
+        self.count += times;
+        pulp::Arch::new().dispatch(Average {
+            weight: times as f64 / self.count as f64,
+            mean: self,
+            observed,
+        });
     }
 
-    /// That of one channel at line `l` (from 0).
-    pub(crate) fn at(&self, channel: usize, l: usize) -> C64 {
-        let at = 2 * channel * self.lines + l;
-        C64::new(self.planes[at], self.planes[at + self.lines])
+    /// That of one channel at a line.
+    pub(crate) fn at(&self, channel: usize, Place(line): Place) -> C64 {
+        let stride = self.order.stride();
+        let at = 2 * channel * stride + line;
+        C64::new(self.planes[at], self.planes[at + stride])
+    }
+}
+
+/// An observation to be averaged, in the registers of one kind of machine.
+struct Average<'a, O> {
+    weight: f64,
+    mean: &'a mut Means,
+    observed: &'a mut O,
+}
+
+impl<O: Observed> WithSimd for Average<'_, O> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self {
+            weight,
+            mean,
+            observed,
+        } = self;
+        let mut spectra = vec![[[0.0; CHUNK]; 2]; mean.channels];
+        let stride = mean.order.stride();
+        for at in 0..mean.order.chunks() {
+            observed.chunk::<S, 1>(simd, at, 0, &mut spectra);
+            let planes = mean.planes.chunks_exact_mut(stride);
+            for (mean, z) in planes.zip(spectra.as_flattened()) {
+                for (mean, z) in mean[at * CHUNK..].iter_mut().zip(z) {
+                    *mean += (z - *mean) * weight;
+                }
+            }
+        }
     }
 }
 
@@ -82,8 +155,7 @@ impl Means {
 #[derive(Debug, Clone)]
 pub(crate) struct Scatter {
     channels: usize,
-    /// Lines of a plane: whole chunks.
-    stride: usize,
+    order: Order,
     /// Planes of the pairs `(i, j)`, `i <= j`: real part and, off the diagonal, imaginary part.
     planes: Vec<f64>,
     /// Of the lines worked on, by channel and observation: real and imaginary part.
@@ -91,172 +163,212 @@ pub(crate) struct Scatter {
 }
 
 /// Observations to be added, in the registers of one kind of machine.
-struct Observations<'a> {
+struct Addition<'a, O> {
     scatter: &'a mut Scatter,
     mean: &'a mut Means,
-    spectra: &'a [C64],
-    count: usize,
+    observed: &'a mut O,
 }
 
-impl WithSimd for Observations<'_> {
+impl<O: Observed> WithSimd for Addition<'_, O> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) {
+    fn with_simd<S: Simd>(self, simd: S) {
         let Self {
             scatter,
             mean,
-            spectra,
-            count,
+            observed,
         } = self;
-        match count {
-            0 => (),
-            TOGETHER => scatter.add::<TOGETHER>(mean, spectra),
-            // The rest of an experiment.
-            _ => {
-                let each = spectra.chunks_exact(spectra.len() / count);
-                each.for_each(|one| scatter.add::<1>(mean, one));
-            }
+        let count = observed.count();
+        let together = count - count % TOGETHER;
+        for from in (0..together).step_by(TOGETHER) {
+            scatter.add::<S, O, TOGETHER>(simd, mean, observed, from);
+        }
+        for from in together..count {
+            scatter.add::<S, O, 1>(simd, mean, observed, from);
         }
     }
 }
 
 impl Scatter {
-    pub(crate) fn new(channels: usize, lines: usize) -> Self {
-        let stride = lines.next_multiple_of(CHUNK);
+    pub(crate) fn new(channels: usize, order: Order) -> Self {
         Self {
             channels,
-            stride,
-            planes: written_zeros(channels * channels * stride),
+            order,
+            planes: written_zeros(channels * channels * order.stride()),
             deviations: vec![[[0.0; CHUNK]; 2]; TOGETHER * channels],
         }
     }
 
-    /// Takes `count` observations of one experiment, at most [`TOGETHER`]; its mean goes along.
-    pub(crate) fn push(&mut self, mean: &mut Means, spectra: &[C64], count: usize) {
-        pulp::Arch::new().dispatch(Observations {
+    /// Takes observations of one experiment, whose mean goes along.
+    pub(crate) fn push(&mut self, mean: &mut Means, observed: &mut impl Observed) {
+        pulp::Arch::new().dispatch(Addition {
             scatter: self,
             mean,
-            spectra,
-            count,
+            observed,
         });
     }
 
     #[inline(always)]
-    fn add<const COUNT: usize>(&mut self, mean: &mut Means, spectra: &[C64]) {
+    fn add<S: Simd, O: Observed, const COUNT: usize>(
+        &mut self,
+        simd: S,
+        mean: &mut Means,
+        observed: &mut O,
+        from: usize,
+    ) {
         let (before, all) = (mean.count as f64, (mean.count + COUNT) as f64);
-        let (step, share) = (1.0 / all, 1.0 / (all + (before * all).sqrt()));
-        let lines = mean.lines;
-        let size = spectra.len() / (COUNT * self.channels);
-        for start in (0..lines).step_by(CHUNK) {
-            let width = CHUNK.min(lines - start);
-            for channel in 0..self.channels {
-                let plane = &mut mean.planes[2 * channel * lines..][..2 * lines];
-                let (re, im) = plane.split_at_mut(lines);
-                let (re, im) = (&mut re[start..start + width], &mut im[start..start + width]);
-                let out = &mut self.deviations[channel * TOGETHER..][..COUNT];
-                let (mut sum_re, mut sum_im) = ([0.0; CHUNK], [0.0; CHUNK]);
-                for (m, [a, b]) in out.iter_mut().enumerate() {
-                    let from = (m * self.channels + channel) * size + 1 + start;
-                    let z = &spectra[from..from + width];
-                    for l in 0..width {
-                        a[l] = z[l].re - re[l];
-                        b[l] = z[l].im - im[l];
-                        sum_re[l] += a[l];
-                        sum_im[l] += b[l];
+        let step = simd.splat_f64s(1.0 / all);
+        let share = simd.splat_f64s(-1.0 / (all + (before * all).sqrt()));
+        let stride = mean.order.stride();
+        for at in 0..self.order.chunks() {
+            observed.chunk::<S, COUNT>(simd, at, from, &mut self.deviations);
+            let planes = mean.planes.chunks_exact_mut(2 * stride);
+            for (planes, deviations) in planes.zip(self.deviations.chunks_exact_mut(COUNT)) {
+                for (part, mean) in planes.chunks_exact_mut(stride).enumerate() {
+                    let mean = S::as_mut_simd_f64s(&mut mean[at * CHUNK..][..CHUNK]).0;
+                    for (l, mean) in mean.iter_mut().enumerate() {
+                        let mut d = [simd.splat_f64s(0.0); COUNT];
+                        let mut sum = simd.splat_f64s(0.0);
+                        for m in 0..COUNT {
+                            d[m] = simd.sub_f64s(S::as_simd_f64s(&deviations[m][part]).0[l], *mean);
+                            sum = simd.add_f64s(sum, d[m]);
+                        }
+                        *mean = simd.mul_add_e_f64s(step, sum, *mean);
+                        for m in 0..COUNT {
+                            let less = simd.mul_add_e_f64s(share, sum, d[m]);
+                            S::as_mut_simd_f64s(&mut deviations[m][part]).0[l] = less;
+                        }
                     }
-                }
-                for l in 0..width {
-                    re[l] += step * sum_re[l];
-                    im[l] += step * sum_im[l];
-                }
-                for [a, b] in out {
-                    for l in 0..CHUNK {
-                        a[l] -= share * sum_re[l];
-                        b[l] -= share * sum_im[l];
-                    }
-                    // Lines beyond the last one have no deviation.
-                    a[width..].fill(0.0);
-                    b[width..].fill(0.0);
                 }
             }
-            self.add_products::<COUNT>(start);
+            self.add_products::<S, COUNT>(simd, at);
         }
         mean.count += COUNT;
     }
 
-    /// Products of the deviations of the chunk at `start`.
+    /// Products of the deviations of chunk `at`.
     #[inline(always)]
-    fn add_products<const COUNT: usize>(&mut self, start: usize) {
-        let of = |channel: usize| -> [&[Part; 2]; COUNT] {
-            std::array::from_fn(|m| &self.deviations[channel * TOGETHER + m])
+    fn add_products<S: Simd, const COUNT: usize>(&mut self, simd: S, at: usize) {
+        let mut planes = self.planes.chunks_exact_mut(self.order.stride());
+        let mut next = || -> &mut [S::f64s] {
+            let plane = planes.next().unwrap_or_default();
+            S::as_mut_simd_f64s(&mut plane[at * CHUNK..][..CHUNK]).0
         };
-        let stride = self.stride;
-        let mut plane = 0;
         for i in 0..self.channels {
-            let a = of(i);
-            let sums = &mut self.planes[plane * stride + start..][..CHUNK];
-            for l in 0..CHUNK {
-                let mut sum = sums[l];
-                for [re, im] in a {
-                    sum += re[l] * re[l] + im[l] * im[l];
+            let a = &self.deviations[i * COUNT..][..COUNT];
+            for (l, sum) in next().iter_mut().enumerate() {
+                let mut x = *sum;
+                for m in 0..COUNT {
+                    let [re, im] = parts::<S>(&a[m], l);
+                    x = simd.mul_add_e_f64s(re, re, simd.mul_add_e_f64s(im, im, x));
                 }
-                sums[l] = sum;
+                *sum = x;
             }
-            plane += 1;
             for j in i + 1..self.channels {
-                let b = of(j);
-                let (real, imaginary) = self.planes[plane * stride + start..].split_at_mut(stride);
-                let (real, imaginary) = (&mut real[..CHUNK], &mut imaginary[..CHUNK]);
-                for l in 0..CHUNK {
-                    let (mut x, mut y) = (real[l], imaginary[l]);
+                let b = &self.deviations[j * COUNT..][..COUNT];
+                for (l, (real, imaginary)) in next().iter_mut().zip(next()).enumerate() {
+                    let (mut x, mut y) = (*real, *imaginary);
                     for m in 0..COUNT {
-                        let ([ar, ai], [br, bi]) = (a[m], b[m]);
-                        x += ar[l] * br[l] + ai[l] * bi[l];
-                        y += ai[l] * br[l] - ar[l] * bi[l];
+                        let ([ar, ai], [br, bi]) = (parts::<S>(&a[m], l), parts::<S>(&b[m], l));
+                        x = simd.mul_add_e_f64s(ar, br, simd.mul_add_e_f64s(ai, bi, x));
+                        y = simd.mul_add_e_f64s(ai, br, simd.negate_mul_add_e_f64s(ar, bi, y));
                     }
-                    real[l] = x;
-                    imaginary[l] = y;
+                    (*real, *imaginary) = (x, y);
                 }
-                plane += 2;
             }
         }
     }
 
-    /// That of line `l` (from 0), a Hermitian `channels x channels` matrix, column-major.
-    pub(crate) fn at(&self, l: usize, out: &mut [C64]) {
+    /// That of a line, a Hermitian `channels x channels` matrix, column-major.
+    pub(crate) fn at(&self, Place(line): Place, out: &mut [C64]) {
         let n = self.channels;
-        let mut at = l;
+        let stride = self.order.stride();
+        let mut at = line;
         for i in 0..n {
             out[i * n + i] = C64::new(self.planes[at], 0.0);
-            at += self.stride;
+            at += stride;
             for j in i + 1..n {
-                let s = C64::new(self.planes[at], self.planes[at + self.stride]);
+                let s = C64::new(self.planes[at], self.planes[at + stride]);
                 out[j * n + i] = s;
                 out[i * n + j] = s.conj();
-                at += 2 * self.stride;
+                at += 2 * stride;
             }
         }
     }
 
-    /// That of one channel at line `l`.
-    pub(crate) fn diagonal(&self, channel: usize, l: usize) -> f64 {
+    /// That of one channel at a line.
+    pub(crate) fn diagonal(&self, channel: usize, Place(line): Place) -> f64 {
         // Rows of the upper triangle before this one: one real plane and two for each entry right of the diagonal.
         let n = self.channels;
         let before: usize = (0..channel).map(|i| 1 + 2 * (n - 1 - i)).sum();
-        self.planes[before * self.stride + l]
+        self.planes[before * self.order.stride() + line]
     }
+}
+
+#[inline(always)]
+fn parts<S: Simd>([re, im]: &[Part; 2], l: usize) -> [S::f64s; 2] {
+    [S::as_simd_f64s(re).0[l], S::as_simd_f64s(im).0[l]]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Observations in ascending order, lines from index 0 on.
+    struct Given<'a> {
+        channels: usize,
+        observations: &'a [Vec<C64>],
+    }
+
+    impl Observed for Given<'_> {
+        fn count(&self) -> usize {
+            self.observations.len()
+        }
+
+        fn chunk<S: Simd, const COUNT: usize>(
+            &mut self,
+            _: S,
+            at: usize,
+            from: usize,
+            out: &mut [[Part; 2]],
+        ) {
+            for (m, z) in self.observations[from..from + COUNT].iter().enumerate() {
+                for (channel, z) in z.chunks_exact(z.len() / self.channels).enumerate() {
+                    for l in 0..CHUNK {
+                        let z = z.get(at * CHUNK + l).copied().unwrap_or_default();
+                        let [re, im] = &mut out[channel * COUNT + m];
+                        (re[l], im[l]) = (z.re, z.im);
+                    }
+                }
+            }
+        }
+    }
+
+    fn push(scatter: &mut Scatter, mean: &mut Means, observations: &[Vec<C64>]) {
+        let channels = scatter.channels;
+        scatter.push(
+            mean,
+            &mut Given {
+                channels,
+                observations,
+            },
+        );
+    }
+
+    fn empty(channels: usize, lines: usize) -> (Means, Scatter) {
+        let order = Order::Ascending(lines);
+        (Means::new(channels, order), Scatter::new(channels, order))
+    }
+
+    fn line(k: usize) -> Place {
+        Order::Ascending(k).place(k)
+    }
+
     #[test]
     fn matches_two_pass_formula_under_a_large_offset() {
         // Five observations by hand: z = 1e6 + {0, 3, 6, 3, 3}, w = 1e6 j + {j, 0, -j, 0, 0}.
-        let zero = C64::new(0.0, 0.0);
-        let z = |(a, b): (f64, f64)| [zero, C64::new(1e6 + a, 0.0), zero, C64::new(0.0, 1e6 + b)];
+        let z = |(a, b): (f64, f64)| vec![C64::new(1e6 + a, 0.0), C64::new(0.0, 1e6 + b)];
         let all = [(0.0, 1.0), (3.0, 0.0), (6.0, -1.0), (3.0, 0.0), (3.0, 0.0)].map(z);
         // One after the other, or as many together as there may be, and a rest.
         for parts in [
@@ -265,17 +377,17 @@ mod tests {
             vec![1, TOGETHER, TOGETHER],
             vec![3, 2],
         ] {
-            let (mut mean, mut scatter) = (Means::new(2, 1), Scatter::new(2, 1));
+            let (mut mean, mut scatter) = empty(2, 1);
             let mut left = &all[..];
             for part in parts {
-                scatter.push(&mut mean, left[..part].as_flattened(), part);
+                push(&mut scatter, &mut mean, &left[..part]);
                 left = &left[part..];
             }
             assert_eq!(mean.count(), 5);
-            assert!((mean.at(0, 0) - (1e6 + 3.0)).norm() < 1e-9);
-            assert!((mean.at(1, 0) - C64::new(0.0, 1e6)).norm() < 1e-9);
+            assert!((mean.at(0, line(1)) - (1e6 + 3.0)).norm() < 1e-9);
+            assert!((mean.at(1, line(1)) - C64::new(0.0, 1e6)).norm() < 1e-9);
             let mut s = [C64::new(0.0, 0.0); 4];
-            scatter.at(0, &mut s);
+            scatter.at(line(1), &mut s);
             // sum (z - mean) conj(w - mean) = (-3)(-j) + 0 + (3)(j) = 6j.
             let expected = [
                 C64::new(18.0, 0.0),
@@ -286,58 +398,58 @@ mod tests {
             for (a, b) in s.iter().zip(expected) {
                 assert!((a - b).norm() < 1e-9, "{a} {b}");
             }
-            assert!((scatter.diagonal(1, 0) - 2.0).abs() < 1e-9);
+            assert!((scatter.diagonal(1, line(1)) - 2.0).abs() < 1e-9);
         }
     }
 
     #[test]
     fn experiments_scatter_about_their_own_means() {
-        let mut scatter = Scatter::new(1, 1);
+        let (_, mut scatter) = empty(1, 1);
         for offset in [0.0, 1e3] {
-            let mut mean = Means::new(1, 1);
-            let z = [0.0, offset - 1.0, 0.0, offset + 1.0].map(C64::from);
-            scatter.push(&mut mean, &z, 2);
-            assert_eq!(mean.at(0, 0), C64::new(offset, 0.0));
+            let (mut mean, _) = empty(1, 1);
+            let z = [offset - 1.0, offset + 1.0].map(|z| vec![C64::from(z)]);
+            push(&mut scatter, &mut mean, &z);
+            assert_eq!(mean.at(0, line(1)), C64::new(offset, 0.0));
         }
-        assert!((scatter.diagonal(0, 0) - 4.0).abs() < 1e-12);
+        assert!((scatter.diagonal(0, line(1)) - 4.0).abs() < 1e-12);
     }
 
     #[test]
     fn lines_beyond_one_chunk_are_alike() {
         let lines = 2 * CHUNK + 3;
-        let (mut mean, mut scatter) = (Means::new(3, lines), Scatter::new(3, lines));
+        let (mut mean, mut scatter) = empty(3, lines);
         for k in 0..4 {
-            let value = |i: usize| ((i / (lines + 1) * 7 + k * 3) % 5) as f64;
-            let spectra: Vec<C64> = (0..3 * (lines + 1))
-                .map(|i| C64::new(value(i), 2.0 - value(i)))
-                .collect();
-            scatter.push(&mut mean, &spectra, 1);
+            let value = |i: usize| ((i / lines * 7 + k * 3) % 5) as f64;
+            let spectra = (0..3 * lines).map(|i| C64::new(value(i), 2.0 - value(i)));
+            push(&mut scatter, &mut mean, &[spectra.collect()]);
         }
         let mut first = [C64::new(0.0, 0.0); 9];
-        scatter.at(0, &mut first);
-        for l in 1..lines {
+        scatter.at(line(1), &mut first);
+        for k in 2..=lines {
             let mut s = [C64::new(0.0, 0.0); 9];
-            scatter.at(l, &mut s);
+            scatter.at(line(k), &mut s);
             assert_eq!(s, first);
         }
         assert!(first[0].re > 0.0);
     }
 
     #[test]
-    fn a_mean_alone() {
-        let mut mean = Means::new(1, 2);
-        for k in 0..3 {
-            let zero = C64::new(0.0, 0.0);
-            mean.push(&[
-                zero,
-                C64::new(f64::from(k), 1.0),
-                C64::new(0.0, f64::from(-k)),
-                zero,
-            ]);
+    fn a_mean_alone_counts_what_is_repeated() {
+        let (mut mean, _) = empty(1, 2);
+        for (k, times) in [(0.0, 1), (1.0, 2), (4.0, 1)] {
+            let observations = &[vec![C64::new(k, 1.0), C64::new(0.0, -k)]];
+            mean.push(
+                &mut Given {
+                    channels: 1,
+                    observations,
+                },
+                times,
+            );
         }
+        assert_eq!(mean.count(), 4);
         assert_eq!(
-            (mean.at(0, 0), mean.at(0, 1)),
-            (C64::new(1.0, 1.0), C64::new(0.0, -1.0))
+            (mean.at(0, line(1)), mean.at(0, line(2))),
+            (C64::new(1.5, 1.0), C64::new(0.0, -1.5))
         );
     }
 }

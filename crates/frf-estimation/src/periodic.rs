@@ -3,7 +3,7 @@
 use crate::accumulator::{Experiment, Layout};
 use crate::detection::{self, DetectionLines};
 use crate::gain::{GainKernel, add_residual_covariance, response};
-use crate::moments::Scatter;
+use crate::moments::{Order, Scatter};
 use crate::realisations::{self, RealisationDistortion};
 use crate::selection;
 use crate::{CovarianceSource, FrfError, Instrument, PeriodicSettings};
@@ -86,6 +86,8 @@ pub(crate) struct Averages<'a> {
     /// Lines 1 to this are kept.
     pub(crate) lines: usize,
     pub(crate) transforms: usize,
+    /// Where the lines are kept.
+    pub(crate) order: Order,
     /// Of outputs and inputs, over all experiments.
     pub(crate) scatter: &'a Scatter,
     pub(crate) experiments: &'a [Experiment],
@@ -115,9 +117,14 @@ impl Averages<'_> {
         let mut kernel = GainKernel::new(nu, ne);
         let mut scratch = LineScratch::new(&self.layout);
         let weights = self.weights();
+        let share = self.share_of_noise();
+        let mut output_snr = Vec::with_capacity(excited.len() * ny);
+        let mut input_snr = Vec::with_capacity(excited.len() * nu);
         for (l, &k) in excited.iter().enumerate() {
             self.gather(k, &mut scratch);
-            let LineSpectra { y, u, r } = &scratch.spectra;
+            output_snr.extend(scratch.snr(share, 0..ny));
+            input_snr.extend(scratch.snr(share, ny..ny + nu));
+            let LineSpectra { y, u, r, .. } = &scratch.spectra;
             let singular = |condition: f64| FrfError::Singular {
                 line: k,
                 frequency_hz: frequencies_hz[l],
@@ -176,8 +183,8 @@ impl Averages<'_> {
         let condition = worst(&by_line, &excited, &frequencies_hz);
         Ok(PeriodicEstimate {
             noise_floor: self.noise_floor(&selection.quiet),
-            output_snr: self.snr(&excited, 0..ny),
-            input_snr: self.snr(&excited, ny..ny + nu),
+            output_snr,
+            input_snr,
             estimate: FrfEstimate::new(frf, c_v, s, degrees, self.position)?,
             direct: Frf::new(frequencies_hz, ny, nu, direct)?,
             instrument,
@@ -228,7 +235,7 @@ impl Averages<'_> {
             references: nr,
             ..
         } = self.layout;
-        let l = k - 1;
+        let l = self.order.place(k);
         self.scatter.at(l, &mut scratch.scatter);
         for (e, data) in self.experiments.iter().enumerate() {
             for i in 0..ny {
@@ -257,23 +264,11 @@ impl Averages<'_> {
         }
     }
 
-    /// Ratio of signal power to noise power in the averaged channels, both summed over experiments.
-    pub(crate) fn snr(&self, lines: &[usize], channels: std::ops::Range<usize>) -> Vec<f64> {
-        let count = channels.len();
-        let mut snr = vec![0.0; lines.len() * count];
-        // The mean of experiment e has the covariance C / M_e.
+    /// Ratio of signal power to noise power in averaged channels, both summed over experiments, is the power of the means over
+    /// this share of the scatter: the mean of experiment `e` has the covariance `C / M_e`.
+    pub(crate) fn share_of_noise(&self) -> f64 {
         let counts = self.experiments.iter().map(|e| e.signals.count() as f64);
-        let share = counts.map(|m| 1.0 / m).sum::<f64>() / self.weights().degrees_of_freedom;
-        for (&k, row) in lines.iter().zip(snr.chunks_exact_mut(count.max(1))) {
-            for (snr, c) in row.iter_mut().zip(channels.clone()) {
-                let means = self.experiments.iter().map(|e| e.signals.at(c, k - 1));
-                let signal: f64 = means.map(|x| x.norm_sqr()).sum();
-                if signal > 0.0 {
-                    *snr = signal / (share * self.scatter.diagonal(c, k - 1));
-                }
-            }
-        }
-        snr
+        counts.map(|m| 1.0 / m).sum::<f64>() / self.weights().degrees_of_freedom
     }
 
     fn noise_floor(&self, lines: &[usize]) -> NoiseFloor {
@@ -287,7 +282,7 @@ impl Averages<'_> {
             let mut values = Vec::with_capacity(lines.len() * channels.len());
             for &k in lines {
                 for c in channels.clone() {
-                    values.push((self.scatter.diagonal(c, k - 1) / degrees).sqrt());
+                    values.push((self.scatter.diagonal(c, self.order.place(k)) / degrees).sqrt());
                 }
             }
             values
@@ -319,6 +314,8 @@ pub(crate) struct Weights {
 
 /// Averaged spectra of one line: `Y` (`n_y x n_e`), `U` (`n_u x n_e`), `R` (`n_r x n_e`), column-major.
 pub(crate) struct LineSpectra {
+    pub(crate) outputs: usize,
+    pub(crate) inputs: usize,
     pub(crate) y: Vec<C64>,
     pub(crate) u: Vec<C64>,
     pub(crate) r: Vec<C64>,
@@ -337,11 +334,33 @@ impl LineScratch {
         let plane = |n: usize| vec![ZERO; n * layout.experiments];
         Self {
             spectra: LineSpectra {
+                outputs: layout.outputs,
+                inputs: layout.inputs,
                 y: plane(layout.outputs),
                 u: plane(layout.inputs),
                 r: plane(layout.references),
             },
             scatter: vec![ZERO; nz * nz],
         }
+    }
+
+    /// Signal over noise of some channels, outputs first; zero without a signal.
+    pub(crate) fn snr(&self, share: f64, channels: std::ops::Range<usize>) -> impl Iterator<Item = f64> {
+        let Self { spectra, scatter } = self;
+        let (ny, nu) = (spectra.outputs, spectra.inputs);
+        channels.map(move |c| {
+            let (of, channel, width) = if c < ny {
+                (&spectra.y, c, ny)
+            } else {
+                (&spectra.u, c - ny, nu)
+            };
+            let means = of.iter().skip(channel).step_by(width);
+            let signal: f64 = means.map(C64::norm_sqr).sum();
+            if signal > 0.0 {
+                signal / (share * scatter[c * (ny + nu) + c].re)
+            } else {
+                0.0
+            }
+        })
     }
 }

@@ -1,6 +1,6 @@
 //! Which lines carry excitation.
 
-use crate::periodic::Averages;
+use crate::periodic::{Averages, LineScratch};
 use crate::settings::check_lines;
 use crate::{FrfError, Instrument, LineSelection};
 
@@ -42,11 +42,13 @@ pub(crate) fn select(averages: &Averages<'_>, instrument: Instrument) -> Result<
         }
         LineSelection::Excited { .. } => {
             let (ny, nu) = (averages.layout.outputs, averages.layout.inputs);
-            let candidates: Vec<usize> = (1..=lines).filter(|k| strong[k - 1]).collect();
-            let snr = averages.snr(&candidates, ny..ny + nu);
-            let clear = |s: &[f64]| s.iter().sum::<f64>() >= LEAST_SNR * nu as f64;
-            let pairs = candidates.iter().zip(snr.chunks_exact(nu));
-            pairs.filter(|(_, s)| clear(s)).map(|(&k, _)| k).collect()
+            let share = averages.share_of_noise();
+            let mut scratch = LineScratch::new(&averages.layout);
+            let mut clear = |k: usize| {
+                averages.gather(k, &mut scratch);
+                scratch.snr(share, ny..ny + nu).sum::<f64>() >= LEAST_SNR * nu as f64
+            };
+            (1..=lines).filter(|&k| strong[k - 1] && clear(k)).collect()
         }
     };
     if chosen.is_empty() {
@@ -74,14 +76,15 @@ fn levels(averages: &Averages<'_>, instrument: Instrument) -> Vec<f64> {
     };
     let mut level = vec![0.0; averages.lines];
     for c in channels {
-        let power = |l: usize| {
+        let power = |k: usize| {
+            let l = averages.order.place(k);
             let means = averages.experiments.iter().map(|e| match instrument {
                 Instrument::References => e.reference.at(c, l),
                 _ => e.signals.at(c, l),
             });
             means.map(|x| x.norm_sqr()).sum::<f64>()
         };
-        let powers: Vec<f64> = (0..averages.lines).map(power).collect();
+        let powers: Vec<f64> = (1..=averages.lines).map(power).collect();
         let largest = powers.iter().copied().fold(0.0, f64::max);
         if largest > 0.0 {
             level.iter_mut().zip(powers).for_each(|(a, p)| *a += p / largest);

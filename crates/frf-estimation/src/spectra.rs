@@ -9,11 +9,11 @@ use std::sync::Arc;
 type C64 = Complex<f64>;
 
 /// Transforms signals of one length: `X_k = (1/N) sum_t x(t) exp(-2 pi j k t / N)`.
+#[derive(Clone)]
 pub(crate) struct Spectra {
     plan: Arc<dyn RealToComplex<f64>>,
     input: Vec<f64>,
     scratch: Vec<C64>,
-    count: usize,
 }
 
 impl Spectra {
@@ -23,13 +23,7 @@ impl Spectra {
             input: plan.make_input_vec(),
             scratch: plan.make_scratch_vec(),
             plan,
-            count: 0,
         }
-    }
-
-    /// Transforms so far.
-    pub(crate) fn count(&self) -> usize {
-        self.count
     }
 
     /// Lines between zero and Nyquist, both left out.
@@ -42,30 +36,18 @@ impl Spectra {
         length / 2 + 1
     }
 
-    /// Writes the spectrum of a signal, of its [size](Self::size), and gives what its mean is above `offset`; this is not
-    /// finite if a sample is not.
-    ///
-    /// An offset is removed by hand: its leakage is zero in theory, and rounding of a large one would raise the noise of
-    /// every line. The mean of a period before will do.
-    pub(crate) fn transform(
-        &mut self,
-        signal: &[f64],
-        offset: f64,
-        out: &mut [C64],
-    ) -> Result<f64, FrfError> {
+    /// Writes the spectrum of a signal less its offset, of its [size](Self::size).
+    pub(crate) fn transform(&mut self, signal: &[f64], offset: f64, out: &mut [C64]) -> Result<(), FrfError> {
         if self.input.len() != signal.len() {
             return Err(realfft::FftError::InputBuffer(self.input.len(), signal.len()).into());
         }
-        let above = pulp::Arch::new().dispatch(Centre {
-            signal,
-            offset,
-            scale: 1.0 / signal.len() as f64,
-            out: &mut self.input,
-        });
+        let scale = 1.0 / signal.len() as f64;
+        for (out, value) in self.input.iter_mut().zip(signal) {
+            *out = (value - offset) * scale;
+        }
         self.plan
             .process_with_scratch(&mut self.input, out, &mut self.scratch)?;
-        self.count += 1;
-        Ok(above)
+        Ok(())
     }
 }
 
@@ -82,45 +64,6 @@ pub(crate) fn sum(signal: &[f64]) -> f64 {
 /// Whether two signals are equal, sample by sample.
 pub(crate) fn equal(a: &[f64], b: &[f64]) -> bool {
     a.len() == b.len() && pulp::Arch::new().dispatch(Equal(a, b))
-}
-
-/// A signal without an offset, times a factor, and its sum.
-struct Centre<'a> {
-    signal: &'a [f64],
-    offset: f64,
-    scale: f64,
-    out: &'a mut [f64],
-}
-
-impl WithSimd for Centre<'_> {
-    type Output = f64;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> f64 {
-        let (offset, scale) = (simd.splat_f64s(self.offset), simd.splat_f64s(self.scale));
-        let (wide, last) = S::as_simd_f64s(self.signal);
-        let (wide_out, last_out) = S::as_mut_simd_f64s(self.out);
-        let mut sums = [simd.splat_f64s(0.0); 4];
-        let (fours, rest) = wide.as_chunks::<4>();
-        let (fours_out, rest_out) = wide_out.as_chunks_mut::<4>();
-        for (values, out) in fours.iter().zip(fours_out) {
-            for i in 0..4 {
-                out[i] = simd.mul_f64s(simd.sub_f64s(values[i], offset), scale);
-                sums[i] = simd.add_f64s(sums[i], out[i]);
-            }
-        }
-        for (value, out) in rest.iter().zip(rest_out) {
-            *out = simd.mul_f64s(simd.sub_f64s(*value, offset), scale);
-            sums[0] = simd.add_f64s(sums[0], *out);
-        }
-        let [a, b, c, d] = sums;
-        let mut sum = simd.reduce_sum_f64s(simd.add_f64s(simd.add_f64s(a, b), simd.add_f64s(c, d)));
-        for (value, out) in last.iter().zip(last_out) {
-            *out = (value - self.offset) * self.scale;
-            sum += *out;
-        }
-        sum
-    }
 }
 
 struct Sum<'a>(&'a [f64]);

@@ -60,7 +60,7 @@ fn rows<'a>(bench: &'a Bench, model: &'a StateSpace<Discrete>) -> Vec<Row<'a>> {
             Box::new(|n| works::accumulation(n, 2)),
         ),
         row(
-            "its transforms alone: sixteen real signals against their length",
+            "beside it, transforms by realfft alone: sixteen real signals against their length",
             (10..=18).map(|i| 1 << i).collect(),
             None,
             Box::new(|n| Ok(works::transforms(n, 16))),

@@ -150,20 +150,10 @@ fn cases<'a>(
         Some(0.6),
     );
     let transforms = of(
-        "its transforms alone: four of 32,768 real samples",
+        "beside it, transforms by realfft alone: four of 32,768 real samples",
         vec![(1.0, works::transforms(PERIOD, 4))],
         4.0 * transform,
         4.0 * n * 16.0,
-        None,
-    );
-    let rest = of(
-        "the rest of it, a difference measured anew, with the sums that it reads and writes once for two periods",
-        vec![
-            (1.0 / works::TOGETHER as f64, works::accumulation(PERIOD, 2)?),
-            (-1.0, works::transforms(PERIOD, 4)),
-        ],
-        products,
-        bytes + 0.5 * n * 2.0 * 8.0 * 24.0 / 2.0,
         None,
     );
     let lines = bench.lines_hz(2000);
@@ -236,7 +226,6 @@ fn cases<'a>(
         regression,
         accumulation,
         transforms,
-        rest,
         response,
         simulation,
         motion,

@@ -31,8 +31,11 @@ pub(crate) fn page(account: &Account, disk: f64) -> String {
             verdict(k.bar, k.bar.is_none_or(|b| k.fraction >= b))
         );
     }
-    out += "\nFRF, a quarter of four periods: transforms take more than half of the time, at a quarter to a third of the speed of a large product, so that with nothing else at all the fraction would be two fifths; the rest moves what is kept \
-            through the third cache, at two thirds to all of the speed of a copy in memory. Regression: the sums of products are one matrix product for all \
+    out += "\nFRF, a quarter of four periods: two signals share a transform in registers of eight numbers, of which the sums take 64 lines at a time, \
+            so that no spectrum is written. Its operations are counted as those of a transform by factors of two; what bounds it is \
+            not them but what moves: the signals, the points of their transforms (512 KiB a pair, which leave the second cache when \
+            four are in turn), and what is kept, 192 bytes a line, read and written for every two periods. Without registers of eight \
+            numbers, or for other periods, a library transforms one signal after the other; its transforms alone have a row. Regression: the sums of products are one matrix product for all \
             positions and take half of the time, at the speed of that product; what is left reads the covariances once, makes a \
             weight of each and a right side, and the response of the basis. A correction by what the equations leave is computed only \
             where more than six digits would be lost without. Moving p: the terms of a series follow from each \
@@ -40,9 +43,8 @@ pub(crate) fn page(account: &Account, disk: f64) -> String {
             fifths are reflections, column by column in blocks that fit the cache (normal equations would lose half of the digits), a \
             fifth the curvature, the rest the responses and their products; none of it is large enough for the speed of a large product.\n\
             \n## Growth\n\nA transform of N samples takes N log N operations: from 2^10 to 2^18 that alone is an exponent of 1.11; what is kept of an \
-            experiment (192 bytes a line) no longer fits a second cache of 1 MiB from 2^14 on, nor do the buffers of a transform \
-            (24 bytes a sample) from 2^16 on. The transforms alone have a row. \
-            The bar is on all sizes; their upper half is where what a size needs leaves one cache after the other, of a regression as of \
+            experiment (192 bytes a line) no longer fits a second cache of 1 MiB from 2^14 on, nor do the points of a period (64 bytes a sample \
+            of four channels). The bar is on all sizes; their upper half is where what a size needs leaves one cache after the other, of a regression as of \
             a transform.\n\n| time | sizes | milliseconds | exponent | bar | upper half |\n|---|---|---|---|---|---|\n";
     for g in &account.growth {
         let list = |v: Vec<String>| v.join(", ");

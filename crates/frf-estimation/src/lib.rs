@@ -67,6 +67,10 @@ mod error;
 mod gain;
 mod local;
 mod moments;
+#[cfg(target_arch = "x86_64")]
+mod pairs;
+#[cfg(not(target_arch = "x86_64"))]
+#[path = "pairs/absent.rs"]
 mod pairs;
 mod periodic;
 mod realisations;

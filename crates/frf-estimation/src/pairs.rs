@@ -51,16 +51,34 @@ fn rotation(quarter: &[[f64; 2]], k: usize) -> [f64; 2] {
     }
 }
 
+/// A factor `r` of the points.
+#[derive(Debug, Clone)]
+struct Factor {
+    /// 4, 8 or 16.
+    count: usize,
+    /// `W_B^(c i)`, `B` the points that it splits, `c` among its `B / r` butterflies, `i` from 1 to `r - 1`.
+    rotations: Vec<[f64; 2]>,
+}
+
+/// Factors of so many points: 8, with a first one of 4 or, near the end, one of 16 where that saves a pass. Further up, 16 points
+/// would be as far apart as puts all of them in the same place of a cache.
+fn factors(points: usize) -> Vec<usize> {
+    let twos = points.trailing_zeros() as usize;
+    match twos % 3 {
+        1 => [vec![8; twos / 3 - 2], vec![16, 8]].concat(),
+        2 => [vec![4], vec![8; twos / 3]].concat(),
+        _ => vec![8; twos / 3],
+    }
+}
+
 /// What transforms of one length share.
 #[derive(Debug, Clone)]
 pub(crate) struct Plan {
     simd: V4,
     /// `M`, points of a transform.
     points: usize,
-    /// Of each factor but the last: `W_B^(c i)`, `B` the points that it splits, `c` among its `B / r` butterflies, `i` from 1 on.
-    rotations: Vec<Vec<[[f64; 2]; 7]>>,
-    /// The first factor: 2, 4 or 8; all others are 8.
-    first: usize,
+    /// All factors of the points but the last, which is 8.
+    factors: Vec<Factor>,
     /// `W_N^(8 l g) / 2 N` by `g`: lanes `l`, real and imaginary part.
     coarse: Vec<Point>,
     /// `W_N^(l i)` by `i`.
@@ -79,26 +97,17 @@ impl Plan {
             return None;
         }
         let points = length / LANES;
-        let twos = points.trailing_zeros();
-        let first = if twos.is_multiple_of(3) {
-            8
-        } else {
-            1 << (twos % 3)
-        };
-        let mut factors = vec![first];
-        let mut left = points / first;
-        while left > 1 {
-            factors.push(8);
-            left /= 8;
-        }
+        let factors = factors(points);
         let roots = quarter(length);
-        let mut rotations = Vec::with_capacity(factors.len());
         let mut split = points;
-        for &factor in &factors[..factors.len() - 1] {
-            let of = |c: usize| std::array::from_fn(|i| rotation(&roots, c * (i + 1) * (length / split)));
-            rotations.push((0..split / factor).map(of).collect());
-            split /= factor;
-        }
+        let mut of = |&count: &usize| {
+            let step = length / split;
+            split /= count;
+            let turns = (0..split).flat_map(|c| (1..count).map(move |i| c * i * step));
+            let rotations = turns.map(|k| rotation(&roots, k)).collect();
+            Factor { count, rotations }
+        };
+        let all = factors[..factors.len() - 1].iter().map(&mut of).collect();
         let lanes = |k: usize, scale: f64| -> Point {
             let mut parts = [[0.0; LANES]; 2];
             for l in 0..LANES {
@@ -120,8 +129,7 @@ impl Plan {
         Some(Arc::new(Self {
             simd,
             points,
-            rotations,
-            first,
+            factors: all,
             coarse: (0..points / 8)
                 .map(|g| lanes(8 * g, 0.5 / length as f64))
                 .collect(),

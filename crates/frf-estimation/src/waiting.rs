@@ -10,6 +10,10 @@ use std::sync::Arc;
 
 type C64 = Complex<f64>;
 
+/// Samples of a period, of all channels together, above which it is taken up by itself: what waits would be too large for
+/// any cache.
+const MOST: usize = 1 << 19;
+
 /// Periods of one experiment, each of so many signals of one length.
 pub(crate) struct Waiting {
     length: usize,
@@ -34,7 +38,8 @@ impl Waiting {
             Some(plan) => Transformed::Pairs(plan, Vec::new()),
             None => Transformed::Spectra(Spectra::new(length), Vec::new()),
         };
-        Self::of(length, channels, TOGETHER, transformed)
+        let together = if length * channels > MOST { 1 } else { TOGETHER };
+        Self::of(length, channels, together, transformed)
     }
 
     /// Room for one period of other signals of the same length.

@@ -75,6 +75,41 @@ pub(super) fn eight(simd: V4, x: [Point; 8]) -> [Point; 8] {
     ]
 }
 
+/// Transform of sixteen values, lane by lane.
+#[inline(always)]
+pub(super) fn sixteen(simd: V4, x: [Point; 16]) -> [Point; 16] {
+    let even = eight(simd, [x[0], x[2], x[4], x[6], x[8], x[10], x[12], x[14]]);
+    let odd = eight(simd, [x[1], x[3], x[5], x[7], x[9], x[11], x[13], x[15]]);
+    let [a, b] = [add(simd, even[0], odd[0]), sub(simd, even[0], odd[0])];
+    let [e, m] = turned(simd, even[4], odd[4]);
+    let mut y = [a; 16];
+    (y[8], y[4], y[12]) = (b, e, m);
+    // The others turned by W_16^k.
+    for k in [1, 2, 3, 5, 6, 7] {
+        let w = SIXTEENTHS[k];
+        let odd = mul(simd, odd[k], [simd.splat_f64s(w[0]), simd.splat_f64s(w[1])]);
+        y[k] = add(simd, even[k], odd);
+        y[k + 8] = sub(simd, even[k], odd);
+    }
+    y
+}
+
+/// Cosine of an eighth and of three eighths of pi.
+const COS_1: f64 = 0.923_879_532_511_286_7;
+const COS_3: f64 = 0.382_683_432_365_089_8;
+
+/// `W_16^k`.
+const SIXTEENTHS: [[f64; 2]; 8] = [
+    [1.0, 0.0],
+    [COS_1, -COS_3],
+    [FRAC_1_SQRT_2, -FRAC_1_SQRT_2],
+    [COS_3, -COS_1],
+    [0.0, -1.0],
+    [-COS_3, -COS_1],
+    [-FRAC_1_SQRT_2, -FRAC_1_SQRT_2],
+    [-COS_1, -COS_3],
+];
+
 /// Lane `i` of register `l` becomes lane `l` of register `i`.
 #[inline(always)]
 pub(super) fn transposed(simd: V4, x: [f64x8; LANES]) -> [f64x8; LANES] {

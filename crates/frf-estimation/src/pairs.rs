@@ -79,7 +79,7 @@ pub(crate) struct Plan {
     points: usize,
     /// All factors of the points but the last, which is 8.
     factors: Vec<Factor>,
-    /// `W_N^(8 l g) / 2 N` by `g`: lanes `l`, real and imaginary part.
+    /// `W_N^(8 l g) / 2 N` by `g` up to `M / 8`: lanes `l`, real and imaginary part.
     coarse: Vec<Point>,
     /// `W_N^(l i)` by `i`.
     fine: [Point; LANES],
@@ -130,7 +130,7 @@ impl Plan {
             simd,
             points,
             factors: all,
-            coarse: (0..points / 8)
+            coarse: (0..=points / 8)
                 .map(|g| lanes(8 * g, 0.5 / length as f64))
                 .collect(),
             fine: std::array::from_fn(|i| lanes(i, 1.0)),

@@ -1,38 +1,30 @@
 //! The sum over lanes, and the two signals apart.
 
-use super::register::{eight, mirrored, mul, transposed};
+use super::register::{eight, mul, transposed};
 use super::{LANES, Plan, Point};
 use crate::moments::{CHUNK, Observed, Part};
 use pulp::{Simd, f64x8, x86::V4};
 
-/// Lane 0 of the 8 values of a block.
-type Edges = [[f64; 2]; LANES];
-
 /// Spectra of transforms that wait, block by block.
 ///
 /// Block `(g, d)` holds the lines `k = 8 g + i + (M / 8) d + M j`, `i` and `j` from 0 to 7, `j` being slower; where `k` is above
-/// `N / 2`, the line `N - k`. Its mirror is in the block of the group `M / 64 - 1 - g`, but for its lane 0, which is a group
-/// further on. Groups up to the middle one have all lines, some of them twice.
+/// `N / 2`, the line `N - k`. Groups `g` up to the middle one have all lines, some of them twice.
 pub(crate) struct Blocks<'a> {
     plan: &'a Plan,
     /// Points of all pairs of the first observation, then of the next one.
     points: &'a [Point],
     channels: usize,
     count: usize,
-    /// Of each pair and observation: lane 0 of the mirrors in the blocks `d` to come.
-    edges: Vec<[Edges; 8]>,
 }
 
 impl<'a> Blocks<'a> {
     /// Spectra of `count` observations, of each so many channels, two by two.
     pub(crate) fn new(plan: &'a Plan, waiting: &'a [f64], channels: usize, count: usize) -> Self {
-        let points = V4::as_simd_f64s(waiting).0.as_chunks::<2>().0;
         Self {
             plan,
-            points,
+            points: V4::as_simd_f64s(waiting).0.as_chunks::<2>().0,
             channels,
             count,
-            edges: vec![[[[0.0; 2]; LANES]; 8]; count * channels.div_ceil(2)],
         }
     }
 
@@ -58,34 +50,65 @@ impl<'a> Blocks<'a> {
     }
 }
 
+/// Eight values of `A_l`, and what turns them for the sum over lanes.
+struct Values {
+    places: [usize; LANES],
+    rotations: [Point; LANES],
+}
+
 impl Plan {
-    /// Rotations of block `(g, d)`.
+    /// Those of `k = 8 g + i + (M / 8) d`, `i` from 0 on.
     #[inline(always)]
-    fn of_block(&self, g: usize, d: usize) -> [Point; LANES] {
-        let simd = self.simd;
+    fn values(&self, g: usize, d: usize) -> Values {
         let coarse = self.coarse[g + d * self.places.len()];
-        let mut all = [coarse; LANES];
-        for (all, fine) in all.iter_mut().zip(&self.fine).skip(1) {
-            *all = mul(simd, coarse, *fine);
+        let mut values = Values {
+            places: [self.places[g] + d; LANES],
+            rotations: [coarse; LANES],
+        };
+        for i in 1..LANES {
+            values.places[i] += self.offsets[i];
+            values.rotations[i] = mul(self.simd, coarse, self.fine[i]);
         }
-        all
+        values
     }
 
-    /// Values `k + M j` of block `(g, d)`, `k` by lane.
+    /// Those of `M - k`, in the order of `k`.
     #[inline(always)]
-    fn values(&self, points: &[Point], g: usize, d: usize, rotations: &[Point; LANES]) -> [Point; LANES] {
+    fn mirrored(&self, g: usize, d: usize) -> Values {
+        let (groups, d) = (self.places.len(), 7 - d);
+        let near = groups - 1 - g;
+        let coarse = self.coarse[near + d * groups];
+        // The first is a group further on, which from the last group is the first one of the next d, and A_l(M) is A_l(0).
+        let first = if g == 0 {
+            (d + 1) % 8
+        } else {
+            self.places[near + 1] + d
+        };
+        let mut values = Values {
+            places: [first; LANES],
+            rotations: [self.coarse[near + 1 + d * groups]; LANES],
+        };
+        for i in 1..LANES {
+            values.places[i] = self.places[near] + self.offsets[LANES - i] + d;
+            values.rotations[i] = mul(self.simd, coarse, self.fine[LANES - i]);
+        }
+        values
+    }
+
+    /// Sums over lanes: `Z_(k + M j)` by `j`, `k` by lane.
+    #[inline(always)]
+    fn sums(&self, points: &[Point], values: &Values) -> [Point; LANES] {
         let simd = self.simd;
-        let from = &points[self.places[g] + d..];
         let [mut re, mut im] = [[simd.splat_f64s(0.0); LANES]; 2];
         for i in 0..LANES {
-            [re[i], im[i]] = mul(simd, from[self.offsets[i]], rotations[i]);
+            [re[i], im[i]] = mul(simd, points[values.places[i]], values.rotations[i]);
         }
         let (re, im) = (transposed(simd, re), transposed(simd, im));
-        let mut values = [[re[0], im[0]]; LANES];
-        for i in 1..LANES {
-            values[i] = [re[i], im[i]];
+        let mut by_lane = [[re[0], im[0]]; LANES];
+        for l in 1..LANES {
+            by_lane[l] = [re[l], im[l]];
         }
-        eight(simd, values)
+        eight(simd, by_lane)
     }
 }
 
@@ -102,46 +125,30 @@ impl Observed for Blocks<'_> {
         from: usize,
         out: &mut [[Part; 2]],
     ) {
-        let Self {
-            plan,
-            points,
-            channels,
-            edges,
-            ..
-        } = self;
-        let (simd, groups) = (plan.simd, plan.places.len());
+        let (plan, simd) = (self.plan, self.plan.simd);
         let (g, d) = (at / 8, at % 8);
-        let (own, other) = (plan.of_block(g, d), plan.of_block(groups - 1 - g, 7 - d));
-        let pairs = channels.div_ceil(2);
-        let all = points.chunks_exact(plan.points).zip(edges);
-        let all = all.skip(from * pairs).take(COUNT * pairs);
-        for (at, (points, edges)) in all.enumerate() {
-            if (g, d) == (0, 0) {
-                first_edges(plan, points, edges);
-            }
+        let (own, mirrored) = (plan.values(g, d), plan.mirrored(g, d));
+        let pairs = self.channels.div_ceil(2);
+        let transforms = self.points.chunks_exact(plan.points);
+        let transforms = transforms.skip(from * pairs).take(COUNT * pairs);
+        for (at, points) in transforms.enumerate() {
             let (m, first) = (at / pairs, 2 * (at % pairs));
-            let z = plan.values(points, g, d, &own);
-            let w = plan.values(points, groups - 1 - g, 7 - d, &other);
-            let second = (first + 1).min(*channels - 1);
+            let second = (first + 1).min(self.channels - 1);
+            let z = plan.sums(points, &own);
+            let w = plan.sums(points, &mirrored);
             for j in 0..LANES {
                 let ([zr, zi], [wr, wi]) = (z[j], w[7 - j]);
-                let [edge_re, edge_im] = edges[d][j];
-                let [mr, mi] = [mirrored(simd, wr, edge_re), mirrored(simd, wi, edge_im)];
                 // Above N / 2, the conjugates.
-                let ([zr_, mr_], [zi_, mi_]) = if j < 4 {
-                    ([zr, mr], [zi, mi])
+                let ([p, q], [s, t]) = if j < 4 {
+                    ([zi, wi], [wr, zr])
                 } else {
-                    ([mr, zr], [mi, zi])
+                    ([wi, zi], [zr, wr])
                 };
-                let b = [simd.add_f64s(zi, mi), simd.sub_f64s(mr_, zr_)];
-                let a = [simd.add_f64s(zr, mr), simd.sub_f64s(zi_, mi_)];
+                let a = [simd.add_f64s(zr, wr), simd.sub_f64s(p, q)];
+                let b = [simd.add_f64s(zi, wi), simd.sub_f64s(s, t)];
                 // Without a second signal, the first one takes its place.
                 store(&mut out[second * COUNT + m], j, b);
                 store(&mut out[first * COUNT + m], j, a);
-            }
-            for j in 0..LANES {
-                let [re, im] = w[7 - j];
-                edges[d][j] = [re.0, im.0];
             }
         }
     }
@@ -153,19 +160,6 @@ fn store(out: &mut [Part; 2], j: usize, value: Point) {
     let parts: [&mut [f64x8]; 2] = [V4::as_mut_simd_f64s(re).0, V4::as_mut_simd_f64s(im).0];
     let [re, im] = parts;
     [re[j], im[j]] = value;
-}
-
-/// Lane 0 of the first group, which is its own mirror.
-#[inline(always)]
-fn first_edges(plan: &Plan, points: &[Point], edges: &mut [Edges; 8]) {
-    for d in 0..8 {
-        let rotations = plan.of_block(0, d);
-        let z = plan.values(points, 0, d, &rotations);
-        for (j, [re, im]) in z.into_iter().enumerate() {
-            let (d, j) = if d == 0 { (0, (8 - j) % 8) } else { (8 - d, 7 - j) };
-            edges[d][j] = [re.0, im.0];
-        }
-    }
 }
 
 const _: () = assert!(CHUNK == LANES * LANES);

@@ -148,11 +148,3 @@ fn low(simd: V4, a: __m512d, b: __m512d) -> __m512d {
 fn high(simd: V4, a: __m512d, b: __m512d) -> __m512d {
     simd.avx512f._mm512_shuffle_f64x2::<0b11_01_11_01>(a, b)
 }
-
-/// Lanes 1 to 7 from the last to the first, behind another lane 0.
-#[inline(always)]
-pub(super) fn mirrored(simd: V4, x: f64x8, lane_0: f64) -> f64x8 {
-    let avx = simd.avx512f;
-    let from = avx._mm512_setr_epi64(8, 7, 6, 5, 4, 3, 2, 1);
-    cast(avx._mm512_permutex2var_pd(cast(x), from, cast(simd.splat_f64s(lane_0))))
-}

@@ -98,8 +98,10 @@ impl Experiment {
             self.reference_moves = references.iter().any(|s| s.iter().any(|v| *v != s[0]));
         } else if self.reference_repeats {
             // The periods before this one were alike and stand for one entry so far: give each its weight.
-            waiting.push(self.first_reference.iter())?;
-            waiting.average(&mut self.reference, used.saturating_sub(2));
+            if used > 2 {
+                waiting.push(self.first_reference.iter())?;
+                waiting.average(&mut self.reference, used - 2);
+            }
             self.reference_repeats = false;
             self.reference_moves = true;
         }
@@ -111,10 +113,11 @@ impl Experiment {
 
 /// Streaming estimator for the experiments at one scheduling position.
 ///
-/// Experiments may be interleaved in any order; the periods of an experiment come in order. The order changes the scatter,
-/// and what follows from it, by rounding. Memory does not grow with the number of periods: `2 (n_z + 2 n_r)` numbers a line
-/// and experiment, `n_z = n_y + n_u`, `n_z^2` a line for the scatter of all experiments, and `4 n_z` a line for periods that
-/// are taken up together; so it helps to push those of one experiment in a row. The transform of a reference that repeats
+/// Experiments may be interleaved in any order; the periods of an experiment come in order. The order changes results by
+/// rounding. Memory does not grow with the number of periods: `2 (n_z + 2 n_r)` numbers a line and experiment,
+/// `n_z = n_y + n_u`, `n_z^2` a line for the scatter of all experiments, and up to `4 n_z + 2 n_r` a line for periods on
+/// their way, odd numbers of channels rounded up; blocks of lines are filled up, by 520 lines at most. It helps to push the
+/// periods of one experiment in a row. The transform of a reference that repeats
 /// exactly is computed once an experiment, and skipped periods are not transformed at all.
 pub struct PeriodicAccumulator {
     layout: Layout,
@@ -179,7 +182,7 @@ impl PeriodicAccumulator {
     ///
     /// # Errors
     /// [`FrfError::UnknownExperiment`], [`FrfError::PeriodOrder`], [`FrfError::BlockShape`], [`FrfError::NotFinite`];
-    /// the accumulator is then as it was before.
+    /// the accumulator is then as it was before, but for rounding.
     pub fn push(&mut self, block: &PeriodBlock<'_>) -> Result<(), FrfError> {
         let repeats = self.check(block)?;
         let Layout {

@@ -10,6 +10,9 @@
 //! results in the order of reversed digits. The sum over the lanes, which mixes them, is left to where the spectra are taken up
 //! ([`Blocks`]): 64 lines at a time together with those that mirror them, so that a spectrum is never written as a whole.
 //!
+//! What rounding leaves of one signal in the other is small beside it only if both are of one size. So each is multiplied by a
+//! power of two first, which is undone when they are apart ([`crate::waiting`]).
+//!
 //! This needs the instructions of AVX-512 and a period of `2^10` or more samples, a power of two; [`Plan::new`] tells. Other
 //! machines and periods take the library of [`crate::spectra`].
 
@@ -18,6 +21,7 @@ mod points;
 mod register;
 
 pub(crate) use blocks::Blocks;
+pub(crate) use points::Centred;
 use pulp::{f64x8, x86::V4};
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -79,7 +83,7 @@ pub(crate) struct Plan {
     points: usize,
     /// All factors of the points but the last, which is 8.
     factors: Vec<Factor>,
-    /// `W_N^(8 l g) / 2 N` by `g` up to `M / 8`: lanes `l`, real and imaginary part.
+    /// `W_N^(8 l g) / (2 N)` by `g` up to `M / 8`: lanes `l`, real and imaginary part.
     coarse: Vec<Point>,
     /// `W_N^(l i)` by `i`.
     fine: [Point; LANES],

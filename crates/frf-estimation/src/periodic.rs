@@ -31,7 +31,8 @@ pub struct PeriodicEstimate {
     pub periods_skipped: usize,
     /// Fourier transforms of one period of one signal: the unit of work.
     pub transforms: usize,
-    /// Power of the averaged output over the noise power in it, by line, then by output; infinite without noise.
+    /// Power of the averaged output over the noise power in it, by line, then by output; without noise infinite, or what
+    /// rounding makes of it, 1e25 and more.
     pub output_snr: Vec<f64>,
     /// The same for the inputs.
     pub input_snr: Vec<f64>,

@@ -17,16 +17,24 @@ impl Plan {
         match *self {}
     }
 
-    pub(crate) fn transform(&self, _signals: [&[f64]; 2], _offsets: [f64; 2], _out: &mut [f64]) -> bool {
+    pub(crate) fn transform(&self, _pair: [Centred<'_>; 2], _out: &mut [f64]) -> [f64; 2] {
         match *self {}
     }
+}
+
+/// A signal of a pair.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Centred<'a> {
+    pub(crate) signal: &'a [f64],
+    pub(crate) offset: f64,
+    pub(crate) scale: f64,
 }
 
 /// None.
 pub(crate) struct Blocks(Plan);
 
 impl Blocks {
-    pub(crate) fn new(plan: &Plan, _waiting: &[f64], _channels: usize, _count: usize) -> Self {
+    pub(crate) fn new(plan: &Plan, _waiting: &[f64], _channels: usize, _scales: &[f64]) -> Self {
         match *plan {}
     }
 

@@ -13,18 +13,19 @@ pub(crate) struct Blocks<'a> {
     plan: &'a Plan,
     /// Points of all pairs of the first observation, then of the next one.
     points: &'a [Point],
+    /// By what a channel is to be multiplied, observation after observation.
+    scales: &'a [f64],
     channels: usize,
-    count: usize,
 }
 
 impl<'a> Blocks<'a> {
-    /// Spectra of `count` observations, of each so many channels, two by two.
-    pub(crate) fn new(plan: &'a Plan, waiting: &'a [f64], channels: usize, count: usize) -> Self {
+    /// Spectra of observations of so many channels, two by two; by what each is to be multiplied.
+    pub(crate) fn new(plan: &'a Plan, waiting: &'a [f64], channels: usize, scales: &'a [f64]) -> Self {
         Self {
             plan,
             points: V4::as_simd_f64s(waiting).0.as_chunks::<2>().0,
+            scales,
             channels,
-            count,
         }
     }
 
@@ -114,7 +115,7 @@ impl Plan {
 
 impl Observed for Blocks<'_> {
     fn count(&self) -> usize {
-        self.count
+        self.scales.len() / self.channels
     }
 
     #[inline(always)]
@@ -134,6 +135,8 @@ impl Observed for Blocks<'_> {
         for (at, points) in transforms.enumerate() {
             let (m, first) = (at / pairs, 2 * (at % pairs));
             let second = (first + 1).min(self.channels - 1);
+            let scales = &self.scales[(from + m) * self.channels..];
+            let (of_a, of_b) = (simd.splat_f64s(scales[first]), simd.splat_f64s(scales[second]));
             let z = plan.sums(points, &own);
             let w = plan.sums(points, &mirrored);
             for j in 0..LANES {
@@ -147,8 +150,16 @@ impl Observed for Blocks<'_> {
                 let a = [simd.add_f64s(zr, wr), simd.sub_f64s(p, q)];
                 let b = [simd.add_f64s(zi, wi), simd.sub_f64s(s, t)];
                 // Without a second signal, the first one takes its place.
-                store(&mut out[second * COUNT + m], j, b);
-                store(&mut out[first * COUNT + m], j, a);
+                store(
+                    &mut out[second * COUNT + m],
+                    j,
+                    [simd.mul_f64s(b[0], of_b), simd.mul_f64s(b[1], of_b)],
+                );
+                store(
+                    &mut out[first * COUNT + m],
+                    j,
+                    [simd.mul_f64s(a[0], of_a), simd.mul_f64s(a[1], of_a)],
+                );
             }
         }
     }

@@ -1,20 +1,27 @@
 //! The transforms over points, in place, all lanes alike.
 
-use super::register::{add, eight, four, mul, sixteen};
+use super::register::{eight, four, mul, sixteen};
 use super::{Factor, Plan, Point};
 use pulp::{Simd, WithSimd, f64x8, x86::V4};
 
+/// A signal of a pair: what is taken from it, and by what the rest is multiplied.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Centred<'a> {
+    pub(crate) signal: &'a [f64],
+    pub(crate) offset: f64,
+    /// A power of two, so that nothing is rounded.
+    pub(crate) scale: f64,
+}
+
 impl Plan {
-    /// Transforms two signals less their offsets, as far as lanes do not mix, into a buffer of their [size](Self::size).
-    /// Whether the sum of all samples is finite, which it is not if a sample is not.
-    pub(crate) fn transform(&self, signals: [&[f64]; 2], offsets: [f64; 2], out: &mut [f64]) -> bool {
-        let plan = self;
+    /// Transforms two signals as far as lanes do not mix, into a buffer of their [size](Self::size). Gives the mean squares of
+    /// both, which are not finite if a sample is not.
+    pub(crate) fn transform(&self, pair: [Centred<'_>; 2], out: &mut [f64]) -> [f64; 2] {
         Simd::vectorize(
             self.simd,
             Transform {
-                plan,
-                signals,
-                offsets,
+                plan: self,
+                pair,
                 out,
             },
         )
@@ -23,45 +30,43 @@ impl Plan {
 
 struct Transform<'a> {
     plan: &'a Plan,
-    signals: [&'a [f64]; 2],
-    offsets: [f64; 2],
+    pair: [Centred<'a>; 2],
     out: &'a mut [f64],
 }
 
-/// One signal in registers, and what is taken from it.
-struct Centred<'a> {
+/// A signal in registers.
+struct Lanes<'a> {
     values: &'a [f64x8],
     offset: f64x8,
+    scale: f64x8,
 }
 
-impl Centred<'_> {
+impl<'a> Lanes<'a> {
+    #[inline(always)]
+    fn new(simd: V4, from: Centred<'a>) -> Self {
+        Self {
+            values: V4::as_simd_f64s(from.signal).0,
+            offset: simd.splat_f64s(-from.offset * from.scale),
+            scale: simd.splat_f64s(from.scale),
+        }
+    }
+
     #[inline(always)]
     fn at(&self, simd: V4, m: usize) -> f64x8 {
-        simd.sub_f64s(self.values[m], self.offset)
+        simd.mul_add_e_f64s(self.values[m], self.scale, self.offset)
     }
 }
 
 impl WithSimd for Transform<'_> {
-    type Output = bool;
+    type Output = [f64; 2];
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) -> bool {
-        let Self {
-            plan,
-            signals: [a, b],
-            offsets,
-            out,
-        } = self;
+    fn with_simd<S: Simd>(self, _simd: S) -> [f64; 2] {
+        let Self { plan, pair, out } = self;
         let simd = plan.simd;
-        let centred = |signal, offset| Centred {
-            values: V4::as_simd_f64s(signal).0,
-            offset: simd.splat_f64s(offset),
-        };
-        let (a, b) = (centred(a, offsets[0]), centred(b, offsets[1]));
+        let (a, b) = (Lanes::new(simd, pair[0]), Lanes::new(simd, pair[1]));
         let points = V4::as_mut_simd_f64s(out).0.as_chunks_mut::<2>().0;
-        let Some((first, others)) = plan.factors.split_first() else {
-            return true;
-        };
+        let (first, others) = (&plan.factors[0], &plan.factors[1..]);
         let [a, b] = match first.count {
             4 => first_of_4(simd, &first.rotations, &a, &b, points),
             8 => first_of_8(simd, &first.rotations, &a, &b, points),
@@ -70,19 +75,20 @@ impl WithSimd for Transform<'_> {
         for part in points.chunks_exact_mut(plan.points / first.count) {
             rest(simd, others, part);
         }
-        simd.reduce_sum_f64s(simd.add_f64s(a, b)).is_finite()
+        let count = (8 * plan.points) as f64;
+        [simd.reduce_sum_f64s(a) / count, simd.reduce_sum_f64s(b) / count]
     }
 }
 
 macro_rules! factor {
     ($first:ident, $name:ident, $butterfly:path, $count:literal: $($i:literal)*) => {
-        /// The first factor, from the signals; their sums by lane.
+        /// The first factor, from the signals; the sums of their squares by lane.
         #[inline(always)]
         fn $first(
             simd: V4,
             rotations: &[[f64; 2]],
-            a: &Centred<'_>,
-            b: &Centred<'_>,
+            a: &Lanes<'_>,
+            b: &Lanes<'_>,
             points: &mut [Point],
         ) -> Point {
             let width = points.len() / $count;
@@ -92,8 +98,10 @@ macro_rules! factor {
                     [a.at(simd, c), b.at(simd, c)],
                     $([a.at(simd, c + $i * width), b.at(simd, c + $i * width)]),*
                 ];
+                for [a, b] in x {
+                    sum = [simd.mul_add_e_f64s(a, a, sum[0]), simd.mul_add_e_f64s(b, b, sum[1])];
+                }
                 let y = $butterfly(simd, x);
-                sum = add(simd, sum, y[0]);
                 points[c] = y[0];
                 $(points[c + $i * width] = mul(simd, y[$i], splat(simd, w[$i - 1]));)*
             }

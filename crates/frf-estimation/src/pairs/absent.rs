@@ -24,6 +24,7 @@ impl Plan {
 
 /// A signal of a pair.
 #[derive(Debug, Clone, Copy)]
+#[allow(dead_code, reason = "there is no plan that would read them")]
 pub(crate) struct Centred<'a> {
     pub(crate) signal: &'a [f64],
     pub(crate) offset: f64,
@@ -31,10 +32,10 @@ pub(crate) struct Centred<'a> {
 }
 
 /// None.
-pub(crate) struct Blocks(Plan);
+pub(crate) struct Blocks<'a>(&'a Plan);
 
-impl Blocks {
-    pub(crate) fn new(plan: &Plan, _waiting: &[f64], _channels: usize, _scales: &[f64]) -> Self {
+impl<'a> Blocks<'a> {
+    pub(crate) fn new(plan: &'a Plan, _waiting: &[f64], _channels: usize, _scales: &[f64]) -> Self {
         match *plan {}
     }
 
@@ -47,12 +48,12 @@ impl Blocks {
     }
 }
 
-impl Observed for Blocks {
+impl Observed for Blocks<'_> {
     fn count(&self) -> usize {
-        match self.0 {}
+        match *self.0 {}
     }
 
     fn chunk<S: Simd, const COUNT: usize>(&mut self, _: S, _: usize, _: usize, _: &mut [[Part; 2]]) {
-        match self.0 {}
+        match *self.0 {}
     }
 }

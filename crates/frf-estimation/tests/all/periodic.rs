@@ -398,31 +398,35 @@ fn periods(length: usize, count: usize, noise: f64, seed: u64) -> Vec<Vec<f64>> 
     (0..count).map(|_| white(noise)).map(add).collect()
 }
 
-#[test]
-fn a_dead_input_is_refused_whatever_the_output_does() {
+/// One experiment of one input and one output, all its periods.
+fn siso(u: &[Vec<f64>], y: &[Vec<f64>], settings: &CheckedSettings) -> Result<PeriodicEstimate, FrfError> {
     let layout = Layout {
-        period: 1024,
+        period: u[0].len(),
         outputs: 1,
         inputs: 1,
         references: 0,
         experiments: 1,
         sample_rate_hz: 1.0,
     };
+    let mut sums = PeriodicAccumulator::new(layout, settings, None)?;
+    for (period, (u, y)) in u.chunks(1).zip(y.chunks(1)).enumerate() {
+        sums.push(&PeriodBlock {
+            experiment: 0,
+            period,
+            outputs: y,
+            inputs: u,
+            references: &[],
+        })?;
+    }
+    sums.finish()
+}
+
+#[test]
+fn a_dead_input_is_refused_whatever_the_output_does() {
     for level in [0.0, 5.0] {
         for noise in [0.0, 1e-3] {
-            let mut sums = PeriodicAccumulator::new(layout, &fixed(0), None).unwrap();
-            for (period, y) in periods(1024, 4, noise, 3).into_iter().enumerate() {
-                let (outputs, inputs) = (&[y], &[vec![level; 1024]]);
-                let block = PeriodBlock {
-                    experiment: 0,
-                    period,
-                    outputs,
-                    inputs,
-                    references: &[],
-                };
-                sums.push(&block).unwrap();
-            }
-            let refused = sums.finish();
+            let u = vec![vec![level; 1024]; 4];
+            let refused = siso(&u, &periods(1024, 4, noise, 3), &fixed(0));
             assert!(
                 matches!(refused, Err(FrfError::NoExcitation { .. })),
                 "{level} {noise}"
@@ -433,51 +437,26 @@ fn a_dead_input_is_refused_whatever_the_output_does() {
 
 #[test]
 fn small_outputs_beside_large_inputs_keep_their_digits() {
-    let layout = Layout {
-        period: 4096,
-        outputs: 1,
-        inputs: 1,
-        references: 0,
-        experiments: 1,
-        sample_rate_hz: 1.0,
+    let scaled = |size: f64, seed| {
+        let mut all = periods(4096, 5, 1e-3, seed);
+        all.iter_mut().flatten().for_each(|x| *x *= size);
+        all
     };
-    let (u, y) = (periods(4096, 5, 1e-3, 1), periods(4096, 5, 1e-3, 2));
+    let settings = PeriodicSettings::default().lines(LineSelection::List((1..2048).collect()));
+    let settings = settings.skip(SkipRule::Fixed(0)).check().unwrap();
     let of = |gain: f64| {
-        let lines = LineSelection::List((1..2048).collect());
-        let settings = PeriodicSettings {
-            lines,
-            ..PeriodicSettings::default()
-        };
-        let settings = settings.skip(SkipRule::Fixed(0)).check().unwrap();
-        let mut sums = PeriodicAccumulator::new(layout, &settings, None).unwrap();
-        for period in 0..5 {
-            let outputs = &[y[period].iter().map(|y| gain * y).collect::<Vec<f64>>()];
-            let inputs = &[u[period].iter().map(|u| 10.0 * u).collect::<Vec<f64>>()];
-            let block = PeriodBlock {
-                experiment: 0,
-                period,
-                outputs,
-                inputs,
-                references: &[],
-            };
-            sums.push(&block).unwrap();
-        }
-        sums.finish().unwrap().estimate
+        siso(&scaled(10.0, 1), &scaled(gain, 2), &settings)
+            .unwrap()
+            .estimate
     };
     let reference = of(1.0);
     for gain in [2.0_f64.powi(-30), 2.0_f64.powi(-45), 2.0_f64.powi(-100)] {
         let found = of(gain);
-        let lines = found.frf().values().iter().zip(reference.frf().values());
-        assert!(
-            lines
-                .clone()
-                .all(|(a, b)| (a / gain - b).norm() <= 1e-12 * b.norm())
-        );
-        let covariances = found
-            .output_covariances()
-            .iter()
-            .zip(reference.output_covariances());
-        for (a, b) in covariances {
+        for (a, b) in found.frf().values().iter().zip(reference.frf().values()) {
+            assert!((a / gain - b).norm() <= 1e-12 * b.norm(), "{gain}: {a} {b}");
+        }
+        let (ours, theirs) = (found.output_covariances(), reference.output_covariances());
+        for (a, b) in ours.iter().zip(theirs) {
             assert!(
                 (a / (gain * gain) - b).norm() <= 1e-9 * b.norm(),
                 "{gain}: {a} {b}"

@@ -28,6 +28,9 @@ struct Arguments {
     /// Bundles of up to so many GB are written to target/ and read again.
     #[arg(long, default_value_t = 1.5, value_name = "GB")]
     disk: f64,
+    /// The fractions alone, without growth, printed and not kept.
+    #[arg(long, conflicts_with = "bless")]
+    kernels: bool,
     /// Tell the peak memory of one row at one size.
     #[arg(long, hide = true)]
     memory: Option<String>,
@@ -99,14 +102,21 @@ fn measure(arguments: &Arguments) -> Result<(), Failure> {
     }
     let bench = Bench::new()?;
     let (kernels, [gemm, copy]) = kernels::all(&bench)?;
+    let growth = match arguments.kernels {
+        true => Vec::new(),
+        false => growth::all(&bench, arguments.disk)?,
+    };
     let account = Account {
         gemm,
         copy,
         kernels,
-        growth: growth::all(&bench, arguments.disk)?,
+        growth,
     };
     let page = page::page(&account, arguments.disk);
     print!("{page}");
+    if arguments.kernels {
+        return Ok(());
+    }
     std::fs::create_dir_all(&arguments.output)?;
     std::fs::write(
         arguments.output.join("limits.json"),

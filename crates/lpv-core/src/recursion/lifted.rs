@@ -7,6 +7,7 @@
 use crate::CoreError;
 use crate::linalg::from_blocks;
 use nalgebra::DMatrix;
+use pulp::{Simd, WithSimd};
 
 /// How much larger than A, B and C the entries of the step may be: what grows and comes down again is rounded where it is large.
 const GROWTH: f64 = 16.0;
@@ -103,31 +104,52 @@ impl Twofold {
         let (rows, columns) = (self.high.nrows(), other.high.ncols());
         let mut high = DMatrix::zeros(rows, columns);
         let mut low = DMatrix::zeros(rows, columns);
-        pulp::Arch::new().dispatch(|| {
-            for j in 0..columns {
-                let (sum, lost) = (high.column_mut(j), low.column_mut(j));
-                let mut both: Vec<_> = sum.into_iter().zip(lost).collect();
-                for k in 0..self.high.ncols() {
-                    let (b, b_low) = (other.high[(k, j)], other.low[(k, j)]);
-                    let (a, a_low) = (self.high.column(k), self.low.column(k));
-                    for ((sum, lost), (a, a_low)) in both.iter_mut().zip(a.iter().zip(a_low.iter())) {
-                        let product = a * b;
-                        let rest = a.mul_add(b, -product) + (a * b_low + a_low * b);
-                        let next = **sum + product;
-                        let part = next - **sum;
-                        let rounded = (**sum - (next - part)) + (product - part);
-                        **sum = next;
-                        **lost += rest + rounded;
-                    }
-                }
-                for (sum, lost) in both {
-                    let whole = *sum + *lost;
-                    *lost -= whole - *sum;
-                    *sum = whole;
-                }
-            }
+        pulp::Arch::new().dispatch(Product {
+            left: self,
+            right: other,
+            sums: [high.as_mut_slice(), low.as_mut_slice()],
         });
         Self { high, low }
+    }
+}
+
+/// A product of two matrices, column by column.
+struct Product<'a> {
+    left: &'a Twofold,
+    right: &'a Twofold,
+    sums: [&'a mut [f64]; 2],
+}
+
+impl WithSimd for Product<'_> {
+    type Output = ();
+
+    // In line, and nothing in it that is not: else the products would be rounded by a function of the library, one by one.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self { left, right, sums } = self;
+        let (rows, inner) = left.high.shape();
+        let [high, low] = sums.map(|s| s.chunks_exact_mut(rows.max(1)));
+        for (j, (sum, lost)) in high.zip(low).enumerate() {
+            for k in 0..inner {
+                let (b, b_low) = (right.high[(k, j)], right.low[(k, j)]);
+                let own = k * rows..(k + 1) * rows;
+                let (a, a_low) = (&left.high.as_slice()[own.clone()], &left.low.as_slice()[own]);
+                for i in 0..rows {
+                    let product = a[i] * b;
+                    let rest = a[i].mul_add(b, -product) + (a[i] * b_low + a_low[i] * b);
+                    let next = sum[i] + product;
+                    let part = next - sum[i];
+                    let rounded = (sum[i] - (next - part)) + (product - part);
+                    sum[i] = next;
+                    lost[i] += rest + rounded;
+                }
+            }
+            for i in 0..rows {
+                let whole = sum[i] + lost[i];
+                lost[i] -= whole - sum[i];
+                sum[i] = whole;
+            }
+        }
     }
 }
 

@@ -6,7 +6,7 @@
 //!
 //! `Z_(k + M j) = sum_l W_8^(l j) W_N^(l k) A_l(k)`, `A_l(k) = sum_m W_M^(m k) z(8 m + l)`, `W_n = exp(-2 pi j / n)`.
 //!
-//! The sums over `m` are transforms of `M` points that never mix lanes, in place by factors of 8 ([`points`]), which leaves their
+//! The sums over `m` are transforms of `M` points that never mix lanes, in place by factors of 8, one of them 4 or 16 ([`points`]), which leaves their
 //! results in the order of reversed digits. The sum over the lanes, which mixes them, is left to where the spectra are taken up
 //! ([`Blocks`]): 64 lines at a time together with those that mirror them, so that a spectrum is never written as a whole.
 //!

@@ -35,9 +35,10 @@ pub(crate) fn page(account: &Account, disk: f64) -> String {
             so that no spectrum is written. Its operations are counted as those of a transform by factors of two; what bounds it is \
             not them but what moves: the signals, the points of their transforms (512 KiB a pair, which leave the second cache when \
             four are in turn), and what is kept, 192 bytes a line, read and written for every two periods. Without registers of eight \
-            numbers, or for other periods, a library transforms one signal after the other; its transforms alone have a row. Regression: the sums of products are one matrix product for all \
-            positions and take half of the time, at the speed of that product; what is left reads the covariances once, makes a \
-            weight of each and a right side, and the response of the basis. A correction by what the equations leave is computed only \
+            numbers, or for other periods, a library transforms one signal after the other; its transforms alone have a row. Regression: the sums of products are matrix products for all \
+            positions, 64 lines at a time, and take two fifths of the time, at the speed of a large product; a seventh waits for responses \
+            and covariances (192 bytes a line and position, from three places each); what is left makes a weight of \
+            each and a right side, the products of the functions and the response of the basis. A correction by what the equations leave is computed only \
             where more than six digits would be lost without. Moving p: the terms of a series follow from each \
             other, one number at a time; only machines side by side would fill the registers. LFR: two \
             fifths are reflections, column by column in blocks that fit the cache (normal equations would lose half of the digits), a \

@@ -9,6 +9,9 @@ use lpv_core::nalgebra::{Complex, DMatrix, DVector};
 use lpv_core::{Discrete, Frf, FrfEstimate, PeriodBlock, StateSpace};
 use lpv_ident::{RegressionSettings, regress};
 use pole_fit::fit;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use std::hint::black_box;
 use std::ops::Range;
 use std::time::Instant;
@@ -200,11 +203,17 @@ pub(crate) fn response(model: &StateSpace<Discrete>, lines: Vec<f64>) -> Work<'_
     })
 }
 
-/// Poles of a model of order 12, whose response is exact.
+/// Poles of a model of order 12 whose response has noise of a thousandth: without it rounding decides how many steps are taken.
 pub(crate) fn poles(bench: &Bench, lines: usize) -> Result<Work<'_>, Failure> {
-    let frf = bench
-        .large_model(14)?
-        .frequency_response(&bench.lines_hz(lines))?;
+    let lines = bench.lines_hz(lines);
+    let exact = bench.large_model(14)?.frequency_response(&lines)?;
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut noisy = |v: &C64| {
+        let noise: f64 = StandardNormal.sample(&mut rng);
+        v * (1.0 + 1e-3 * noise)
+    };
+    let values = exact.values().iter().map(&mut noisy).collect();
+    let frf = Frf::new(lines, exact.outputs(), exact.inputs(), values)?;
     let estimate = FrfEstimate::with_unit_covariance(frf, None)?;
     let settings = twelve_poles().check()?;
     Ok(Box::new(move || {

@@ -31,6 +31,7 @@ impl Planes {
     }
 
     /// Overwrites the first lines with entry `at` of each of `lines` times a factor; `values` has `size` entries a line.
+    #[inline(always)]
     pub(crate) fn gather(
         &mut self,
         (values, size): (&[Complex<f64>], usize),
@@ -59,29 +60,16 @@ impl Planes {
         (&self.re[lines.clone()], &self.im[lines])
     }
 
-    /// `self = sign x y`, or with `conj(y)` for a negative `conjugate`.
-    #[inline(always)]
-    pub(crate) fn set_product(&mut self, x: &Self, y: &Self, sign: f64, conjugate: f64) {
-        self.product::<false>(x, y, sign, conjugate);
-    }
-
     /// `self += sign x y`, or with `conj(y)` for a negative `conjugate`.
     #[inline(always)]
     pub(crate) fn add_product(&mut self, x: &Self, y: &Self, sign: f64, conjugate: f64) {
-        self.product::<true>(x, y, sign, conjugate);
-    }
-
-    #[inline(always)]
-    fn product<const ADD: bool>(&mut self, x: &Self, y: &Self, sign: f64, conjugate: f64) {
         let n = self.re.len();
         let (re, im) = (&mut self.re[..n], &mut self.im[..n]);
         let (xr, xi, yr, yi) = (&x.re[..n], &x.im[..n], &y.re[..n], &y.im[..n]);
         for k in 0..n {
             let yi = conjugate * yi[k];
-            let real = sign * (xr[k] * yr[k] - xi[k] * yi);
-            let imaginary = sign * (xr[k] * yi + xi[k] * yr[k]);
-            re[k] = if ADD { re[k] + real } else { real };
-            im[k] = if ADD { im[k] + imaginary } else { imaginary };
+            re[k] += sign * (xr[k] * yr[k] - xi[k] * yi);
+            im[k] += sign * (xr[k] * yi + xi[k] * yr[k]);
         }
     }
 

@@ -16,7 +16,8 @@ const ROUNDING: f64 = 64.0 * f64::EPSILON;
 pub(crate) struct Lower {
     size: usize,
     entries: Vec<Planes>,
-    scratch: Planes,
+    /// Not zero on lines that cannot be inverted.
+    bad: Vec<f64>,
 }
 
 fn place(i: usize, j: usize) -> usize {
@@ -26,13 +27,12 @@ fn place(i: usize, j: usize) -> usize {
 /// `N = left dF right` has independent entries whose real and imaginary parts have variance one each, on every line of a
 /// block.
 ///
-/// With `E[dF_ij conj(dF_kl)] = C[i,k] S[l,j]`, `C = L_C L_C^H` and `S = L_S L_S^H`, these are
-/// `left = sqrt(2) L_C^-1` and `right = L_S^-H`: then `dF = L_C N L_S^H / sqrt(2)` has the covariance
-/// `C[i,k] (L_S L_S^H)[l,j]`.
+/// With `E[dF_ij conj(dF_kl)] = C[i,k] S[l,j]`, `C / 2 = L_C D_C L_C^H` and `S = L_S D_S L_S^H`, ones on the diagonals of both
+/// `L`, these are `left = D_C^-1/2 L_C^-1` and `right = L_S^-H D_S^-1/2`: then `dF = left^-1 N right^-1` has that covariance.
 pub(crate) struct Whitening {
-    /// `left`.
+    /// `L_C^-1` below the diagonal, `D_C^-1` on it; [`Lower::roots`] makes `left` of it.
     pub(crate) left: Lower,
-    /// `L_S^-1`, the adjoint of `right`.
+    /// `L_S^-1` and `D_S^-1`; the adjoint of `right`.
     pub(crate) right_adjoint: Lower,
 }
 
@@ -58,22 +58,18 @@ impl Whitening {
             Weighting::Uniform => {}
             Weighting::Relative => {
                 for (row, k) in lines.enumerate() {
-                    let size = frf.line(k).norm().max(f64::MIN_POSITIVE);
+                    let size = frf.line(k).norm().max(f64::MIN_POSITIVE.sqrt());
                     for i in 0..self.left.size {
-                        self.left.entries[place(i, i)].set(row, Complex::from(1.0 / size));
+                        self.left.entries[place(i, i)].set(row, Complex::from(1.0 / size.powi(2)));
                     }
                 }
             }
             Weighting::Covariance => {
-                // Half of C, for the factor sqrt(2).
-                self.left
-                    .gather(lines.clone(), estimate.output_covariances(), 0.5);
-                self.right_adjoint
-                    .gather(lines.clone(), estimate.input_factors(), 1.0);
-                self.add_model_error(estimate, lines.clone(), settings.model_error());
                 let bad = pulp::Arch::new().dispatch(Inversion {
                     whitening: self,
-                    lines: lines.len(),
+                    estimate,
+                    lines: lines.clone(),
+                    model_error: settings.model_error(),
                 });
                 if let Some(row) = bad {
                     let line = lines.start + row;
@@ -90,6 +86,7 @@ impl Whitening {
 
     /// What the basis cannot represent, as noise: `(relative ||F_i||)^2` for the variance of each row i of F, spread over
     /// its channels as the noise is, so that `C_ii` grows by that over `tr(S)`.
+    #[inline(always)]
     fn add_model_error(&mut self, estimate: &FrfEstimate, lines: Range<usize>, relative: f64) {
         if relative == 0.0 {
             return;
@@ -111,7 +108,9 @@ impl Whitening {
 /// Both factors of all lines of a block, in vector registers.
 struct Inversion<'a> {
     whitening: &'a mut Whitening,
-    lines: usize,
+    estimate: &'a FrfEstimate,
+    lines: Range<usize>,
+    model_error: f64,
 }
 
 impl WithSimd for Inversion<'_> {
@@ -119,11 +118,22 @@ impl WithSimd for Inversion<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _simd: S) -> Option<usize> {
-        let Whitening { left, right_adjoint } = self.whitening;
-        let bad = left.invert_cholesky(self.lines);
-        bad.into_iter()
-            .chain(right_adjoint.invert_cholesky(self.lines))
-            .min()
+        let Self {
+            whitening,
+            estimate,
+            lines,
+            model_error,
+        } = self;
+        let count = lines.len();
+        // Half of C, for the factor sqrt(2).
+        let covariances = estimate.output_covariances();
+        whitening.left.gather(lines.clone(), covariances, 0.5);
+        let factors = estimate.input_factors();
+        whitening.right_adjoint.gather(lines.clone(), factors, 1.0);
+        whitening.add_model_error(estimate, lines, model_error);
+        let Whitening { left, right_adjoint } = whitening;
+        let bad = left.invert(count);
+        bad.into_iter().chain(right_adjoint.invert(count)).min()
     }
 }
 
@@ -136,7 +146,7 @@ impl Lower {
         Self {
             size,
             entries,
-            scratch: Planes::zeros(lines),
+            bad: vec![0.0; lines],
         }
     }
 
@@ -150,6 +160,7 @@ impl Lower {
     }
 
     /// The lower triangles of matrices of all lines, times a factor.
+    #[inline(always)]
     fn gather(&mut self, lines: Range<usize>, matrices: &[Complex<f64>], factor: f64) {
         let n = self.size;
         for i in 0..n {
@@ -159,63 +170,71 @@ impl Lower {
         }
     }
 
-    /// Turns the lower triangles of `M = L L^H` into `L^-1`. The first line, if any, where `M` is not positive definite
-    /// beyond rounding or its factor overflows.
+    /// Turns the lower triangles of `M = L D L^H` into `L^-1` with `D^-1` on its diagonal. The first line, if any, where `M` is
+    /// not positive definite beyond rounding or its factor overflows.
     #[inline(always)]
-    fn invert_cholesky(&mut self, lines: usize) -> Option<usize> {
+    fn invert(&mut self, lines: usize) -> Option<usize> {
         let n = self.size;
-        let mut bad = vec![0.0; lines];
+        self.bad.fill(0.0);
+        for i in 0..n {
+            // The diagonal is real; the planes of its imaginary parts keep it for the comparison with what is left of it.
+            let Planes { re, im } = &mut self.entries[place(i, i)];
+            im.copy_from_slice(re);
+        }
         for j in 0..n {
             let mut pivot = std::mem::take(&mut self.entries[place(j, j)]);
-            // The diagonal is real; the plane of its imaginary parts keeps what is left of it for the comparison.
             let (left, whole) = (&mut pivot.re, &mut pivot.im);
-            whole.copy_from_slice(left);
-            for k in 0..j {
-                let row = &self.entries[place(j, k)];
-                for ((l, re), im) in left.iter_mut().zip(&row.re).zip(&row.im) {
-                    *l -= re * re + im * im;
-                }
-            }
             let least = ROUNDING * n as f64;
-            for ((bad, l), w) in bad.iter_mut().zip(left.iter()).zip(whole.iter()) {
+            for ((bad, l), w) in self.bad.iter_mut().zip(left.iter_mut()).zip(whole.iter_mut()) {
                 // Also where the pivot is not a number.
-                *bad += if *l > least * w { 0.0 } else { 1.0 };
-            }
-            for v in left.iter_mut() {
-                *v = 1.0 / v.sqrt();
+                *bad += if *l > least * *w { 0.0 } else { 1.0 };
+                (*l, *w) = (1.0 / *l, 0.0);
             }
             for i in j + 1..n {
-                let mut entry = std::mem::take(&mut self.entries[place(i, j)]);
-                for k in 0..j {
-                    let (x, y) = (&self.entries[place(i, k)], &self.entries[place(j, k)]);
-                    entry.add_product(x, y, -1.0, -1.0);
+                // L[i, j], and what the rows from there on lose by it.
+                let mut own = std::mem::take(&mut self.entries[place(i, j)]);
+                let diagonal = &mut self.entries[place(i, i)].re;
+                for (((d, w), re), im) in diagonal.iter_mut().zip(left.iter()).zip(&own.re).zip(&own.im) {
+                    *d -= (re * re + im * im) * w;
                 }
-                entry.scale(left);
-                self.entries[place(i, j)] = entry;
+                own.scale(left);
+                for row in i + 1..n {
+                    let mut entry = std::mem::take(&mut self.entries[place(row, i)]);
+                    entry.add_product(&self.entries[place(row, j)], &own, -1.0, -1.0);
+                    self.entries[place(row, i)] = entry;
+                }
+                self.entries[place(i, j)] = own;
             }
-            whole.fill(0.0);
             self.entries[place(j, j)] = pivot;
         }
-        // Column by column from the left: row i still holds L right of the column; the diagonal is inverted already.
+        // Column by column from the left: row i still holds L right of the column.
         for j in 0..n {
             for i in j + 1..n {
-                let sum = &mut self.scratch;
-                let terms = |k| (&self.entries[place(i, k)], &self.entries[place(k, j)]);
-                let (x, y) = terms(j);
-                sum.set_product(x, y, -1.0, 1.0);
-                for (x, y) in (j + 1..i).map(terms) {
-                    sum.add_product(x, y, -1.0, 1.0);
+                let mut sum = std::mem::take(&mut self.entries[place(i, j)]);
+                sum.re.iter_mut().chain(&mut sum.im).for_each(|v| *v = -*v);
+                for k in j + 1..i {
+                    sum.add_product(&self.entries[place(i, k)], &self.entries[place(k, j)], -1.0, 1.0);
                 }
-                sum.scale(&self.entries[place(i, i)].re);
-                std::mem::swap(sum, &mut self.entries[place(i, j)]);
+                self.entries[place(i, j)] = sum;
             }
         }
         for entry in &self.entries {
-            for ((bad, re), im) in bad.iter_mut().zip(&entry.re).zip(&entry.im) {
+            for ((bad, re), im) in self.bad.iter_mut().zip(&entry.re).zip(&entry.im) {
                 // Nothing times what is not finite is not zero.
                 *bad += if 0.0 * re + 0.0 * im == 0.0 { 0.0 } else { 1.0 };
             }
         }
-        bad.iter().position(|b| *b != 0.0)
+        self.bad[..lines].iter().position(|b| *b != 0.0)
+    }
+
+    /// Turns `L^-1` and `D^-1` into `D^-1/2 L^-1`.
+    pub(crate) fn roots(&mut self) {
+        for i in 0..self.size {
+            let root: Vec<f64> = self.entries[place(i, i)].re.iter().map(|d| d.sqrt()).collect();
+            for entry in &mut self.entries[place(i, 0)..place(i, i)] {
+                entry.scale(&root);
+            }
+            self.entries[place(i, i)].re = root;
+        }
     }
 }

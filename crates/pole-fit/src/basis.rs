@@ -6,7 +6,7 @@
 //! Trefethen, SIAM Review 63(2), 2021; for frequency responses Bultheel, Van Barel, 1995).
 
 use crate::PoleFitError;
-use crate::columns::{Columns, axpy, dot};
+use crate::columns::{BLOCK, Columns, NOTHING, add_dot, add_multiples, correlate, dot, project, scale, wide};
 use lpv_core::linalg::eigenvalues;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
@@ -129,6 +129,49 @@ impl Recurrence {
     }
 }
 
+wide! {
+    /// Takes columns of `q`, as many as there are factors, off `x`: what is left of it times the same columns.
+    fn orthogonalise(q: &'a [f64], factors: &'a [f64], x: &'a mut [f64]) -> Vec<f64> {
+        let length = x.len();
+        let mut sums = vec![NOTHING; factors.len()];
+        for (start, x) in (0..).step_by(BLOCK).zip(x.chunks_mut(BLOCK)) {
+            add_multiples(q, start, length, factors, -1.0, x);
+            project(q, length, start, x, &mut sums);
+        }
+        sums.iter().map(|sums| sums.iter().sum()).collect()
+    }
+}
+
+wide! {
+    /// Takes columns of `q` off `x`, keeps what is left as the next column and multiplies it by `z`: the squared length of that
+    /// column, and so many columns times the product.
+    fn advance(
+        q: &'a mut [f64],
+        z: &'a [C64],
+        factors: &'a [f64],
+        x: &'a mut [f64],
+        products: usize
+    ) -> (f64, Vec<f64>) {
+        let (length, lines) = (x.len(), z.len());
+        let (mut square, mut sums) = (NOTHING, vec![NOTHING; products]);
+        let (re, im) = x.split_at_mut(lines);
+        let blocks = re.chunks_mut(BLOCK).zip(im.chunks_mut(BLOCK)).zip(z.chunks(BLOCK));
+        for (start, ((re, im), z)) in (0..).step_by(BLOCK).zip(blocks) {
+            for (start, part) in [(start, &mut *re), (lines + start, &mut *im)] {
+                add_multiples(q, start, length, factors, -1.0, part);
+                add_dot(part, part, &mut square);
+                q[factors.len() * length + start..][..part.len()].copy_from_slice(part);
+            }
+            for ((re, im), z) in re.iter_mut().zip(im.iter_mut()).zip(z) {
+                (*re, *im) = (*re * z.re - *im * z.im, *re * z.im + *im * z.re);
+            }
+            project(q, length, start, re, &mut sums);
+            project(q, length, lines + start, im, &mut sums);
+        }
+        (square.iter().sum(), sums.iter().map(|sums| sums.iter().sum()).collect())
+    }
+}
+
 /// The polynomials on the lines: column `j` holds `q_j = sqrt(mu) p_j`.
 #[derive(Debug, Clone)]
 pub(crate) struct Basis {
@@ -146,33 +189,40 @@ impl Basis {
             return Err(PoleFitError::Basis { degree: 0, lines });
         }
         let root_mu: Vec<f64> = mu.iter().map(|m| (m / total).sqrt()).collect();
-        let mut q = Vec::with_capacity(2 * lines * (degree + 1));
-        q.extend_from_slice(&root_mu);
-        q.resize(2 * lines, 0.0);
+        let mut q = vec![0.0; 2 * lines * (degree + 1)];
+        let mut next = root_mu.clone();
+        next.resize(2 * lines, 0.0);
         let mut h = DMatrix::zeros(degree + 1, degree);
-        let mut next = vec![0.0; 2 * lines];
-        for j in 0..degree {
-            let (re, im) = q[j * 2 * lines..].split_at(lines);
-            let (next_re, next_im) = next.split_at_mut(lines);
-            for k in 0..lines {
-                next_re[k] = re[k] * z[k].re - im[k] * z[k].im;
-                next_im[k] = re[k] * z[k].im + im[k] * z[k].re;
-            }
-            let before = dot(&next, &next).sqrt();
-            // Twice is enough (Kahan, Parlett).
-            for _ in 0..2 {
-                for (i, column) in q.chunks_exact(2 * lines).enumerate() {
-                    let projection = dot(column, &next);
-                    h[(i, j)] += projection;
-                    axpy(-projection, column, &mut next);
+        // Classical Gram-Schmidt; twice is enough (Giraud, Langou, Rozloznik, Computers Math. Appl. 50(7), 2005).
+        let mut second = Vec::new();
+        let mut before = 0.0;
+        for j in 0..=degree {
+            // What the second round leaves is the next column, with which the first round of the one after it begins.
+            let products = if j < degree { j + 1 } else { 0 };
+            let (square, mut first) = advance(&mut q, z, &second, &mut next, products);
+            if j > 0 {
+                let norm = square.sqrt();
+                if norm <= 1e-12 * before || !norm.is_finite() {
+                    return Err(PoleFitError::Basis { degree: j, lines });
+                }
+                for (h, second) in h.column_mut(j - 1).iter_mut().zip(&second) {
+                    *h += second;
+                }
+                h[(j, j - 1)] = norm;
+                scale(1.0 / norm, &mut q[j * 2 * lines..(j + 1) * 2 * lines]);
+                scale(1.0 / norm, &mut next);
+                scale(1.0 / norm, &mut first);
+                if let Some(own) = first.last_mut() {
+                    *own /= norm;
                 }
             }
-            let norm = dot(&next, &next).sqrt();
-            if norm <= 1e-12 * before || !norm.is_finite() {
-                return Err(PoleFitError::Basis { degree: j + 1, lines });
+            if j < degree {
+                before = dot(&next, &next).sqrt();
+                second = orthogonalise(&q, &first, &mut next);
+                for (h, first) in h.column_mut(j).iter_mut().zip(&first) {
+                    *h = *first;
+                }
             }
-            h[(j + 1, j)] = norm;
-            q.extend(next.iter().map(|v| v / norm));
         }
         Ok(Self {
             recurrence: Recurrence { constant: 1.0, h },
@@ -190,15 +240,15 @@ impl Basis {
         lines.map(|((re, im), root)| C64::new(*re, *im) / *root).collect()
     }
 
-    /// `Re sum_k conj(q_j) x_k` for `j` below `count`, of both parts of a column.
-    pub(crate) fn correlate(&self, count: usize, x: &[f64]) -> DVector<f64> {
-        DVector::from_fn(count, |j, _| dot(self.q.whole(j), x))
+    /// `Re sum_k conj(q_j) x_k` for `j` below `count`; of several columns `x`, one after the other.
+    pub(crate) fn correlate(&self, count: usize, x: &Columns) -> DVector<f64> {
+        DVector::from_vec(correlate(self.q.parts(), 2 * x.lines(), count, x.parts()))
     }
 
     /// Coefficients of a polynomial of degree below `count` from its values on the lines.
     pub(crate) fn project(&self, count: usize, values: &[C64]) -> DVector<f64> {
         let weighted: Vec<C64> = values.iter().zip(&self.root_mu).map(|(v, r)| v * r).collect();
-        self.correlate(count, Columns::single(&weighted).whole(0))
+        self.correlate(count, &Columns::single(&weighted))
     }
 }
 

@@ -90,12 +90,16 @@ impl Columns {
         (re[line], im[line]) = (value.re, value.im);
     }
 
-    /// `sum_j factors[j] column_j`, into both parts of a column.
-    pub(crate) fn combine(&self, factors: &[f64], sum: &mut [f64]) {
-        sum.fill(0.0);
-        for (factor, column) in factors.iter().zip(self.values.chunks_exact(2 * self.lines)) {
-            axpy(*factor, column, sum);
-        }
+    /// `sum_j factors[j] column_j`, into both parts of a column; or of several, for as many factors each.
+    pub(crate) fn combine(&self, factors: &[f64], sums: &mut [f64]) {
+        let length = 2 * self.lines;
+        combine(
+            &self.values,
+            length,
+            factors.len() * length / sums.len().max(1),
+            factors,
+            sums,
+        );
     }
 }
 
@@ -131,26 +135,108 @@ macro_rules! wide {
 }
 pub(crate) use wide;
 
-wide! {
-    /// Eight partial sums: the order of additions is fixed, whatever the registers of the machine.
-    fn dot(x: &'a [f64], y: &'a [f64]) -> f64 {
-        let mut sums = [0.0; 8];
-        let ((x8, x), (y8, y)) = (x.as_chunks::<8>(), y.as_chunks::<8>());
-        for (a, b) in x8.iter().zip(y8) {
-            for i in 0..8 {
-                sums[i] += a[i] * b[i];
-            }
+/// Partial sums, enough that few additions wait for another: their order is fixed, whatever the registers of the machine.
+pub(crate) type Sums = [f64; LANES];
+const LANES: usize = 16;
+/// Before the first product.
+pub(crate) const NOTHING: Sums = [0.0; LANES];
+
+/// Adds the products of both to the partial sums.
+#[inline(always)]
+pub(crate) fn add_dot(x: &[f64], y: &[f64], sums: &mut Sums) {
+    let mut all = *sums;
+    let ((x_all, x), (y_all, y)) = (x.as_chunks::<LANES>(), y.as_chunks::<LANES>());
+    for (a, b) in x_all.iter().zip(y_all) {
+        for i in 0..LANES {
+            all[i] += a[i] * b[i];
         }
-        let tail: f64 = x.iter().zip(y).map(|(a, b)| a * b).sum();
-        sums.iter().sum::<f64>() + tail
+    }
+    for ((a, b), sum) in x.iter().zip(y).zip(&mut all) {
+        *sum += a * b;
+    }
+    *sums = all;
+}
+
+wide! {
+    /// `x^T y`.
+    fn dot(x: &'a [f64], y: &'a [f64]) -> f64 {
+        let mut sums = NOTHING;
+        add_dot(x, y, &mut sums);
+        sums.iter().sum()
+    }
+}
+
+/// Numbers of each column that are near the processor while others pass.
+pub(crate) const BLOCK: usize = 256;
+
+/// Adds the multiples of a block of each column of this length to that of `x`.
+#[inline(always)]
+pub(crate) fn add_multiples(
+    columns: &[f64],
+    start: usize,
+    length: usize,
+    factors: &[f64],
+    sign: f64,
+    x: &mut [f64],
+) {
+    let count = x.len();
+    let of = |column: usize| &columns[column * length + start..][..count];
+    // Four at a time: what they add to is read and written once.
+    let (fours, rest) = factors.as_chunks::<4>();
+    for (i, f) in fours.iter().enumerate() {
+        let [a, b, c, d] = [of(4 * i), of(4 * i + 1), of(4 * i + 2), of(4 * i + 3)];
+        let f = f.map(|f| sign * f);
+        for ((((x, a), b), c), d) in x.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+            *x += (f[0] * a + f[1] * b) + (f[2] * c + f[3] * d);
+        }
+    }
+    for (i, f) in rest.iter().enumerate() {
+        let f = sign * f;
+        for (x, a) in x.iter_mut().zip(of(4 * fours.len() + i)) {
+            *x += f * a;
+        }
+    }
+}
+
+/// Adds the products of a block of each column of this length with that of `x` to the sums.
+#[inline(always)]
+pub(crate) fn project(columns: &[f64], length: usize, start: usize, x: &[f64], sums: &mut [Sums]) {
+    for (sums, column) in sums.iter_mut().zip(columns.chunks_exact(length)) {
+        add_dot(&column[start..start + x.len()], x, sums);
     }
 }
 
 wide! {
-    /// `y + factor x`, into `y`.
-    fn axpy(factor: f64, x: &'a [f64], y: &'a mut [f64]) -> () {
-        for (y, x) in y.iter_mut().zip(x) {
-            *y += factor * x;
+    /// So many sums of products with the columns for each of `x`.
+    fn correlate(columns: &'a [f64], length: usize, count: usize, x: &'a [f64]) -> Vec<f64> {
+        let mut sums = vec![NOTHING; count * (x.len() / length)];
+        for start in (0..length).step_by(BLOCK) {
+            for (sums, x) in sums.chunks_mut(count).zip(x.chunks_exact(length)) {
+                project(columns, length, start, &x[start..length.min(start + BLOCK)], sums);
+            }
+        }
+        sums.iter().map(|sums| sums.iter().sum()).collect()
+    }
+}
+
+wide! {
+    /// The sum of so many columns with the factors of each of `sums`, into them.
+    fn combine(columns: &'a [f64], length: usize, count: usize, factors: &'a [f64], sums: &'a mut [f64]) -> () {
+        for start in (0..length).step_by(BLOCK) {
+            for (sum, factors) in sums.chunks_exact_mut(length).zip(factors.chunks_exact(count)) {
+                let sum = &mut sum[start..length.min(start + BLOCK)];
+                sum.fill(0.0);
+                add_multiples(columns, start, length, factors, 1.0, sum);
+            }
+        }
+    }
+}
+
+wide! {
+    /// `factor x`, into `x`.
+    fn scale(factor: f64, x: &'a mut [f64]) -> () {
+        for x in x {
+            *x *= factor;
         }
     }
 }

@@ -135,23 +135,20 @@ impl Point {
         };
         // The second pass is iterative refinement: its right-hand side comes from the residual itself, so that the
         // squared condition number of the normal matrix does not reach the solution.
-        let mut x = Columns::zeros(n, 1);
+        let mut x = Columns::zeros(n, n_c);
         for _ in 0..2 {
-            let mut step = DVector::zeros(n_c * n_b);
             for c in 0..n_c {
                 let (s, weighted) = (point.over_ta.column(0), point.weighted.column(c));
-                conjugate_product(s, weighted, x.column_mut(0));
-                step.rows_mut(c * n_b, n_b)
-                    .copy_from(&basis.correlate(n_b, x.whole(0)));
+                conjugate_product(s, weighted, x.column_mut(c));
             }
+            let mut step = basis.correlate(n_b, &x);
             point.h_bb.solve_mut(&mut step);
             for (b, s) in point.beta.iter_mut().zip(step.iter()) {
                 *b += s;
             }
+            basis.q.combine(point.beta.as_slice(), x.parts_mut());
             for c in 0..n_c {
-                let numerator = &point.beta.as_slice()[c * n_b..(c + 1) * n_b];
-                basis.q.combine(numerator, x.whole_mut(0));
-                product(point.over_ta.column(0), x.column(0), point.residual.column_mut(c));
+                product(point.over_ta.column(0), x.column(c), point.residual.column_mut(c));
             }
             for (f, residual) in lines.f.parts().iter().zip(point.residual.parts_mut()) {
                 *residual = f - *residual;
@@ -186,7 +183,7 @@ impl Point {
             add_conjugate_product(model.v.column(c), self.weighted.column(c), sum.column_mut(0));
         }
         conjugate_product(self.over_a.column(0), sum.column(0), x.column_mut(0));
-        basis.correlate(setup.n_a, x.whole(0))
+        basis.correlate(setup.n_a, &x)
     }
 
     /// The reduced normal matrix. With the model explained it is the Gauss-Newton one; with the data it is that of the

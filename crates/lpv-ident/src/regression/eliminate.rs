@@ -60,14 +60,14 @@ impl Regressors {
             .collect();
         // The whole list again on an error, so that the error counts its lines from the first.
         let parts = parts.or_else(|_| basis.frequency_response(&frequencies_hz).map(|whole| vec![whole]))?;
-        let functions = (0..basis.outputs())
-            .map(|i| {
-                padded(
-                    frequencies_hz.len(),
-                    parts.iter().flat_map(|part| part.channel(i, 0)),
-                )
-            })
-            .collect();
+        let mut functions = vec![padded(frequencies_hz.len(), std::iter::empty()); basis.outputs()];
+        for (part, start) in parts.iter().zip((0..).step_by(CHUNK)) {
+            for (i, function) in functions.iter_mut().enumerate() {
+                for (k, value) in (start..).zip(part.channel(i, 0)) {
+                    function.set(k, value);
+                }
+            }
+        }
         let rigid = has_rigid_body
             .then(|| {
                 let phi_r = frequencies_hz.iter().map(|&f| rigid_response(basis.clock(), f));
@@ -173,6 +173,8 @@ fn channels(
     }
     let mut whitening = Whitening::new(ny, nu, count);
     whitening.set(estimate, lines, settings, position)?;
+    whitening.left.roots();
+    whitening.right_adjoint.roots();
     for (index, channel) in channels.iter_mut().enumerate() {
         let (r, s) = (index % ny, index / ny);
         for (a, b, factor) in &mut channel.parts {

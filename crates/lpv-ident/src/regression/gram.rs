@@ -30,7 +30,7 @@ use sums::{ROWS, Sums};
 use weights::{Weighted, Weights, WeightsAt};
 
 /// Lines at once: their planes stay in the fastest cache.
-const BLOCK: usize = 256;
+const BLOCK: usize = 64;
 
 /// Condition of the scaled regressors beyond which reflections take over: their triangle keeps five digits then.
 const MOST: f64 = 3e5;
@@ -219,17 +219,12 @@ impl<'a> Pass<'a> {
         let start = kept.start + block * BLOCK;
         let lines = start..kept.end.min(start + BLOCK);
         self.whitening.set(estimate, lines.clone(), settings, *position)?;
-        let size = self.residual.len();
-        let values = estimate.frf().values();
-        for (s, entry) in self.residual.iter_mut().enumerate() {
-            entry.gather((values, size), lines.clone(), s, 1.0);
-        }
-        let (count, range) = (lines.len(), self.equations.range(block));
+        let range = self.equations.range(block);
         pulp::Arch::new().dispatch(Step {
             pass: self,
             weights,
             model,
-            count,
+            lines,
             range,
         });
         Ok(())
@@ -256,7 +251,9 @@ struct Step<'a, 'b> {
     pass: &'a mut Pass<'b>,
     weights: WeightsAt<'a>,
     model: Option<&'a DMatrix<f64>>,
-    count: usize,
+    /// Of the estimate.
+    lines: Range<usize>,
+    /// Of the functions.
     range: Range<usize>,
 }
 
@@ -266,6 +263,7 @@ impl WithSimd for Step<'_, '_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Pass {
+            equations,
             functions,
             whitening,
             residual,
@@ -275,7 +273,11 @@ impl WithSimd for Step<'_, '_> {
             ..
         } = self.pass;
         let mut weights = self.weights;
-        weights.set(whitening, self.count);
+        weights.set(whitening, self.lines.len());
+        let (values, size) = (equations.estimate.frf().values(), residual.len());
+        for (s, entry) in residual.iter_mut().enumerate() {
+            entry.gather((values, size), self.lines.clone(), s, 1.0);
+        }
         if let Some(coefficients) = self.model {
             let range = || self.range.clone();
             for (i, pair) in residual.chunks_mut(2).enumerate() {

@@ -111,8 +111,8 @@ fn plane_mut(planes: &mut [f64], i: usize) -> &mut [f64] {
 impl WeightsAt<'_> {
     #[inline(always)]
     pub(super) fn set(&mut self, whitening: &Whitening, lines: usize) {
-        square(&whitening.left, self.c);
-        square(&whitening.right_adjoint, self.s);
+        turned_over(&whitening.left, self.c);
+        turned_over(&whitening.right_adjoint, self.s);
         let (c, s) = (&*self.c, &*self.s);
         let ny = self.outputs;
         for i in 0..self.channels {
@@ -169,17 +169,35 @@ impl WeightsAt<'_> {
     }
 }
 
-/// The upper triangle of `L^H L`, row after row.
+/// The upper triangle of `L^-H D^-1 L^-1`, row after row.
 #[inline(always)]
-fn square(lower: &Lower, out: &mut [Planes]) {
+fn turned_over(lower: &Lower, out: &mut [Planes]) {
     let n = lower.size();
     for i in 0..n {
         for j in i..n {
             let sum = &mut out[pair(n, i, j)];
-            // conj(L[r, i]) L[r, j].
-            sum.set_product(lower.entry(j, j), lower.entry(j, i), 1.0, -1.0);
+            let d = &lower.entry(j, j).re;
+            if i == j {
+                sum.re.copy_from_slice(d);
+                sum.im.fill(0.0);
+            } else {
+                let l = lower.entry(j, i);
+                let (re, im) = (&mut sum.re[..BLOCK], &mut sum.im[..BLOCK]);
+                let (d, lr, li) = (&d[..BLOCK], &l.re[..BLOCK], &l.im[..BLOCK]);
+                for k in 0..BLOCK {
+                    re[k] = d[k] * lr[k];
+                    im[k] = -d[k] * li[k];
+                }
+            }
             for r in j + 1..n {
-                sum.add_product(lower.entry(r, j), lower.entry(r, i), 1.0, -1.0);
+                // conj(L[r, i]) L[r, j] / D[r].
+                let (x, y, d) = (lower.entry(r, j), lower.entry(r, i), &lower.entry(r, r).re);
+                let (re, im, d) = (&mut sum.re[..BLOCK], &mut sum.im[..BLOCK], &d[..BLOCK]);
+                let ((xr, xi), (yr, yi)) = (x.part(0..BLOCK), y.part(0..BLOCK));
+                for k in 0..BLOCK {
+                    re[k] += d[k] * (xr[k] * yr[k] + xi[k] * yi[k]);
+                    im[k] += d[k] * (xi[k] * yr[k] - xr[k] * yi[k]);
+                }
             }
         }
     }

@@ -112,7 +112,11 @@ fn measure(arguments: &Arguments) -> Result<(), Failure> {
         kernels,
         growth,
     };
-    let page = page::page(&account, arguments.disk);
+    let command = match arguments.kernels {
+        true => "cargo xtask limits --kernels".to_owned(),
+        false => format!("cargo xtask limits --bless --disk {}", arguments.disk),
+    };
+    let page = page::page(&account, &command);
     print!("{page}");
     if arguments.kernels {
         return Ok(());

@@ -3,21 +3,33 @@
 use crate::Account;
 use std::fmt::Write as _;
 
-/// The page; bundles on disk had at most so many GB.
-pub(crate) fn page(account: &Account, disk: f64) -> String {
+/// The page, made with this command.
+pub(crate) fn page(account: &Account, command: &str) -> String {
     let mut out = format!(
-        "# Limits and growth\n\nMade by `cargo xtask limits --bless --disk {disk}`, on one thread; medians of 7. This machine multiplies matrices at \
-         {:.1} Gflop/s and copies at {:.1} GB/s (read and written).\n\n\
-         ## How near the limit\n\nThe time that the operations (at the speed of that product) or the bytes (at the speed of that copy) \
-         need, whichever is longer, over the time taken; both speeds are measured again beside each run.\n\n\
-         | kernel | time | Mflop | MB | limited by | fraction | bar |\n|---|---|---|---|---|---|---|\n",
+        "# Limits and growth\n\nMade by `{command}`, on one thread; medians of 7. This machine multiplies matrices at \
+         {:.1} Gflop/s and copies at {:.1} GB/s (read and written).\n\n",
         1e-9 * account.gemm,
         1e-9 * account.copy
     );
-    let verdict = |bar: Option<f64>, met: bool| match bar {
+    out += &limits(account);
+    if !account.growth.is_empty() {
+        out += &growth(account);
+    }
+    out
+}
+
+fn verdict(bar: Option<f64>, met: bool) -> String {
+    match bar {
         Some(bar) => format!("{bar}: {}", lpv_benches::verdict(met)),
         None => "-".to_owned(),
-    };
+    }
+}
+
+fn limits(account: &Account) -> String {
+    let mut out = "## How near the limit\n\nThe time that the operations (at the speed of that product) or the bytes (at the speed of that copy) \
+         need, whichever is longer, over the time taken; both speeds are measured again beside each run.\n\n\
+         | kernel | time | Mflop | MB | limited by | fraction | bar |\n|---|---|---|---|---|---|---|\n"
+        .to_owned();
     for k in &account.kernels {
         let _ = writeln!(
             out,
@@ -42,11 +54,16 @@ pub(crate) fn page(account: &Account, disk: f64) -> String {
             where more than six digits would be lost without. Moving p: the terms of a series follow from each \
             other, one number at a time; only machines side by side would fill the registers. LFR: two \
             fifths are reflections, column by column in blocks that fit the cache (normal equations would lose half of the digits), a \
-            fifth the curvature, the rest the responses and their products; none of it is large enough for the speed of a large product.\n\
-            \n## Growth\n\nA transform of N samples takes N log N operations: from 2^10 to 2^18 that alone is an exponent of 1.11; what is kept of an \
+            fifth the curvature, the rest the responses and their products; none of it is large enough for the speed of a large product.\n";
+    out
+}
+
+fn growth(account: &Account) -> String {
+    let mut out = "\n## Growth\n\nA transform of N samples takes N log N operations: from 2^10 to 2^18 that alone is an exponent of 1.11; what is kept of an \
             experiment (192 bytes a line) no longer fits a second cache of 1 MiB from 2^14 on, nor do the points of a period (64 bytes a sample \
             of four channels). The bar is on all sizes; their upper half is where what a size needs leaves one cache after the other, of a regression as of \
-            a transform.\n\n| time | sizes | milliseconds | exponent | bar | upper half |\n|---|---|---|---|---|---|\n";
+            a transform.\n\n| time | sizes | milliseconds | exponent | bar | upper half |\n|---|---|---|---|---|---|\n"
+        .to_owned();
     for g in &account.growth {
         let list = |v: Vec<String>| v.join(", ");
         let _ = writeln!(

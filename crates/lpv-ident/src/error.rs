@@ -91,6 +91,18 @@ pub enum IdentError {
         /// Its frequency.
         frequency_hz: f64,
     },
+    /// A line to whose response nothing can be related.
+    #[error(
+        "position {position}, line {line} ({frequency_hz} cycles per unit of time): the response is zero or nearly so, and relative weights would be infinite; leave the line out or weight otherwise"
+    )]
+    NoResponse {
+        /// The position.
+        position: f64,
+        /// Index of the line, from 0.
+        line: usize,
+        /// Its frequency.
+        frequency_hz: f64,
+    },
     /// An interpolation that the number of positions cannot carry.
     #[error("{what} needs at least {needed} positions, there are {found}")]
     TooFewPositions {

@@ -30,9 +30,9 @@ fn place(i: usize, j: usize) -> usize {
 /// With `E[dF_ij conj(dF_kl)] = C[i,k] S[l,j]`, `C / 2 = L_C D_C L_C^H` and `S = L_S D_S L_S^H`, ones on the diagonals of both
 /// `L`, these are `left = D_C^-1/2 L_C^-1` and `right = L_S^-H D_S^-1/2`: then `dF = left^-1 N right^-1` has that covariance.
 pub(crate) struct Whitening {
-    /// `L_C^-1` below the diagonal, `D_C^-1` on it; [`Lower::roots`] makes `left` of it.
+    /// `L_C^-1` below the diagonal, `D_C^-1` on it; `left` after [`Whitening::roots`].
     pub(crate) left: Lower,
-    /// `L_S^-1` and `D_S^-1`; the adjoint of `right`.
+    /// `L_S^-1` below the diagonal, `D_S^-1` on it; the adjoint of `right` after [`Whitening::roots`].
     pub(crate) right_adjoint: Lower,
 }
 
@@ -58,9 +58,16 @@ impl Whitening {
             Weighting::Uniform => {}
             Weighting::Relative => {
                 for (row, k) in lines.enumerate() {
-                    let size = frf.line(k).norm().max(f64::MIN_POSITIVE.sqrt());
+                    let weight = 1.0 / frf.line(k).norm_squared();
+                    if !weight.is_finite() {
+                        return Err(IdentError::NoResponse {
+                            position,
+                            line: k,
+                            frequency_hz: frf.frequencies_hz()[k],
+                        });
+                    }
                     for i in 0..self.left.size {
-                        self.left.entries[place(i, i)].set(row, Complex::from(1.0 / size.powi(2)));
+                        self.left.entries[place(i, i)].set(row, Complex::from(weight));
                     }
                 }
             }
@@ -82,6 +89,13 @@ impl Whitening {
             }
         }
         Ok(())
+    }
+
+    /// Both with the roots of their diagonals.
+    pub(crate) fn roots(mut self) -> Self {
+        self.left.roots();
+        self.right_adjoint.roots();
+        self
     }
 
     /// What the basis cannot represent, as noise: `(relative ||F_i||)^2` for the variance of each row i of F, spread over
@@ -195,7 +209,8 @@ impl Lower {
                 let mut own = std::mem::take(&mut self.entries[place(i, j)]);
                 let diagonal = &mut self.entries[place(i, i)].re;
                 for (((d, w), re), im) in diagonal.iter_mut().zip(left.iter()).zip(&own.re).zip(&own.im) {
-                    *d -= (re * re + im * im) * w;
+                    // The square alone might be no number in extreme units.
+                    *d -= re * (re * w) + im * (im * w);
                 }
                 own.scale(left);
                 for row in i + 1..n {
@@ -228,7 +243,7 @@ impl Lower {
     }
 
     /// Turns `L^-1` and `D^-1` into `D^-1/2 L^-1`.
-    pub(crate) fn roots(&mut self) {
+    fn roots(&mut self) {
         for i in 0..self.size {
             let root: Vec<f64> = self.entries[place(i, i)].re.iter().map(|d| d.sqrt()).collect();
             for entry in &mut self.entries[place(i, 0)..place(i, i)] {

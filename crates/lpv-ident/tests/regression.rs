@@ -260,6 +260,38 @@ fn leave_one_out_prefers_the_order_that_made_the_data() {
 }
 
 #[test]
+fn units_do_not_matter() {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let of_unit = |e: &FrfEstimate, unit: f64| {
+        let scaled = |values: &[C64], factor: f64| values.iter().map(|v| v * factor).collect();
+        let frf = e.frf();
+        let frf = Frf::new(frf.frequencies_hz().to_vec(), 2, 2, scaled(frf.values(), unit)).unwrap();
+        let covariances = scaled(e.output_covariances(), unit * unit);
+        FrfEstimate::new(
+            frf,
+            covariances,
+            e.input_factors().to_vec(),
+            f64::INFINITY,
+            e.position(),
+        )
+        .unwrap()
+    };
+    let estimate = noisy(0.3, &lines(70), 1e-2, &mut rng);
+    let settings = settings();
+    let fits = |unit| regress(&[of_unit(&estimate, unit)], &bank(), &settings).unwrap();
+    let one = fits(1.0);
+    for unit in [1e-140, 1e-90, 1e90, 1e140] {
+        let other = fits(unit);
+        let (a, b) = (&one.fits()[0], &other.fits()[0]);
+        assert!(
+            (&b.weights / unit - &a.weights).norm() < 1e-12 * a.weights.norm(),
+            "{unit:e}"
+        );
+        assert!((b.cost - a.cost).abs() < 1e-9 * a.cost, "{unit:e}");
+    }
+}
+
+#[test]
 fn refusals_say_where() {
     let good = |p| FrfEstimate::with_unit_covariance(response(p, &lines(20)), Some(p)).unwrap();
     let s = settings();
@@ -292,6 +324,17 @@ fn refusals_say_where() {
     assert!(matches!(
         regress(&[unweighted], &bank(), &s),
         Err(IdentError::Covariance { line: 0, .. })
+    ));
+    let mut silent = response(0.0, &lines(20));
+    silent.line_slice_mut(7).fill(C64::new(0.0, 0.0));
+    let silent = FrfEstimate::with_unit_covariance(silent, Some(0.0)).unwrap();
+    let relative = RegressionSettings::new()
+        .weighting(Weighting::Relative)
+        .check()
+        .unwrap();
+    assert!(matches!(
+        regress(&[silent], &bank(), &relative),
+        Err(IdentError::NoResponse { line: 7, .. })
     ));
     assert!(RegressionSettings::new().band_hz(2.0, 1.0).check().is_err());
     let fits = regress(&[good(0.0), good(0.5)], &bank(), &s).unwrap();

@@ -6,7 +6,9 @@
 //! Trefethen, SIAM Review 63(2), 2021; for frequency responses Bultheel, Van Barel, 1995).
 
 use crate::PoleFitError;
-use crate::columns::{BLOCK, Columns, NOTHING, add_dot, add_multiples, correlate, dot, project, scale, wide};
+use crate::columns::{
+    BLOCK, Columns, NOTHING, add_correlations, add_dot, add_multiples, correlate, dot, scale, wide,
+};
 use lpv_core::linalg::eigenvalues;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
@@ -136,15 +138,15 @@ wide! {
         let mut sums = vec![NOTHING; factors.len()];
         for (start, x) in (0..).step_by(BLOCK).zip(x.chunks_mut(BLOCK)) {
             add_multiples(q, start, length, factors, -1.0, x);
-            project(q, length, start, x, &mut sums);
+            add_correlations(q, length, start, x, &mut sums);
         }
         sums.iter().map(|sums| sums.iter().sum()).collect()
     }
 }
 
 wide! {
-    /// Takes columns of `q` off `x`, keeps what is left as the next column and multiplies it by `z`: the squared length of that
-    /// column, and so many columns times the product.
+    /// Takes columns of `q` off `x` and makes what is left the next column, not of length one yet; then `x` becomes its product
+    /// with `z`. The squared length of that column, and so many columns times the product.
     fn advance(
         q: &'a mut [f64],
         z: &'a [C64],
@@ -165,8 +167,8 @@ wide! {
             for ((re, im), z) in re.iter_mut().zip(im.iter_mut()).zip(z) {
                 (*re, *im) = (*re * z.re - *im * z.im, *re * z.im + *im * z.re);
             }
-            project(q, length, start, re, &mut sums);
-            project(q, length, lines + start, im, &mut sums);
+            add_correlations(q, length, start, re, &mut sums);
+            add_correlations(q, length, lines + start, im, &mut sums);
         }
         (square.iter().sum(), sums.iter().map(|sums| sums.iter().sum()).collect())
     }
@@ -212,6 +214,7 @@ impl Basis {
                 scale(1.0 / norm, &mut q[j * 2 * lines..(j + 1) * 2 * lines]);
                 scale(1.0 / norm, &mut next);
                 scale(1.0 / norm, &mut first);
+                // Of the column with z times itself both are to be scaled.
                 if let Some(own) = first.last_mut() {
                     *own /= norm;
                 }

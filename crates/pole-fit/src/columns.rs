@@ -90,23 +90,18 @@ impl Columns {
         (re[line], im[line]) = (value.re, value.im);
     }
 
-    /// `sum_j factors[j] column_j`, into both parts of a column; or of several, for as many factors each.
+    /// `sum_j factors[j] column_j`, into both parts of a column; or of several, each with as many factors.
     pub(crate) fn combine(&self, factors: &[f64], sums: &mut [f64]) {
         let length = 2 * self.lines;
-        combine(
-            &self.values,
-            length,
-            factors.len() * length / sums.len().max(1),
-            factors,
-            sums,
-        );
+        let count = factors.len() / (sums.len() / length);
+        combine(&self.values, length, count, factors, sums);
     }
 }
 
 /// Parts of the lines whose columns stay near the processor.
 pub(crate) fn blocks(lines: usize) -> impl Iterator<Item = Range<usize>> {
-    const BLOCK: usize = 64;
-    (0..lines.div_ceil(BLOCK)).map(move |i| i * BLOCK..lines.min((i + 1) * BLOCK))
+    const LINES: usize = 64;
+    (0..lines.div_ceil(LINES)).map(move |i| i * LINES..lines.min((i + 1) * LINES))
 }
 
 /// Real and imaginary parts.
@@ -200,7 +195,7 @@ pub(crate) fn add_multiples(
 
 /// Adds the products of a block of each column of this length with that of `x` to the sums.
 #[inline(always)]
-pub(crate) fn project(columns: &[f64], length: usize, start: usize, x: &[f64], sums: &mut [Sums]) {
+pub(crate) fn add_correlations(columns: &[f64], length: usize, start: usize, x: &[f64], sums: &mut [Sums]) {
     for (sums, column) in sums.iter_mut().zip(columns.chunks_exact(length)) {
         add_dot(&column[start..start + x.len()], x, sums);
     }
@@ -211,8 +206,8 @@ wide! {
     fn correlate(columns: &'a [f64], length: usize, count: usize, x: &'a [f64]) -> Vec<f64> {
         let mut sums = vec![NOTHING; count * (x.len() / length)];
         for start in (0..length).step_by(BLOCK) {
-            for (sums, x) in sums.chunks_mut(count).zip(x.chunks_exact(length)) {
-                project(columns, length, start, &x[start..length.min(start + BLOCK)], sums);
+            for (sums, x) in sums.chunks_mut(count.max(1)).zip(x.chunks_exact(length)) {
+                add_correlations(columns, length, start, &x[start..length.min(start + BLOCK)], sums);
             }
         }
         sums.iter().map(|sums| sums.iter().sum()).collect()
@@ -223,7 +218,8 @@ wide! {
     /// The sum of so many columns with the factors of each of `sums`, into them.
     fn combine(columns: &'a [f64], length: usize, count: usize, factors: &'a [f64], sums: &'a mut [f64]) -> () {
         for start in (0..length).step_by(BLOCK) {
-            for (sum, factors) in sums.chunks_exact_mut(length).zip(factors.chunks_exact(count)) {
+            for (i, sum) in sums.chunks_exact_mut(length).enumerate() {
+                let factors = &factors[i * count..(i + 1) * count];
                 let sum = &mut sum[start..length.min(start + BLOCK)];
                 sum.fill(0.0);
                 add_multiples(columns, start, length, factors, 1.0, sum);

@@ -173,13 +173,11 @@ fn channels(
     }
     let mut whitening = Whitening::new(ny, nu, count);
     whitening.set(estimate, lines, settings, position)?;
-    whitening.left.roots();
-    whitening.right_adjoint.roots();
+    let Whitening { left, right_adjoint } = whitening.roots();
     for (index, channel) in channels.iter_mut().enumerate() {
         let (r, s) = (index % ny, index / ny);
         for (a, b, factor) in &mut channel.parts {
-            let (left, right) = (&whitening.left, &whitening.right_adjoint);
-            factor.add_product(left.entry(r, *a), right.entry(s, *b), 1.0, -1.0);
+            factor.add_product(left.entry(r, *a), right_adjoint.entry(s, *b), 1.0, -1.0);
         }
     }
     Ok(channels)

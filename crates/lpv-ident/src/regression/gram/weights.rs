@@ -169,28 +169,29 @@ impl WeightsAt<'_> {
     }
 }
 
-/// The upper triangle of `L^-H D^-1 L^-1`, row after row.
+/// The upper triangle of `M^H D^-1 M` with `M = L^-1`, row after row.
 #[inline(always)]
 fn turned_over(lower: &Lower, out: &mut [Planes]) {
     let n = lower.size();
     for i in 0..n {
         for j in i..n {
             let sum = &mut out[pair(n, i, j)];
+            // 1 / D[j].
             let d = &lower.entry(j, j).re;
             if i == j {
                 sum.re.copy_from_slice(d);
                 sum.im.fill(0.0);
             } else {
-                let l = lower.entry(j, i);
+                let m = lower.entry(j, i);
                 let (re, im) = (&mut sum.re[..BLOCK], &mut sum.im[..BLOCK]);
-                let (d, lr, li) = (&d[..BLOCK], &l.re[..BLOCK], &l.im[..BLOCK]);
+                let (d, mr, mi) = (&d[..BLOCK], &m.re[..BLOCK], &m.im[..BLOCK]);
                 for k in 0..BLOCK {
-                    re[k] = d[k] * lr[k];
-                    im[k] = -d[k] * li[k];
+                    re[k] = d[k] * mr[k];
+                    im[k] = -d[k] * mi[k];
                 }
             }
             for r in j + 1..n {
-                // conj(L[r, i]) L[r, j] / D[r].
+                // conj(M[r, i]) M[r, j] / D[r].
                 let (x, y, d) = (lower.entry(r, j), lower.entry(r, i), &lower.entry(r, r).re);
                 let (re, im, d) = (&mut sum.re[..BLOCK], &mut sum.im[..BLOCK], &d[..BLOCK]);
                 let ((xr, xi), (yr, yi)) = (x.part(0..BLOCK), y.part(0..BLOCK));

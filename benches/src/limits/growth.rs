@@ -96,7 +96,7 @@ fn rows<'a>(bench: &'a Bench, model: &'a StateSpace<Discrete>) -> Vec<Row<'a>> {
             Box::new(|n| Ok(works::response(model, bench.lines_hz(n)))),
         ),
         row(
-            "pole fit against lines (order 12, 2x2, noise of a thousandth)",
+            "four steps of a pole fit against lines (order 12, 2x2)",
             (9..=14).map(|i| 1 << i).collect(),
             Some(1.05),
             Box::new(|n| works::poles(bench, n)),

@@ -102,19 +102,17 @@ fn measure(arguments: &Arguments) -> Result<(), Failure> {
     }
     let bench = Bench::new()?;
     let (kernels, [gemm, copy]) = kernels::all(&bench)?;
-    let growth = match arguments.kernels {
-        true => Vec::new(),
-        false => growth::all(&bench, arguments.disk)?,
+    let (growth, command) = if arguments.kernels {
+        (Vec::new(), "cargo xtask limits --kernels".to_owned())
+    } else {
+        let command = format!("cargo xtask limits --bless --disk {}", arguments.disk);
+        (growth::all(&bench, arguments.disk)?, command)
     };
     let account = Account {
         gemm,
         copy,
         kernels,
         growth,
-    };
-    let command = match arguments.kernels {
-        true => "cargo xtask limits --kernels".to_owned(),
-        false => format!("cargo xtask limits --bless --disk {}", arguments.disk),
     };
     let page = page::page(&account, &command);
     print!("{page}");

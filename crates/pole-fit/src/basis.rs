@@ -7,7 +7,7 @@
 
 use crate::PoleFitError;
 use crate::columns::{
-    BLOCK, Columns, NOTHING, add_correlations, add_dot, add_multiples, correlate, dot, scale, wide,
+    BLOCK, Columns, NOTHING, add_correlations, add_dot, add_multiples, correlate, dot, scale, totals, wide,
 };
 use lpv_core::linalg::eigenvalues;
 use nalgebra::{DMatrix, DVector};
@@ -137,10 +137,10 @@ wide! {
         let length = x.len();
         let mut sums = vec![NOTHING; factors.len()];
         for (start, x) in (0..).step_by(BLOCK).zip(x.chunks_mut(BLOCK)) {
-            add_multiples(q, start, length, factors, -1.0, x);
+            add_multiples(q, length, start, factors, -1.0, x);
             add_correlations(q, length, start, x, &mut sums);
         }
-        sums.iter().map(|sums| sums.iter().sum()).collect()
+        totals(&sums)
     }
 }
 
@@ -160,7 +160,7 @@ wide! {
         let blocks = re.chunks_mut(BLOCK).zip(im.chunks_mut(BLOCK)).zip(z.chunks(BLOCK));
         for (start, ((re, im), z)) in (0..).step_by(BLOCK).zip(blocks) {
             for (start, part) in [(start, &mut *re), (lines + start, &mut *im)] {
-                add_multiples(q, start, length, factors, -1.0, part);
+                add_multiples(q, length, start, factors, -1.0, part);
                 add_dot(part, part, &mut square);
                 q[factors.len() * length + start..][..part.len()].copy_from_slice(part);
             }
@@ -170,7 +170,7 @@ wide! {
             add_correlations(q, length, start, re, &mut sums);
             add_correlations(q, length, lines + start, im, &mut sums);
         }
-        (square.iter().sum(), sums.iter().map(|sums| sums.iter().sum()).collect())
+        (square.iter().sum(), totals(&sums))
     }
 }
 

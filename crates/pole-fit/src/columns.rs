@@ -152,6 +152,11 @@ pub(crate) fn add_dot(x: &[f64], y: &[f64], sums: &mut Sums) {
     *sums = all;
 }
 
+/// Each of some sums.
+pub(crate) fn totals(sums: &[Sums]) -> Vec<f64> {
+    sums.iter().map(|sums| sums.iter().sum()).collect()
+}
+
 wide! {
     /// `x^T y`.
     fn dot(x: &'a [f64], y: &'a [f64]) -> f64 {
@@ -168,8 +173,8 @@ pub(crate) const BLOCK: usize = 256;
 #[inline(always)]
 pub(crate) fn add_multiples(
     columns: &[f64],
-    start: usize,
     length: usize,
+    start: usize,
     factors: &[f64],
     sign: f64,
     x: &mut [f64],
@@ -210,7 +215,7 @@ wide! {
                 add_correlations(columns, length, start, &x[start..length.min(start + BLOCK)], sums);
             }
         }
-        sums.iter().map(|sums| sums.iter().sum()).collect()
+        totals(&sums)
     }
 }
 
@@ -222,7 +227,7 @@ wide! {
                 let factors = &factors[i * count..(i + 1) * count];
                 let sum = &mut sum[start..length.min(start + BLOCK)];
                 sum.fill(0.0);
-                add_multiples(columns, start, length, factors, 1.0, sum);
+                add_multiples(columns, length, start, factors, 1.0, sum);
             }
         }
     }

@@ -60,7 +60,7 @@ impl Regressors {
             .collect();
         // The whole list again on an error, so that the error counts its lines from the first.
         let parts = parts.or_else(|_| basis.frequency_response(&frequencies_hz).map(|whole| vec![whole]))?;
-        let mut functions = vec![padded(frequencies_hz.len(), std::iter::empty()); basis.outputs()];
+        let mut functions = vec![Planes::zeros(frequencies_hz.len() + WIDEST); basis.outputs()];
         for (part, start) in parts.iter().zip((0..).step_by(CHUNK)) {
             for (i, function) in functions.iter_mut().enumerate() {
                 for (k, value) in (start..).zip(part.channel(i, 0)) {

@@ -221,12 +221,12 @@ fn parts(z: C64) -> [f64; 2] {
     [z.re, z.im]
 }
 
-/// As they stand.
-fn numbers_of(values: &[C64]) -> Vec<f64> {
-    let mut all = Vec::with_capacity(2 * values.len());
-    values
-        .iter()
-        .for_each(|value| all.extend_from_slice(&parts(*value)));
+/// As they stand, one list after the other.
+fn numbers_of(lists: &[&[C64]]) -> Vec<f64> {
+    let mut all = Vec::with_capacity(2 * lists.iter().map(|list| list.len()).sum::<usize>());
+    for value in lists.iter().copied().flatten() {
+        all.extend_from_slice(&parts(*value));
+    }
     all
 }
 
@@ -356,12 +356,11 @@ fn frf_ours() -> Result<Run, Failure> {
     let periods = periods(&Bench::new()?)?;
     Ok(Box::new(move || {
         let found = frf_estimate(&periods)?;
-        let results = [
+        Ok(numbers_of(&[
             found.frf().values(),
             found.output_covariances(),
             found.input_factors(),
-        ];
-        Ok(numbers_of(&results.concat()))
+        ]))
     }))
 }
 
@@ -373,7 +372,7 @@ fn frf_error(found: &[f64]) -> Result<f64, Failure> {
         .machine
         .sampled(0.2, bench.clock)?
         .frequency_response(&lines)?;
-    let truth = numbers_of(truth.values());
+    let truth = numbers_of(&[truth.values()]);
     distance(&found[..truth.len().min(found.len())], &truth)
 }
 

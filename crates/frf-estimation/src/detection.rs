@@ -1,11 +1,11 @@
 //! Fast method: what appears at lines where nothing was put in.
 
-use crate::gain::add_residual_covariance;
-use crate::periodic::{Averages, LineScratch};
+use crate::gain::residual_covariance;
+use crate::lanes::{ComplexLanes, Lanes};
+use crate::lines::LineScratch;
+use crate::periodic::Averages;
 use lpv_core::Frf;
-use num_complex::Complex;
-
-type C64 = Complex<f64>;
+use pulp::Scalar;
 
 /// Levels at detection lines: lines between the lowest and the highest excited one that carry no excitation.
 ///
@@ -47,11 +47,11 @@ pub(crate) fn detect(
     }
     let (ny, nu) = (averages.layout.outputs, averages.layout.inputs);
     let ne = averages.experiments.len() as f64;
-    let weights = averages.weights();
-    let scale = weights.covariance_scale;
-    let mut scratch = LineScratch::new(&averages.layout);
-    let mut f = vec![C64::new(0.0, 0.0); ny * nu];
-    let mut c = vec![C64::new(0.0, 0.0); ny * ny];
+    let simd = Scalar::new();
+    let scale = Lanes::splat(simd, averages.weights().covariance_scale);
+    let mut scratch = LineScratch::new(simd, &averages.layout);
+    let mut f = vec![ComplexLanes::zero(simd); ny * nu];
+    let mut c = vec![ComplexLanes::zero(simd); ny * ny];
     let (mut output_level, mut output_noise, mut input_level) = (Vec::new(), Vec::new(), Vec::new());
     // Excess power and number of lines, even and odd.
     let mut excess = [vec![0.0; ny], vec![0.0; ny]];
@@ -64,27 +64,25 @@ pub(crate) fn detect(
             .iter_mut()
             .zip(frf.line_slice(above - 1).iter().zip(frf.line_slice(above)))
         {
-            *f = a * (1.0 - t) + b * t;
+            *f = ComplexLanes::one(a * (1.0 - t) + b * t);
         }
-        averages.gather(k, &mut scratch);
-        c.fill(C64::new(0.0, 0.0));
-        add_residual_covariance(&scratch.scatter, &f, ny, nu, scale, &mut c);
-        let spectra = &scratch.spectra;
+        averages.gather(simd, &[k], &mut scratch);
+        residual_covariance(&scratch.scatter, &f, ny, nu, scale, &mut c);
         count[k % 2] += 1;
         for i in 0..ny {
-            let residual = |(y, u): (&[C64], &[C64])| {
-                let through: C64 = (0..nu).map(|j| f[j * ny + i] * u[j]).sum();
-                (y[i] - through).norm_sqr()
+            let residual = |(y, u): (&[ComplexLanes<_>], &[ComplexLanes<_>])| {
+                let rest = (0..nu).fold(y[i], |rest, j| rest - f[j * ny + i] * u[j]);
+                rest.value().norm_sqr()
             };
-            let pairs = spectra.y.chunks_exact(ny).zip(spectra.u.chunks_exact(nu));
+            let pairs = scratch.y.chunks_exact(ny).zip(scratch.u.chunks_exact(nu));
             let power = pairs.map(residual).sum::<f64>() / ne;
-            let noise = c[i * ny + i].re;
+            let noise = c[i * ny + i].value().re;
             output_level.push(power.sqrt());
             output_noise.push(noise.sqrt());
             excess[k % 2][i] += power - noise;
         }
         for j in 0..nu {
-            let power = spectra.u.iter().skip(j).step_by(nu).map(|u| u.norm_sqr());
+            let power = scratch.u.iter().skip(j).step_by(nu).map(|u| u.value().norm_sqr());
             input_level.push((power.sum::<f64>() / ne).sqrt());
         }
     }

@@ -65,6 +65,8 @@ mod confidence;
 mod detection;
 mod error;
 mod gain;
+mod lanes;
+mod lines;
 mod local;
 mod moments;
 #[cfg(target_arch = "x86_64")]

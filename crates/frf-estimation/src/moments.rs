@@ -7,6 +7,7 @@
 //! `s / (n + k)` and the scatter grows by `sum d_i d_i^H - s s^H / (n + k)`, which is `sum e_i e_i^H` of
 //! `e_i = d_i - s / (n + k + sqrt(n (n + k)))`: squares alone.
 
+use crate::lanes::{ComplexLanes, Lanes, WIDEST};
 use crate::pairs::Blocks;
 use num_complex::Complex;
 use pulp::{Simd, WithSimd};
@@ -46,6 +47,19 @@ pub(crate) enum Order {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Place(usize);
 
+/// Places of the lines in the lanes of a register.
+pub(crate) type Places = [Place; WIDEST];
+
+/// What a plane has at some places.
+#[inline(always)]
+fn gathered<S: Simd>(simd: S, plane: &[f64], places: &Places) -> Lanes<S> {
+    let mut values = [0.0; WIDEST];
+    for lane in 0..S::F64_LANES.min(WIDEST) {
+        values[lane] = plane[places[lane].0];
+    }
+    Lanes::new(simd, values)
+}
+
 impl Order {
     pub(crate) fn chunks(self) -> usize {
         match self {
@@ -60,6 +74,11 @@ impl Order {
             Self::Ascending(_) => k - 1,
             Self::Blocks(length) => Blocks::place(length, k),
         })
+    }
+
+    /// Those of some lines; the last one has the lanes that are left.
+    pub(crate) fn places(self, lines: &[usize]) -> Places {
+        std::array::from_fn(|lane| self.place(lines[lane.min(lines.len() - 1)]))
     }
 
     /// From one plane to the next: whole chunks, and as much more as keeps lines of different planes from the same place
@@ -116,6 +135,26 @@ impl Means {
         let stride = self.order.stride();
         let at = 2 * channel * stride + line;
         C64::new(self.planes[at], self.planes[at + stride])
+    }
+
+    /// Those of some channels at some lines.
+    #[inline(always)]
+    pub(crate) fn gather<S: Simd>(
+        &self,
+        simd: S,
+        channels: std::ops::Range<usize>,
+        places: &Places,
+        out: &mut [ComplexLanes<S>],
+    ) {
+        let stride = self.order.stride();
+        let planes = self.planes.chunks_exact(2 * stride).skip(channels.start);
+        for (out, planes) in out.iter_mut().take(channels.len()).zip(planes) {
+            let (re, im) = planes.split_at(stride);
+            *out = ComplexLanes {
+                re: gathered(simd, re, places),
+                im: gathered(simd, im, places),
+            };
+        }
     }
 }
 
@@ -280,19 +319,23 @@ impl Scatter {
         }
     }
 
-    /// That of a line, a Hermitian `channels x channels` matrix, column-major.
-    pub(crate) fn at(&self, Place(line): Place, out: &mut [C64]) {
+    /// Those of some lines, Hermitian `channels x channels` matrices, column-major.
+    #[inline(always)]
+    pub(crate) fn gather<S: Simd>(&self, simd: S, places: &Places, out: &mut [ComplexLanes<S>]) {
         let n = self.channels;
-        let stride = self.order.stride();
-        let mut at = line;
+        let mut planes = self.planes.chunks_exact(self.order.stride());
         for i in 0..n {
-            out[i * n + i] = C64::new(self.planes[at], 0.0);
-            at += stride;
+            out[i * n + i] = ComplexLanes {
+                re: gathered(simd, planes.next().unwrap_or_default(), places),
+                im: Lanes::splat(simd, 0.0),
+            };
             for j in i + 1..n {
-                let s = C64::new(self.planes[at], self.planes[at + stride]);
+                let s = ComplexLanes {
+                    re: gathered(simd, planes.next().unwrap_or_default(), places),
+                    im: gathered(simd, planes.next().unwrap_or_default(), places),
+                };
                 out[j * n + i] = s;
                 out[i * n + j] = s.conj();
-                at += 2 * stride;
             }
         }
     }

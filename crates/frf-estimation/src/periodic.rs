@@ -2,16 +2,12 @@
 
 use crate::accumulator::{Experiment, Layout};
 use crate::detection::{self, DetectionLines};
-use crate::gain::{GainKernel, add_residual_covariance, response};
+use crate::lines::{EachLine, LineEstimates};
 use crate::moments::{Order, Scatter};
 use crate::realisations::{self, RealisationDistortion};
 use crate::selection;
 use crate::{CovarianceSource, FrfError, Instrument, PeriodicSettings};
 use lpv_core::{Frf, FrfEstimate};
-use num_complex::Complex;
-
-type C64 = Complex<f64>;
-const ZERO: C64 = C64::new(0.0, 0.0);
 
 /// The FRF at one position with everything that tells how far to trust it. "By line" means by estimated line, in the
 /// order of `excited_lines`; spectra are amplitude spectra `(1/N) sum x exp(-j...)` in the units of the signals.
@@ -96,79 +92,36 @@ pub(crate) struct Averages<'a> {
 
 impl Averages<'_> {
     pub(crate) fn estimate(&self) -> Result<PeriodicEstimate, FrfError> {
-        let Layout {
-            outputs: ny,
-            inputs: nu,
-            experiments: ne,
-            ..
-        } = self.layout;
+        let (ny, nu) = (self.layout.outputs, self.layout.inputs);
         let instrument = self.choose_instrument()?;
         let selection = selection::select(self, instrument)?;
         let excited = selection.lines;
         let frequencies_hz: Vec<f64> = excited.iter().map(|&k| self.layout.frequency_hz(k)).collect();
-        let mut values = vec![ZERO; excited.len() * ny * nu];
-        let mut direct = values.clone();
-        let mut c_v = vec![ZERO; excited.len() * ny * ny];
-        let mut s = vec![ZERO; excited.len() * nu * nu];
-        let mut by_line = Vec::with_capacity(excited.len());
         let mut totals = self
             .wants_realisations()
-            .then(|| realisations::Residuals::new(ny, ne));
-
-        let mut kernel = GainKernel::new(nu, ne);
-        let mut scratch = LineScratch::new(&self.layout);
-        let weights = self.weights();
+            .then(|| realisations::Residuals::new(ny, self.layout.experiments));
+        let LineEstimates {
+            values,
+            direct,
+            mut c_v,
+            s,
+            conditions,
+        } = pulp::Arch::new().dispatch(EachLine {
+            averages: self,
+            lines: &excited,
+            instrument,
+            residuals: totals.as_mut(),
+        })?;
         let share = self.share_of_noise();
-        let mut output_snr = Vec::with_capacity(excited.len() * ny);
-        let mut input_snr = Vec::with_capacity(excited.len() * nu);
-        for (l, &k) in excited.iter().enumerate() {
-            self.gather(k, &mut scratch);
-            output_snr.extend(scratch.snr(share, 0..ny));
-            input_snr.extend(scratch.snr(share, ny..ny + nu));
-            let LineSpectra { y, u, r, .. } = &scratch.spectra;
-            let singular = |condition: f64| FrfError::Singular {
-                line: k,
-                frequency_hz: frequencies_hz[l],
-                condition,
-            };
-            let own = l * ny * nu..(l + 1) * ny * nu;
-            let (f, plain) = (&mut values[own.clone()], &mut direct[own]);
-            // With as many experiments as inputs the instruments cancel.
-            let differ = instrument == Instrument::References && ne > nu;
-            if differ {
-                let condition = kernel.compute(u, None);
-                if condition.is_infinite() {
-                    return Err(singular(condition));
-                }
-                response(y, kernel.gain(), ny, ne, plain);
+        let snr = |channels: std::ops::Range<usize>| {
+            let mut all = Vec::with_capacity(excited.len() * channels.len());
+            for &k in &excited {
+                all.extend(channels.clone().map(|c| self.snr(share, c, k)));
             }
-            let instruments = (instrument == Instrument::References).then_some(r.as_slice());
-            let condition = kernel.compute(u, instruments);
-            if condition.is_nan() || condition > self.settings.max_condition {
-                return Err(singular(condition));
-            }
-            response(y, kernel.gain(), ny, ne, f);
-            if !differ {
-                plain.copy_from_slice(f);
-            }
-            by_line.push(condition);
-            let c_line = &mut c_v[l * ny * ny..(l + 1) * ny * ny];
-            add_residual_covariance(&scratch.scatter, f, ny, nu, weights.covariance_scale, c_line);
-            let g = kernel.gain();
-            let s_line = &mut s[l * nu * nu..(l + 1) * nu * nu];
-            for j in 0..nu {
-                for i in 0..nu {
-                    s_line[j * nu + i] = (0..ne)
-                        .map(|e| g[i * ne + e].conj() * g[j * ne + e] * weights.experiment[e])
-                        .sum();
-                }
-            }
-            if let Some(totals) = &mut totals {
-                totals.push(&scratch.spectra, f, g, c_line);
-            }
-        }
+            all
+        };
 
-        let mut degrees = weights.degrees_of_freedom;
+        let mut degrees = self.weights().degrees_of_freedom;
         let realisations = totals.map(|t| {
             let smoothed = t.smooth(self.settings.smoothing_half_width, ny);
             if self.settings.covariance == CovarianceSource::Auto {
@@ -181,11 +134,11 @@ impl Averages<'_> {
         });
         let frf = Frf::new(frequencies_hz.clone(), ny, nu, values)?;
         let detection = detection::detect(self, &excited, &selection.quiet, &frf);
-        let condition = worst(&by_line, &excited, &frequencies_hz);
+        let condition = worst(&conditions, &excited, &frequencies_hz);
         Ok(PeriodicEstimate {
             noise_floor: self.noise_floor(&selection.quiet),
-            output_snr,
-            input_snr,
+            output_snr: snr(0..ny),
+            input_snr: snr(ny..ny + nu),
             estimate: FrfEstimate::new(frf, c_v, s, degrees, self.position)?,
             direct: Frf::new(frequencies_hz, ny, nu, direct)?,
             instrument,
@@ -228,29 +181,6 @@ impl Averages<'_> {
         }
     }
 
-    /// Spectra and pooled scatter of line `k`.
-    pub(crate) fn gather(&self, k: usize, scratch: &mut LineScratch) {
-        let Layout {
-            outputs: ny,
-            inputs: nu,
-            references: nr,
-            ..
-        } = self.layout;
-        let l = self.order.place(k);
-        self.scatter.at(l, &mut scratch.scatter);
-        for (e, data) in self.experiments.iter().enumerate() {
-            for i in 0..ny {
-                scratch.spectra.y[e * ny + i] = data.signals.at(i, l);
-            }
-            for i in 0..nu {
-                scratch.spectra.u[e * nu + i] = data.signals.at(ny + i, l);
-            }
-            for i in 0..nr {
-                scratch.spectra.r[e * nr + i] = data.reference.at(i, l);
-            }
-        }
-    }
-
     /// With `M_e` periods the mean of experiment `e` has covariance `C / M_e`, `C` pooled over the experiments with
     /// `sum (M_e - 1)` degrees of freedom. `C_V = C / M` with `M` the harmonic mean of the `M_e`; the ratios `M / M_e`
     /// enter `S = G^H diag(M / M_e) G`, so unequal numbers of periods are exact.
@@ -270,6 +200,19 @@ impl Averages<'_> {
     pub(crate) fn share_of_noise(&self) -> f64 {
         let counts = self.experiments.iter().map(|e| e.signals.count() as f64);
         counts.map(|m| 1.0 / m).sum::<f64>() / self.weights().degrees_of_freedom
+    }
+
+    /// Power of the averaged channel at line `k` over its [share](Self::share_of_noise) of the scatter, outputs before inputs; zero
+    /// without a signal.
+    pub(crate) fn snr(&self, share: f64, channel: usize, k: usize) -> f64 {
+        let place = self.order.place(k);
+        let means = self.experiments.iter().map(|e| e.signals.at(channel, place));
+        let signal: f64 = means.map(|z| z.norm_sqr()).sum();
+        if signal > 0.0 {
+            signal / (share * self.scatter.diagonal(channel, place))
+        } else {
+            0.0
+        }
     }
 
     fn noise_floor(&self, lines: &[usize]) -> NoiseFloor {
@@ -311,57 +254,4 @@ pub(crate) struct Weights {
     pub(crate) covariance_scale: f64,
     pub(crate) experiment: Vec<f64>,
     pub(crate) degrees_of_freedom: f64,
-}
-
-/// Averaged spectra of one line: `Y` (`n_y x n_e`), `U` (`n_u x n_e`), `R` (`n_r x n_e`), column-major.
-pub(crate) struct LineSpectra {
-    pub(crate) outputs: usize,
-    pub(crate) inputs: usize,
-    pub(crate) y: Vec<C64>,
-    pub(crate) u: Vec<C64>,
-    pub(crate) r: Vec<C64>,
-}
-
-/// Buffers of one line.
-pub(crate) struct LineScratch {
-    pub(crate) spectra: LineSpectra,
-    /// Scatter of outputs and inputs, summed over experiments.
-    pub(crate) scatter: Vec<C64>,
-}
-
-impl LineScratch {
-    pub(crate) fn new(layout: &Layout) -> Self {
-        let nz = layout.outputs + layout.inputs;
-        let plane = |n: usize| vec![ZERO; n * layout.experiments];
-        Self {
-            spectra: LineSpectra {
-                outputs: layout.outputs,
-                inputs: layout.inputs,
-                y: plane(layout.outputs),
-                u: plane(layout.inputs),
-                r: plane(layout.references),
-            },
-            scatter: vec![ZERO; nz * nz],
-        }
-    }
-
-    /// Signal over noise of some channels, outputs first; zero without a signal.
-    pub(crate) fn snr(&self, share: f64, channels: std::ops::Range<usize>) -> impl Iterator<Item = f64> {
-        let Self { spectra, scatter } = self;
-        let (ny, nu) = (spectra.outputs, spectra.inputs);
-        channels.map(move |c| {
-            let (of, channel, width) = if c < ny {
-                (&spectra.y, c, ny)
-            } else {
-                (&spectra.u, c - ny, nu)
-            };
-            let means = of.iter().skip(channel).step_by(width);
-            let signal: f64 = means.map(C64::norm_sqr).sum();
-            if signal > 0.0 {
-                signal / (share * scatter[c * (ny + nu) + c].re)
-            } else {
-                0.0
-            }
-        })
-    }
 }

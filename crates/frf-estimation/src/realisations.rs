@@ -1,6 +1,5 @@
 //! Robust method: variance over realisations against variance over periods.
 
-use crate::periodic::LineSpectra;
 use nalgebra::{DMatrix, SymmetricEigen};
 use num_complex::Complex;
 
@@ -53,15 +52,15 @@ impl Residuals {
         }
     }
 
-    /// Takes the line with response `f`, gain `g` and noise covariance `noise`.
-    pub(crate) fn push(&mut self, spectra: &LineSpectra, f: &[C64], g: &[C64], noise: &[C64]) {
+    /// Takes the line with spectra `Y` and `U`, response `f`, gain `g` and noise covariance `noise`.
+    pub(crate) fn push(&mut self, [y, u]: [&[C64]; 2], f: &[C64], g: &[C64], noise: &[C64]) {
         let (ny, ne) = (self.outputs, self.experiments);
         let nu = g.len() / ne;
         self.inputs = nu;
         let mut trace = 0.0;
         for e in 0..ne {
             for d in 0..ne {
-                let gu: C64 = (0..nu).map(|j| g[j * ne + d] * spectra.u[e * nu + j]).sum();
+                let gu: C64 = (0..nu).map(|j| g[j * ne + d] * u[e * nu + j]).sum();
                 trace += (if d == e { 1.0 - gu } else { -gu }).norm_sqr();
             }
         }
@@ -70,15 +69,15 @@ impl Residuals {
         let out = &mut self.total[start..];
         for e in 0..ne {
             let v = |i: usize| -> C64 {
-                let through: C64 = (0..nu).map(|j| f[j * ny + i] * spectra.u[e * nu + j]).sum();
-                spectra.y[e * ny + i] - through
+                let through: C64 = (0..nu).map(|j| f[j * ny + i] * u[e * nu + j]).sum();
+                y[e * ny + i] - through
             };
             for k in 0..ny {
                 let vk = v(k).conj();
                 for i in 0..ny {
                     out[k * ny + i] += v(i) * vk / trace;
                 }
-                self.power[k] += spectra.y[e * ny + k].norm_sqr() / ne as f64;
+                self.power[k] += y[e * ny + k].norm_sqr() / ne as f64;
             }
         }
         self.noise.extend_from_slice(noise);

@@ -1,6 +1,6 @@
 //! Which lines carry excitation.
 
-use crate::periodic::{Averages, LineScratch};
+use crate::periodic::Averages;
 use crate::settings::check_lines;
 use crate::{FrfError, Instrument, LineSelection};
 
@@ -43,10 +43,9 @@ pub(crate) fn select(averages: &Averages<'_>, instrument: Instrument) -> Result<
         LineSelection::Excited { .. } => {
             let (ny, nu) = (averages.layout.outputs, averages.layout.inputs);
             let share = averages.share_of_noise();
-            let mut scratch = LineScratch::new(&averages.layout);
-            let mut clear = |k: usize| {
-                averages.gather(k, &mut scratch);
-                scratch.snr(share, ny..ny + nu).sum::<f64>() >= LEAST_SNR * nu as f64
+            let clear = |k: usize| {
+                let all = (ny..ny + nu).map(|c| averages.snr(share, c, k));
+                all.sum::<f64>() >= LEAST_SNR * nu as f64
             };
             (1..=lines).filter(|&k| strong[k - 1] && clear(k)).collect()
         }

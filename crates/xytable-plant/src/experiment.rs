@@ -285,7 +285,7 @@ impl<'a> Experiment<'a> {
     ) -> Result<ExperimentAccount, E> {
         let plant = Separation::new(self.machine, self.position).sampled(self.controller.clock())?;
         let model = DigitalLoop::<N>::new(plant, self.controller.digital());
-        let mut state = LoopState::<N, 2>::new();
+        let mut state = LoopState::<N>::new();
         self.stream(sink, &mut |lanes| model.run(&mut state, lanes))
     }
 

@@ -9,12 +9,15 @@ mod settings;
 pub use settings::{CheckedLocalSettings, HalfWidth, LocalLines, LocalSettings, Regressor};
 
 use crate::FrfError;
-use crate::gain::{GainKernel, add_residual_covariance, response};
+use crate::gain::{GainKernel, residual_covariance, response};
+use crate::lanes::{ComplexLanes, Lanes, write_lines};
 use crate::periodic::{Condition, worst};
 use data::LocalData;
 use fit::{LocalFit, Window};
 use lpv_core::{Discrete, Frf, FrfEstimate, Record};
+use nalgebra::DMatrix;
 use num_complex::Complex;
+use pulp::Scalar;
 
 type C64 = Complex<f64>;
 
@@ -95,7 +98,9 @@ fn run(
     let mut c_v = vec![C64::new(0.0, 0.0); lines.len() * ny * ny];
     let mut s = Vec::with_capacity(lines.len() * nu * nu);
     let mut by_line = Vec::with_capacity(lines.len());
-    let mut inverse = GainKernel::new(nu, nu);
+    let simd = Scalar::new();
+    let mut inverse = GainKernel::new(simd, nu, nu);
+    let lanes = |numbers: &[C64]| -> Vec<_> { numbers.iter().copied().map(ComplexLanes::one).collect() };
     for (l, &k) in lines.iter().enumerate() {
         let rank = |condition: f64| FrfError::LocalRank {
             line: k,
@@ -115,16 +120,26 @@ fn run(
             // F = G_y G_u^-1, hence dF = [I -F] dG_z G_u^-1.
             Regressor::References => {
                 let (g_y, g_u) = (local.response.rows(0, ny), local.response.rows(ny, nu));
-                let condition = inverse.compute(g_u.clone_owned().as_slice(), None);
+                let [condition, ..] = inverse.compute(&lanes(g_u.clone_owned().as_slice()), None);
                 if condition.is_infinite() {
                     return Err(rank(condition));
                 }
-                let mut f = vec![C64::new(0.0, 0.0); ny * nu];
-                response(g_y.clone_owned().as_slice(), inverse.gain(), ny, nu, &mut f);
-                add_residual_covariance(local.covariance.as_slice(), &f, ny, nu, 1.0, c_line);
-                let g = nalgebra::DMatrixView::from_slice(inverse.gain(), nu, nu);
+                let mut f = vec![ComplexLanes::zero(simd); ny * nu];
+                let mut c = vec![ComplexLanes::zero(simd); ny * ny];
+                let covariance = lanes(local.covariance.as_slice());
+                let one = Lanes::splat(simd, 1.0);
+                response(
+                    &lanes(g_y.clone_owned().as_slice()),
+                    inverse.gain(),
+                    ny,
+                    nu,
+                    &mut f,
+                );
+                residual_covariance(&covariance, &f, ny, nu, one, &mut c);
+                write_lines(&c, c_line);
+                let g = DMatrix::from_iterator(nu, nu, inverse.gain().iter().map(|g| g.value()));
                 s.extend_from_slice((g.adjoint() * &local.factor * g).as_slice());
-                values.extend_from_slice(&f);
+                values.extend(f.iter().map(|f| f.value()));
             }
         }
     }

@@ -61,7 +61,7 @@ impl Disc {
 pub(crate) fn log_distance(z: Complex<f64>, unit: PoleUnit) -> f64 {
     match unit {
         PoleUnit::Real(a) => log_kappa(z, Complex::new(a, 0.0)),
-        PoleUnit::Pair(v) => log_kappa(z, v) + log_kappa(z, v.conj()),
+        PoleUnit::Pair(v) => 0.5 * (kappa_squared(z, v) * kappa_squared(z, v.conj())).ln(),
     }
 }
 

@@ -110,6 +110,9 @@ impl Buffers {
 
 const MOST_ORDER: usize = 8;
 
+/// Periods of one experiment that are handed on in a row, as whoever averages them takes two at a time.
+const IN_A_ROW: usize = 2;
+
 impl<'a> Experiment<'a> {
     /// Checks that everything fits.
     ///
@@ -192,8 +195,8 @@ impl<'a> Experiment<'a> {
         self.references[0][0].len()
     }
 
-    /// Simulates from rest and hands each period to `sink`, first of experiment 0, then of experiment 1. Memory does not
-    /// grow with the number of periods.
+    /// Simulates from rest and hands each period to `sink`, two of experiment 0, then the same of experiment 1, and so on. Memory
+    /// does not grow with the number of periods.
     ///
     /// # Errors
     /// What `sink` returns; [`PlantError::NotStable`] for a continuous loop that is not stable although its sampled
@@ -295,38 +298,37 @@ impl<'a> Experiment<'a> {
         advance: &mut dyn FnMut(&mut [LaneSignals<'_>; 2]),
     ) -> Result<ExperimentAccount, E> {
         let period = self.period();
-        let mut memory = [Buffers::new(period), Buffers::new(period)];
         let Self {
             settings, position, ..
         } = self;
         let mut noise = [0, 1].map(|e| NoiseStream::new(settings.noise, settings.seed, *position, e));
-        for index in 0..settings.periods {
-            for (stream, m) in noise.iter_mut().zip(&mut memory) {
-                let [first, second] = &mut m.outputs;
-                stream.fill(first, second);
-            }
-            let [one, other] = &mut memory;
-            advance(&mut [one.lane(&self.references[0]), other.lane(&self.references[1])]);
-            for (experiment, m) in memory.iter().enumerate() {
-                // Every output depends on all that came before, so a divergence shows in the last sample.
-                if !m
-                    .outputs
-                    .iter()
-                    .chain(&m.inputs)
-                    .all(|c| c[period - 1].is_finite())
-                {
-                    return Err(PlantError::Diverged {
-                        sample: (index + 1) * period,
-                    }
-                    .into());
+        let mut memory = [0; IN_A_ROW].map(|_| [Buffers::new(period), Buffers::new(period)]);
+        for first in (0..settings.periods).step_by(IN_A_ROW) {
+            let some = IN_A_ROW.min(settings.periods - first);
+            for (both, index) in memory[..some].iter_mut().zip(first..) {
+                for (stream, m) in noise.iter_mut().zip(&mut *both) {
+                    let [one, other] = &mut m.outputs;
+                    stream.fill(one, other);
                 }
-                sink(PeriodBlock {
-                    experiment,
-                    period: index,
-                    outputs: &m.outputs,
-                    inputs: &m.inputs,
-                    references: &self.references[experiment],
-                })?;
+                let [one, other] = both;
+                advance(&mut [one.lane(&self.references[0]), other.lane(&self.references[1])]);
+                // Every output depends on all that came before, so a divergence shows in the last sample.
+                let mut signals = both.iter().flat_map(|m| m.outputs.iter().chain(&m.inputs));
+                if !signals.all(|c| c[period - 1].is_finite()) {
+                    let sample = (index + 1) * period;
+                    return Err(PlantError::Diverged { sample }.into());
+                }
+            }
+            for experiment in [0, 1] {
+                for (both, index) in memory[..some].iter().zip(first..) {
+                    sink(PeriodBlock {
+                        experiment,
+                        period: index,
+                        outputs: &both[experiment].outputs,
+                        inputs: &both[experiment].inputs,
+                        references: &self.references[experiment],
+                    })?;
+                }
             }
         }
         Ok(self.account())

@@ -4,7 +4,7 @@
 //! discs. In the plane at most three discs decide (an LP-type problem), so a small working set is solved by bisection
 //! with an exact intersection test, and grows by the most violated disc until none is violated.
 
-use crate::disc::{Disc, log_kappa};
+use crate::disc::{Disc, kappa_squared, log_kappa};
 use num_complex::Complex;
 
 /// Width at which the bisection on the logarithmic level stops.
@@ -18,25 +18,32 @@ const MAX_EXCHANGES: usize = 48;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Weighted {
     /// Inside the unit disc.
-    pub(crate) point: Complex<f64>,
-    /// Only differences matter; callers make the largest one zero.
-    pub(crate) log_weight: f64,
+    point: Complex<f64>,
+    log_weight: f64,
+    /// `w^2`.
+    square: f64,
+}
+
+impl Weighted {
+    /// Only differences of the logarithms matter; callers make the largest one zero.
+    pub(crate) fn new(point: Complex<f64>, log_weight: f64) -> Self {
+        Self {
+            point,
+            log_weight,
+            square: (2.0 * log_weight).exp(),
+        }
+    }
 }
 
 /// Minimiser over the unit disc and its level `max_k ln w_k + ln kappa`, never above the level of the origin.
 pub(crate) fn centre(points: &[Weighted]) -> (Complex<f64>, f64) {
-    let origin = Complex::new(0.0, 0.0);
-    let top = level_at(points, origin);
-    if !top.is_finite() {
-        return (origin, top);
-    }
-    let mut best = (origin, top);
+    let mut at = Complex::new(0.0, 0.0);
+    let mut best = (at, f64::INFINITY);
     let mut working: Vec<Weighted> = Vec::with_capacity(8);
     let mut bound = LOWEST_LEVEL;
-    let mut at = origin;
     for _ in 0..MAX_EXCHANGES {
         let Some((most, level)) = most_violated(points, at) else {
-            break;
+            return (at, f64::NEG_INFINITY);
         };
         if level < best.1 {
             best = (at, level);
@@ -44,8 +51,8 @@ pub(crate) fn centre(points: &[Weighted]) -> (Complex<f64>, f64) {
         if level <= bound + 2.0 * LEVEL_TOLERANCE {
             break;
         }
-        working.push(most);
-        (at, bound) = bisect(&working, bound, top);
+        working.push(*most);
+        (at, bound) = bisect(&working, bound, best);
         // A disc that the new optimum leaves slack takes no part in the decision. A single one decides by itself.
         if working.len() > 1 {
             working.retain(|k| value(k, at) > bound - 1e-6);
@@ -56,11 +63,10 @@ pub(crate) fn centre(points: &[Weighted]) -> (Complex<f64>, f64) {
 
 /// The same on the real axis, where discs become intervals; for points in a chart with a real centre.
 pub(crate) fn real_centre(points: &[Weighted]) -> (f64, f64) {
-    let top = level_at(points, Complex::new(0.0, 0.0));
-    if !top.is_finite() {
-        return (0.0, top);
-    }
-    let (mut low, mut high, mut at) = (LOWEST_LEVEL, top, 0.0);
+    let (mut low, mut at) = (LOWEST_LEVEL, 0.0);
+    let Some((_, mut high)) = most_violated(points, Complex::new(at, 0.0)) else {
+        return (at, f64::NEG_INFINITY);
+    };
     while high - low > LEVEL_TOLERANCE {
         let level = next_level(low, high);
         match common_interval(points, level) {
@@ -90,18 +96,17 @@ fn value(k: &Weighted, at: Complex<f64>) -> f64 {
     k.log_weight + log_kappa(k.point, at)
 }
 
-fn level_at(points: &[Weighted], at: Complex<f64>) -> f64 {
-    points
-        .iter()
-        .map(|k| value(k, at))
-        .fold(f64::NEG_INFINITY, f64::max)
-}
-
-fn most_violated(points: &[Weighted], at: Complex<f64>) -> Option<(Weighted, f64)> {
-    points
-        .iter()
-        .map(|k| (*k, value(k, at)))
-        .max_by(|a, b| a.1.total_cmp(&b.1))
+/// The point whose value is the largest, and that value.
+fn most_violated(points: &[Weighted], at: Complex<f64>) -> Option<(&Weighted, f64)> {
+    // Squares of the weighted distances are in the order of their logarithms.
+    let mut most: Option<(&Weighted, f64)> = None;
+    for k in points {
+        let square = k.square * kappa_squared(k.point, at);
+        if most.is_none_or(|(_, largest)| square > largest) {
+            most = Some((k, square));
+        }
+    }
+    most.map(|(k, _)| (k, value(k, at)))
 }
 
 /// The middle, but a short way down at first: a level far below the optimum tells nothing.
@@ -113,13 +118,13 @@ fn next_level(low: f64, high: f64) -> f64 {
     }
 }
 
-/// Smallest level in `[low, high]` at which the discs of `working` meet, and a point of their intersection.
-fn bisect(working: &[Weighted], low: f64, high: f64) -> (Complex<f64>, f64) {
+/// Smallest level above `low` at which the discs of `working` meet, and a point of their intersection; `best` is another one and
+/// its level.
+fn bisect(working: &[Weighted], low: f64, best: (Complex<f64>, f64)) -> (Complex<f64>, f64) {
     if let [only] = working {
         return (only.point, low);
     }
-    let (mut low, mut high) = (low, high);
-    let mut at = Complex::new(0.0, 0.0);
+    let (mut low, (mut at, mut high)) = (low, best);
     let mut discs = Vec::with_capacity(working.len());
     while high - low > LEVEL_TOLERANCE {
         let level = next_level(low, high);
@@ -185,13 +190,17 @@ mod tests {
     use num_complex::c64;
     use proptest::prelude::*;
 
+    fn level_at(points: &[Weighted], at: Complex<f64>) -> f64 {
+        points
+            .iter()
+            .map(|k| value(k, at))
+            .fold(f64::NEG_INFINITY, f64::max)
+    }
+
     #[test]
     fn two_equal_weights_meet_in_the_middle() {
         // kappa(0.6, 0) = kappa(-0.6, 0) = 0.6, and no other point is nearer to both.
-        let at = |x| Weighted {
-            point: c64(x, 0.0),
-            log_weight: 0.0,
-        };
+        let at = |x| Weighted::new(c64(x, 0.0), 0.0);
         let (v, level) = centre(&[at(0.6), at(-0.6)]);
         assert!(
             v.norm() < 1e-6 && (level - 0.6f64.ln()).abs() < 1e-8,
@@ -213,7 +222,7 @@ mod tests {
         ) {
             let points: Vec<_> = raw
                 .iter()
-                .map(|&(re, im, log_weight)| Weighted { point: c64(re, im), log_weight })
+                .map(|&(re, im, log_weight)| Weighted::new(c64(re, im), log_weight))
                 .collect();
             let (v, level) = centre(&points);
             prop_assert!(v.norm() < 1.0);

@@ -189,6 +189,7 @@ fn alternate(points: &[Complex<f64>], start: Vec<PoleUnit>, s: &FkcmSettings) ->
     };
     let mut log_mu: Vec<Vec<f64>> = vec![vec![0.0; units.len()]; points.len()];
     let mut stalled = 0;
+    let mut log_weights = Vec::with_capacity(points.len());
     let mut weighted = Vec::with_capacity(points.len());
     for count in 0..=s.max_iterations {
         let mut cost = f64::NEG_INFINITY;
@@ -220,26 +221,17 @@ fn alternate(points: &[Complex<f64>], start: Vec<PoleUnit>, s: &FkcmSettings) ->
         }
         for (i, unit) in units.iter_mut().enumerate() {
             let v = unit.upper();
-            weighted.clear();
-            weighted.extend(log_mu.iter().zip(points).filter_map(|(row, &z)| {
-                let lagged = match unit {
-                    PoleUnit::Real(_) => 0.0,
-                    PoleUnit::Pair(_) => log_kappa(z, v.conj()),
-                };
-                let log_weight = m * row[i] + lagged;
-                log_weight.is_finite().then(|| Weighted {
-                    point: to_chart(v, z),
-                    log_weight,
-                })
+            log_weights.clear();
+            log_weights.extend(log_mu.iter().zip(points).map(|(row, &z)| match unit {
+                PoleUnit::Real(_) => m * row[i],
+                PoleUnit::Pair(_) => m * row[i] + log_kappa(z, v.conj()),
             }));
             // Only the ratios of the weights decide; n_c^-m itself may be far below any level.
-            let heaviest = weighted
-                .iter()
-                .map(|k| k.log_weight)
-                .fold(f64::NEG_INFINITY, f64::max);
-            for k in &mut weighted {
-                k.log_weight -= heaviest;
-            }
+            let finite = log_weights.iter().copied().filter(|l| l.is_finite());
+            let heaviest = finite.fold(f64::NEG_INFINITY, f64::max);
+            weighted.clear();
+            let some = log_weights.iter().zip(points).filter(|(l, _)| l.is_finite());
+            weighted.extend(some.map(|(l, &z)| Weighted::new(to_chart(v, z), l - heaviest)));
             let w = match unit {
                 PoleUnit::Real(_) => Complex::new(centre::real_centre(&weighted).0, 0.0),
                 PoleUnit::Pair(_) => centre::centre(&weighted).0,

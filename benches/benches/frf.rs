@@ -13,12 +13,14 @@ const PERIODS: usize = 2;
 
 /// Signals of one period of one experiment.
 struct Period {
+    experiment: usize,
+    index: usize,
     outputs: Vec<Vec<f64>>,
     inputs: Vec<Vec<f64>>,
     references: Vec<Vec<f64>>,
 }
 
-/// The periods of both experiments, period by period.
+/// The periods of both experiments.
 fn periods(bench: &Bench) -> Vec<Period> {
     let multisine = MultisineSettings {
         period: PERIOD,
@@ -34,6 +36,8 @@ fn periods(bench: &Bench) -> Vec<Period> {
     let mut periods = Vec::new();
     let run = experiment.run(&mut |block| -> Result<(), PlantError> {
         periods.push(Period {
+            experiment: block.experiment,
+            index: block.period,
             outputs: block.outputs.to_vec(),
             inputs: block.inputs.to_vec(),
             references: block.references.to_vec(),
@@ -44,9 +48,9 @@ fn periods(bench: &Bench) -> Vec<Period> {
     periods
 }
 
-fn push(accumulator: &mut PeriodicAccumulator, signals: &Period, experiment: usize, period: usize) {
+fn push(accumulator: &mut PeriodicAccumulator, signals: &Period, period: usize) {
     let block = PeriodBlock {
-        experiment,
+        experiment: signals.experiment,
         period,
         outputs: &signals.outputs,
         inputs: &signals.inputs,
@@ -64,15 +68,15 @@ fn frf(c: &mut Criterion) {
     let mut period = 0;
     group.bench_function("push", |b| {
         b.iter(|| {
-            push(&mut filling, &periods[0], 0, period);
+            push(&mut filling, &periods[0], period);
             period += 1;
         });
     });
     group.bench_function("finish", |b| {
         let filled = || {
             let mut full = accumulator(PERIOD, 2, Some(0.2)).unwrap();
-            for (i, signals) in periods.iter().enumerate() {
-                push(&mut full, signals, i % 2, i / 2);
+            for period in &periods {
+                push(&mut full, period, period.index);
             }
             full
         };

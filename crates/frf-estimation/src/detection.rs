@@ -1,7 +1,7 @@
 //! Fast method: what appears at lines where nothing was put in.
 
 use crate::gain::residual_covariance;
-use crate::lanes::{ComplexLanes, Lanes};
+use crate::lanes::ComplexLanes;
 use crate::lines::LineScratch;
 use crate::periodic::Averages;
 use lpv_core::Frf;
@@ -48,7 +48,7 @@ pub(crate) fn detect(
     let (ny, nu) = (averages.layout.outputs, averages.layout.inputs);
     let ne = averages.experiments.len() as f64;
     let simd = Scalar::new();
-    let scale = Lanes::splat(simd, averages.weights().covariance_scale);
+    let scale = averages.weights().covariance_scale;
     let mut scratch = LineScratch::new(simd, &averages.layout);
     let mut f = vec![ComplexLanes::zero(simd); ny * nu];
     let mut c = vec![ComplexLanes::zero(simd); ny * ny];
@@ -67,7 +67,7 @@ pub(crate) fn detect(
             *f = ComplexLanes::one(a * (1.0 - t) + b * t);
         }
         averages.gather(simd, &[k], &mut scratch);
-        residual_covariance(&scratch.scatter, &f, ny, nu, scale, &mut c);
+        residual_covariance(simd, &scratch.scatter, &f, ny, nu, scale, &mut c);
         count[k % 2] += 1;
         for i in 0..ny {
             let residual = |(y, u): (&[ComplexLanes<_>], &[ComplexLanes<_>])| {

@@ -24,10 +24,8 @@ impl<S: Simd> Lanes<S> {
     /// As many of these as there are lanes.
     #[inline(always)]
     pub(crate) fn new(simd: S, values: [f64; WIDEST]) -> Self {
-        match S::as_simd_f64s(&values).0.first() {
-            Some(lanes) => Self(simd, *lanes),
-            None => Self::splat(simd, values[0]),
-        }
+        const { assert!(S::F64_LANES <= WIDEST) };
+        Self(simd, S::as_simd_f64s(&values).0[0])
     }
 
     /// One number in all lanes.
@@ -36,19 +34,11 @@ impl<S: Simd> Lanes<S> {
         Self(simd, simd.splat_f64s(value))
     }
 
-    /// Another number in all lanes.
-    #[inline(always)]
-    pub(crate) fn filled(self, value: f64) -> Self {
-        Self::splat(self.0, value)
-    }
-
     /// By lane; zero where there is none.
     #[inline(always)]
     pub(crate) fn values(self) -> [f64; WIDEST] {
         let mut values = [0.0; WIDEST];
-        if let Some(first) = S::as_mut_simd_f64s(&mut values).0.first_mut() {
-            *first = self.1;
-        }
+        S::as_mut_simd_f64s(&mut values).0[0] = self.1;
         values
     }
 
@@ -57,10 +47,15 @@ impl<S: Simd> Lanes<S> {
         Self(self.0, self.0.sqrt_f64s(self.1))
     }
 
-    /// The larger one, lane by lane; the other one of a number and none.
+    /// Zero where it is not above zero.
     #[inline(always)]
-    pub(crate) fn max(self, other: Self) -> Self {
-        Self(self.0, self.0.max_f64s(self.1, other.1))
+    pub(crate) fn positive_part(self) -> Self {
+        let Self(simd, lanes) = self;
+        let zero = simd.splat_f64s(0.0);
+        Self(
+            simd,
+            simd.select_f64s(simd.greater_than_f64s(lanes, zero), lanes, zero),
+        )
     }
 }
 

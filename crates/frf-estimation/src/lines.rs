@@ -2,7 +2,7 @@
 
 use crate::accumulator::Layout;
 use crate::gain::{GainKernel, residual_covariance, response};
-use crate::lanes::{ComplexLanes, Lanes, write_lines};
+use crate::lanes::{ComplexLanes, Lanes, WIDEST, write_lines};
 use crate::periodic::Averages;
 use crate::realisations::Residuals;
 use crate::{FrfError, Instrument};
@@ -76,17 +76,19 @@ pub(crate) struct EachLine<'a> {
 }
 
 impl EachLine<'_> {
-    /// All lines are invertible.
-    fn check(&self, lines: &[usize], conditions: &[f64], most: f64) -> Result<(), FrfError> {
-        let mut all = lines.iter().zip(conditions);
-        match all.find(|(_, condition)| **condition > most || condition.is_infinite()) {
-            None => Ok(()),
-            Some((&line, &condition)) => Err(FrfError::Singular {
-                line,
-                frequency_hz: self.averages.layout.frequency_hz(line),
-                condition,
-            }),
+    /// Error for the first line that cannot be inverted, by the condition numbers of the plain equation and of that with instruments.
+    fn check(&self, lines: &[usize], plain: &[f64], conditions: &[f64]) -> Result<(), FrfError> {
+        for ((&line, plain), condition) in lines.iter().zip(plain).zip(conditions) {
+            let condition = if plain.is_infinite() { *plain } else { *condition };
+            if condition.is_infinite() || condition > self.averages.settings.max_condition {
+                return Err(FrfError::Singular {
+                    line,
+                    frequency_hz: self.averages.layout.frequency_hz(line),
+                    condition,
+                });
+            }
         }
+        Ok(())
     }
 }
 
@@ -103,7 +105,10 @@ impl WithSimd for EachLine<'_> {
             ..
         } = averages.layout;
         let weights = averages.weights();
-        let scale = Lanes::splat(simd, weights.covariance_scale);
+        let mut shares = Vec::with_capacity(ne);
+        for share in &weights.experiment {
+            shares.push(Lanes::splat(simd, *share));
+        }
         let with_references = self.instrument == Instrument::References;
         // With as many experiments as inputs the instruments cancel.
         let differ = with_references && ne > nu;
@@ -126,24 +131,24 @@ impl WithSimd for EachLine<'_> {
                 first..first + lines.len() * numbers
             };
             averages.gather(simd, lines, &mut scratch);
+            let mut plain = [1.0; WIDEST];
             if differ {
-                let conditions = kernel.compute(&scratch.u, None);
-                self.check(lines, &conditions, f64::INFINITY)?;
-                response(&scratch.y, kernel.gain(), ny, ne, &mut f);
+                plain = kernel.compute(&scratch.u, None);
+                response(simd, &scratch.y, kernel.gain(), ny, ne, &mut f);
                 write_lines(&f, &mut found.direct[own(ny * nu)]);
             }
             let conditions = kernel.compute(&scratch.u, with_references.then_some(scratch.r.as_slice()));
-            self.check(lines, &conditions, averages.settings.max_condition)?;
+            self.check(lines, &plain, &conditions)?;
             found.conditions.extend_from_slice(&conditions[..lines.len()]);
             let g = kernel.gain();
-            response(&scratch.y, g, ny, ne, &mut f);
-            residual_covariance(&scratch.scatter, &f, ny, nu, scale, &mut c);
+            response(simd, &scratch.y, g, ny, ne, &mut f);
+            let scale = weights.covariance_scale;
+            residual_covariance(simd, &scratch.scatter, &f, ny, nu, scale, &mut c);
             for j in 0..nu {
                 for i in 0..nu {
                     let mut sum = ComplexLanes::zero(simd);
                     for e in 0..ne {
-                        let weight = scale.filled(weights.experiment[e]);
-                        sum += g[i * ne + e].conj() * g[j * ne + e] * weight;
+                        sum += g[i * ne + e].conj() * g[j * ne + e] * shares[e];
                     }
                     s[j * nu + i] = sum;
                 }

@@ -54,7 +54,7 @@ pub(crate) type Places = [Place; WIDEST];
 #[inline(always)]
 fn gathered<S: Simd>(simd: S, plane: &[f64], places: &Places) -> Lanes<S> {
     let mut values = [0.0; WIDEST];
-    for lane in 0..S::F64_LANES.min(WIDEST) {
+    for lane in 0..S::F64_LANES {
         values[lane] = plane[places[lane].0];
     }
     Lanes::new(simd, values)

@@ -1,7 +1,7 @@
 //! The continuous closed loop at constant p: the controller never stops, only r and v are held between samples.
 
 use crate::controller::{closed_loop_matrix, diagonal};
-use crate::digital_loop::LaneSignals;
+use crate::digital_loop::ExperimentSignals;
 use crate::{PlantError, VerifiedController};
 use lpv_core::linalg::{eigenvalues, from_blocks};
 use lpv_core::{Continuous, Discrete, StateSpace};
@@ -56,7 +56,7 @@ impl ContinuousLoop {
     }
 
     /// Advances one experiment over one period; the signals are used as by the digital loop.
-    pub(crate) fn run(&self, x: &mut DVector<f64>, signals: &mut LaneSignals<'_>) {
+    pub(crate) fn run(&self, x: &mut DVector<f64>, signals: &mut ExperimentSignals<'_>) {
         let mut next = x.clone();
         for k in 0..signals.references[0].len() {
             let noise = Vector2::new(signals.outputs[0][k], signals.outputs[1][k]);

@@ -4,10 +4,10 @@ use crate::DigitalController;
 use crate::separation::SampledSeparation;
 use pulp::{Simd, WithSimd};
 
-/// One number of each axis and experiment: those of the first axis, then those of the second.
+/// One number of each axis and experiment: the first axis in both experiments, then the second one.
 type Four = [f64; 4];
 
-/// Both difference equations, padded to order N, with the plant between them.
+/// Both difference equations, padded to order N, 1 or more, with the plant between them.
 pub(crate) struct DigitalLoop<const N: usize> {
     /// Sample time.
     t: f64,
@@ -34,7 +34,7 @@ pub(crate) struct LoopState<const N: usize> {
 }
 
 /// One period of one experiment: references in, noise in `outputs`, replaced by the measured outputs.
-pub(crate) struct LaneSignals<'a> {
+pub(crate) struct ExperimentSignals<'a> {
     pub(crate) references: [&'a [f64]; 2],
     pub(crate) outputs: [&'a mut [f64]; 2],
     pub(crate) inputs: [&'a mut [f64]; 2],
@@ -56,16 +56,16 @@ impl<const N: usize> LoopState<N> {
 impl<const N: usize> DigitalLoop<N> {
     /// Controllers of order N or less.
     pub(crate) fn new(plant: SampledSeparation, controllers: &[DigitalController; 2]) -> Self {
-        let rows = |[first, second]: [f64; 2]| [first, first, second, second];
+        let by_axis = |[first, second]: [f64; 2]| [first, first, second, second];
         let coefficient = |of: fn(&DigitalController) -> &[f64], power: usize| {
-            rows([0, 1].map(|axis: usize| of(&controllers[axis]).get(power).copied().unwrap_or(0.0)))
+            by_axis([0, 1].map(|axis: usize| of(&controllers[axis]).get(power).copied().unwrap_or(0.0)))
         };
         let SampledSeparation { t, a, b, c } = plant;
         Self {
             t,
-            a: [0, 2].map(|r| std::array::from_fn(|j| rows([a[r][j], a[r + 1][j]]))),
-            b: [0, 2].map(|r| std::array::from_fn(|j| rows([b[r][j], b[r + 1][j]]))),
-            c: std::array::from_fn(|j| rows([c[0][j], c[1][j]])),
+            a: [0, 2].map(|r| std::array::from_fn(|j| by_axis([a[r][j], a[r + 1][j]]))),
+            b: [0, 2].map(|r| std::array::from_fn(|j| by_axis([b[r][j], b[r + 1][j]]))),
+            c: std::array::from_fn(|j| by_axis([c[0][j], c[1][j]])),
             direct: coefficient(DigitalController::numerator, 0),
             forward: std::array::from_fn(|j| coefficient(DigitalController::numerator, j + 1)),
             back: std::array::from_fn(|j| coefficient(DigitalController::denominator, j + 1)),
@@ -73,7 +73,7 @@ impl<const N: usize> DigitalLoop<N> {
     }
 
     /// Advances both experiments over one period. All slices have one length.
-    pub(crate) fn run(&self, state: &mut LoopState<N>, experiments: &mut [LaneSignals<'_>; 2]) {
+    pub(crate) fn run(&self, state: &mut LoopState<N>, experiments: &mut [ExperimentSignals<'_>; 2]) {
         pulp::Arch::new().dispatch(Period {
             model: self,
             state,
@@ -86,7 +86,7 @@ impl<const N: usize> DigitalLoop<N> {
 struct Period<'a, 'b, const N: usize> {
     model: &'a DigitalLoop<N>,
     state: &'a mut LoopState<N>,
-    experiments: &'a mut [LaneSignals<'b>; 2],
+    experiments: &'a mut [ExperimentSignals<'b>; 2],
 }
 
 impl<const N: usize> WithSimd for Period<'_, '_, N> {
@@ -132,10 +132,7 @@ impl<const N: usize> WithSimd for Period<'_, '_, N> {
             let measured = add(y, std::array::from_fn(|i| outputs[i][k]));
             let e = sub(std::array::from_fn(|i| references[i][k]), measured);
             // Transposed direct form II: u = B/A e.
-            let mut v = mul(*direct, e);
-            if N > 0 {
-                v = add(v, filters[0]);
-            }
+            let v = add(mul(*direct, e), filters[0]);
             for j in 0..N {
                 let next = if j + 1 < N { filters[j + 1] } else { [0.0; 4] };
                 filters[j] = sub(add(next, mul(forward[j], e)), mul(back[j], v));

@@ -1,7 +1,7 @@
 //! Multisine experiments at constant p, streamed period by period.
 
 use crate::continuous_loop::ContinuousLoop;
-use crate::digital_loop::{DigitalLoop, LaneSignals, LoopState};
+use crate::digital_loop::{DigitalLoop, ExperimentSignals, LoopState};
 use crate::noise::NoiseStream;
 use crate::separation::Separation;
 use crate::{
@@ -97,10 +97,10 @@ impl Buffers {
         }
     }
 
-    fn lane<'a>(&'a mut self, references: &'a [Vec<f64>; 2]) -> LaneSignals<'a> {
+    fn signals<'a>(&'a mut self, references: &'a [Vec<f64>; 2]) -> ExperimentSignals<'a> {
         let [y1, y2] = &mut self.outputs;
         let [u1, u2] = &mut self.inputs;
-        LaneSignals {
+        ExperimentSignals {
             references: [&references[0], &references[1]],
             outputs: [y1, y2],
             inputs: [u1, u2],
@@ -221,9 +221,9 @@ impl<'a> Experiment<'a> {
                 let plant = self.machine.frozen(self.position)?;
                 let model = ContinuousLoop::new(&plant, self.controller, clock, self.position)?;
                 let mut states: [DVector<f64>; 2] = [model.rest(), model.rest()];
-                self.stream(sink, &mut |lanes| {
-                    for (x, lane) in states.iter_mut().zip(lanes) {
-                        model.run(x, lane);
+                self.stream(sink, &mut |experiments| {
+                    for (x, signals) in states.iter_mut().zip(experiments) {
+                        model.run(x, signals);
                     }
                 })
             }
@@ -293,13 +293,13 @@ impl<'a> Experiment<'a> {
         let plant = Separation::new(self.machine, self.position).sampled(self.controller.clock())?;
         let model = DigitalLoop::<N>::new(plant, self.controller.digital());
         let mut state = LoopState::<N>::new();
-        self.stream(sink, &mut |lanes| model.run(&mut state, lanes))
+        self.stream(sink, &mut |experiments| model.run(&mut state, experiments))
     }
 
     fn stream<E: From<PlantError>>(
         &self,
         sink: &mut dyn FnMut(PeriodBlock<'_>) -> Result<(), E>,
-        advance: &mut dyn FnMut(&mut [LaneSignals<'_>; 2]),
+        advance: &mut dyn FnMut(&mut [ExperimentSignals<'_>; 2]),
     ) -> Result<ExperimentAccount, E> {
         let period = self.period();
         let Self {
@@ -315,7 +315,10 @@ impl<'a> Experiment<'a> {
                     stream.fill(one, other);
                 }
                 let [one, other] = both;
-                advance(&mut [one.lane(&self.references[0]), other.lane(&self.references[1])]);
+                advance(&mut [
+                    one.signals(&self.references[0]),
+                    other.signals(&self.references[1]),
+                ]);
                 // Every output depends on all that came before, so a divergence shows in the last sample.
                 let mut signals = both.iter().flat_map(|m| m.outputs.iter().chain(&m.inputs));
                 if !signals.all(|c| c[period - 1].is_finite()) {

@@ -10,7 +10,7 @@ pub use settings::{CheckedLocalSettings, HalfWidth, LocalLines, LocalSettings, R
 
 use crate::FrfError;
 use crate::gain::{GainKernel, residual_covariance, response};
-use crate::lanes::{ComplexLanes, Lanes, write_lines};
+use crate::lanes::{ComplexLanes, write_lines};
 use crate::periodic::{Condition, worst};
 use data::LocalData;
 use fit::{LocalFit, Window};
@@ -127,15 +127,15 @@ fn run(
                 let mut f = vec![ComplexLanes::zero(simd); ny * nu];
                 let mut c = vec![ComplexLanes::zero(simd); ny * ny];
                 let covariance = lanes(local.covariance.as_slice());
-                let one = Lanes::splat(simd, 1.0);
                 response(
+                    simd,
                     &lanes(g_y.clone_owned().as_slice()),
                     inverse.gain(),
                     ny,
                     nu,
                     &mut f,
                 );
-                residual_covariance(&covariance, &f, ny, nu, one, &mut c);
+                residual_covariance(simd, &covariance, &f, ny, nu, 1.0, &mut c);
                 write_lines(&c, c_line);
                 let g = DMatrix::from_iterator(nu, nu, inverse.gain().iter().map(|g| g.value()));
                 s.extend_from_slice((g.adjoint() * &local.factor * g).as_slice());

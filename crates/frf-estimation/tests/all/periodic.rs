@@ -421,6 +421,46 @@ fn siso(u: &[Vec<f64>], y: &[Vec<f64>], settings: &CheckedSettings) -> Result<Pe
     sums.finish()
 }
 
+/// Line 1 fails by its references, which are alike, line 2 by its inputs: signals that change their sign after half a period are
+/// exactly zero there.
+#[test]
+fn of_several_singular_lines_the_first_is_named() {
+    let odd = |half: [f64; 4]| -> Vec<f64> { half.into_iter().chain(half.map(|x| -x)).collect() };
+    let layout = Layout {
+        period: 8,
+        outputs: 1,
+        inputs: 2,
+        references: 2,
+        experiments: 3,
+        sample_rate_hz: 8.0,
+    };
+    let settings = PeriodicSettings::default()
+        .skip(SkipRule::Fixed(0))
+        .instrument(Instrument::References)
+        .lines(LineSelection::All);
+    let mut sums = PeriodicAccumulator::new(layout, &settings.check().unwrap(), None).unwrap();
+    for experiment in 0..3 {
+        let mut pulses = [[0.0; 4]; 2];
+        (pulses[0][experiment], pulses[1][(2 * experiment + 1) % 4]) = (1.0, 3.0);
+        let inputs = pulses.map(odd);
+        let reference = odd(pulses[0]);
+        for period in 0..2 {
+            let block = PeriodBlock {
+                experiment,
+                period,
+                outputs: &inputs[..1],
+                inputs: &inputs,
+                references: &[reference.clone(), reference.clone()],
+            };
+            sums.push(&block).unwrap();
+        }
+    }
+    match sums.finish() {
+        Err(FrfError::Singular { line: 1, .. }) => {}
+        other => panic!("{other:?}"),
+    }
+}
+
 #[test]
 fn a_dead_input_is_refused_whatever_the_output_does() {
     for level in [0.0, 5.0] {

@@ -47,6 +47,15 @@ impl<S: Simd> Lanes<S> {
         Self(self.0, self.0.sqrt_f64s(self.1))
     }
 
+    #[inline(always)]
+    fn exchange_where_larger(self, than: Self, one: &mut Self, other: &mut Self) {
+        let simd = self.0;
+        let is_larger = simd.greater_than_f64s(self.1, than.1);
+        let (x, y) = (one.1, other.1);
+        one.1 = simd.select_f64s(is_larger, y, x);
+        other.1 = simd.select_f64s(is_larger, x, y);
+    }
+
     /// Zero where it is not above zero.
     #[inline(always)]
     pub(crate) fn positive_part(self) -> Self {
@@ -99,18 +108,8 @@ impl<S: Simd> ComplexLanes<S> {
     /// Exchanges the lanes in which `a` is larger than `b`.
     #[inline(always)]
     pub(crate) fn exchange_where(a: Lanes<S>, b: Lanes<S>, one: &mut Self, other: &mut Self) {
-        let simd = a.0;
-        let is_larger = simd.greater_than_f64s(a.1, b.1);
-        let either = |x: Lanes<S>, y: Lanes<S>| Lanes(simd, simd.select_f64s(is_larger, x.1, y.1));
-        let (x, y) = (*one, *other);
-        *one = Self {
-            re: either(y.re, x.re),
-            im: either(y.im, x.im),
-        };
-        *other = Self {
-            re: either(x.re, y.re),
-            im: either(x.im, y.im),
-        };
+        a.exchange_where_larger(b, &mut one.re, &mut other.re);
+        a.exchange_where_larger(b, &mut one.im, &mut other.im);
     }
 }
 

@@ -65,6 +65,10 @@ impl<'a> Setup<'a> {
     pub(crate) fn power(&self) -> f64 {
         dot(self.lines.f.parts(), self.weighted_f.parts())
     }
+    /// Whether a cost is that of ten digits of the responses: data without noise.
+    pub(crate) fn is_exact(&self, cost: f64) -> bool {
+        cost <= 1e-20 * self.power()
+    }
     /// The basis that makes the numerators' normal matrix nearly the identity at the denominator `a`.
     pub(crate) fn basis(&self, a: &[C64]) -> Result<Basis, PoleFitError> {
         let least = 1e-26 * a.iter().map(|v| v.norm_sqr()).fold(0.0, f64::max);

@@ -6,6 +6,9 @@ use crate::{CheckedPoleFitSettings, PoleFitError};
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use num_complex::Complex;
 
+/// A step that is rounding of coefficients of length one.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
+
 /// Why the search ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
@@ -64,10 +67,15 @@ fn start(setup: &Setup<'_>, settings: &CheckedPoleFitSettings) -> Result<Found, 
             },
         };
         factorisations += 1;
-        let next = point
-            .reduce(setup, &basis, &data)
-            .and_then(|reduced| total_least_squares(&reduced))
-            .map(|alpha| basis.combine(alpha.as_slice()));
+        // What is exact needs no better start.
+        let next = if setup.n_a == 1 || setup.is_exact(point.cost) {
+            None
+        } else {
+            point
+                .reduce(setup, &basis, &data)
+                .and_then(|reduced| total_least_squares(&reduced))
+                .map(|alpha| basis.combine(alpha.as_slice()))
+        };
         let previous = best.as_ref().map_or(f64::INFINITY, |b| b.point.cost);
         if point.cost < previous {
             poor = if point.cost > 0.98 * previous { poor + 1 } else { 0 };
@@ -83,7 +91,7 @@ fn start(setup: &Setup<'_>, settings: &CheckedPoleFitSettings) -> Result<Found, 
             poor += 1;
         }
         match next {
-            Some(next) if poor < 2 && setup.n_a > 1 => a = next,
+            Some(next) if poor < 2 => a = next,
             _ => break,
         }
     }
@@ -145,9 +153,7 @@ fn refine(setup: &Setup<'_>, settings: &CheckedPoleFitSettings, found: Found) ->
         ..
     } = found;
     let (mut iterations, mut lambda) = (0, 0.0);
-    let all = setup.power();
     let free = setup.equations().saturating_sub(setup.unknowns()).max(1) as f64;
-    let exact = |cost: f64| cost <= all * 1e-20;
     let stop = 'search: loop {
         let model = point.model(setup);
         let Some(reduced) = point.reduce(setup, &basis, &model) else {
@@ -187,11 +193,15 @@ fn refine(setup: &Setup<'_>, settings: &CheckedPoleFitSettings, found: Found) ->
                 Ok(trial) if trial.cost < point.cost => {
                     point = trial;
                     lambda = if lambda > 1e-4 { lambda * 0.1 } else { 0.0 };
+                    // The coefficients, of length one, cannot tell the next one from none.
+                    if length < ROUNDING && setup.is_exact(point.cost) {
+                        break 'search StopReason::ResidualAtRounding;
+                    }
                     break;
                 }
                 // In an orthonormal basis such a step is rounding of the coefficients.
                 _ if length < 1e-11 => {
-                    break 'search if exact(point.cost) {
+                    break 'search if setup.is_exact(point.cost) {
                         StopReason::ResidualAtRounding
                     } else {
                         StopReason::NoDescent

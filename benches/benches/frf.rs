@@ -75,8 +75,8 @@ fn frf(c: &mut Criterion) {
     group.bench_function("finish", |b| {
         let filled = || {
             let mut full = accumulator(PERIOD, 2, Some(0.2)).unwrap();
-            for period in &periods {
-                push(&mut full, period, period.index);
+            for signals in &periods {
+                push(&mut full, signals, signals.index);
             }
             full
         };

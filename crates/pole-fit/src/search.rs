@@ -6,7 +6,7 @@ use crate::{CheckedPoleFitSettings, PoleFitError};
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use num_complex::Complex;
 
-/// A step that is rounding of coefficients of length one.
+/// A step that is rounding of the coefficients, whose length is one.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// Why the search ended.
@@ -15,7 +15,7 @@ const ROUNDING: f64 = 16.0 * f64::EPSILON;
 pub enum StopReason {
     /// The next step is shorter than the tolerance, in standard deviations.
     StepBelowTolerance,
-    /// The residual is rounding: noise-free data, fitted exactly.
+    /// The residual is rounding, below ten digits of all responses together: noise-free data, fitted exactly.
     ResidualAtRounding,
     /// No step lowers the cost although the gradient does not vanish: rounding, or a flat direction.
     NoDescent,
@@ -67,8 +67,8 @@ fn start(setup: &Setup<'_>, settings: &CheckedPoleFitSettings) -> Result<Found, 
             },
         };
         factorisations += 1;
-        // What is exact needs no better start.
-        let next = if setup.n_a == 1 || setup.is_exact(point.cost) {
+        // What is exact needs no better start, but a denominator that the data have chosen.
+        let next = if setup.n_a == 1 || (pass > 0 && setup.is_exact(point.cost)) {
             None
         } else {
             point
@@ -192,11 +192,11 @@ fn refine(setup: &Setup<'_>, settings: &CheckedPoleFitSettings, found: Found) ->
             match trial {
                 Ok(trial) if trial.cost < point.cost => {
                     point = trial;
-                    lambda = if lambda > 1e-4 { lambda * 0.1 } else { 0.0 };
-                    // The coefficients, of length one, cannot tell the next one from none.
-                    if length < ROUNDING && setup.is_exact(point.cost) {
+                    // Where the residual vanishes, what remains after a step is its square.
+                    if lambda < 1.0 && length < ROUNDING && setup.is_exact(point.cost) {
                         break 'search StopReason::ResidualAtRounding;
                     }
+                    lambda = if lambda > 1e-4 { lambda * 0.1 } else { 0.0 };
                     break;
                 }
                 // In an orthonormal basis such a step is rounding of the coefficients.

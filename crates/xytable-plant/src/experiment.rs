@@ -110,7 +110,7 @@ impl Buffers {
 
 const MOST_ORDER: usize = 8;
 
-/// Periods of one experiment that are handed on in a row, as whoever averages them takes two at a time.
+/// Periods of one experiment that are handed on in a row, as whoever averages them takes two short ones at a time.
 const IN_A_ROW: usize = 2;
 
 impl<'a> Experiment<'a> {
@@ -243,8 +243,8 @@ impl<'a> Experiment<'a> {
         for first in (0..periods).step_by(IN_A_ROW) {
             for (experiment, channels) in simulated.iter().enumerate() {
                 for index in first..periods.min(first + IN_A_ROW) {
-                    let [outputs, inputs] = [0, 2].map(|first| {
-                        [0, 1].map(|i| channels[first + i][index * period..][..period].to_vec())
+                    let [outputs, inputs] = [0, 2].map(|group| {
+                        [0, 1].map(|i| channels[group + i][index * period..][..period].to_vec())
                     });
                     sink(PeriodBlock {
                         experiment,

@@ -43,7 +43,7 @@ pub(crate) fn centre(points: &[Weighted]) -> (Complex<f64>, f64) {
     let mut bound = LOWEST_LEVEL;
     for _ in 0..MAX_EXCHANGES {
         let Some((most, level)) = most_violated(points, at) else {
-            return (at, f64::NEG_INFINITY);
+            break;
         };
         if level < best.1 {
             best = (at, level);
@@ -98,15 +98,15 @@ fn value(k: &Weighted, at: Complex<f64>) -> f64 {
 
 /// The point whose value is the largest, and that value.
 fn most_violated(points: &[Weighted], at: Complex<f64>) -> Option<(&Weighted, f64)> {
-    // Squares of the weighted distances are in the order of their logarithms.
-    let mut most: Option<(&Weighted, f64)> = None;
+    // Squares of the weighted distances are in the order of their logarithms; what is no number is left out.
+    let (mut most, mut largest) = (None, f64::NEG_INFINITY);
     for k in points {
         let square = k.square * kappa_squared(k.point, at);
-        if most.is_none_or(|(_, largest)| square > largest) {
-            most = Some((k, square));
+        if square > largest {
+            (most, largest) = (Some(k), square);
         }
     }
-    most.map(|(k, _)| (k, value(k, at)))
+    most.map(|k| (k, value(k, at)))
 }
 
 /// The middle, but a short way down at first: a level far below the optimum tells nothing.
@@ -118,8 +118,8 @@ fn next_level(low: f64, high: f64) -> f64 {
     }
 }
 
-/// Smallest level above `low` at which the discs of `working` meet, and a point of their intersection; `best` is another one and
-/// its level.
+/// A point that the discs of `working` have in common at the smallest level above `low` at which they meet, and that level, by no
+/// more than the tolerance too low. `best` is a point and its level, from where on the search goes down.
 fn bisect(working: &[Weighted], low: f64, best: (Complex<f64>, f64)) -> (Complex<f64>, f64) {
     if let [only] = working {
         return (only.point, low);

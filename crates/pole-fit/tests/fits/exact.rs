@@ -82,6 +82,32 @@ fn too_high_an_order_keeps_the_true_poles() {
     }
 }
 
+/// No data choose these poles: any finite ones will do, as long as the response is that of the data.
+#[test]
+fn what_needs_no_free_pole_is_fitted_all_the_same() {
+    let frequencies = lines(64);
+    let z = |f: f64| C64::from_polar(1.0, std::f64::consts::TAU * f * clock().sample_time());
+    let gain = |_: f64| C64::new(2.0, 0.0);
+    let rigid = |f: f64| (z(f) - 1.0).powi(2).inv();
+    let cases: [(&dyn Fn(f64) -> C64, usize, Integrators); 2] =
+        [(&gain, 2, Integrators::Free), (&rigid, 4, Integrators::Fixed(2))];
+    for (of, order, integrators) in cases {
+        let values = frequencies.iter().map(|f| of(*f)).collect();
+        let frf = Frf::new(frequencies.clone(), 1, 1, values).unwrap();
+        let estimate = FrfEstimate::with_unit_covariance(frf, None).unwrap();
+        for weighting in WEIGHTINGS {
+            let settings = PoleFitSettings::new(order)
+                .integrators(integrators)
+                .weighting(weighting);
+            let result = fit(&estimate, clock(), &settings.check().unwrap()).unwrap();
+            let largest = result.poles.iter().map(|p| p.norm()).fold(0.0, f64::max);
+            let error = result.account.relative_error_max;
+            assert!(largest < 1e6, "{order} {weighting:?}: {largest:e}");
+            assert!(error < 1e-14, "{order} {weighting:?}: {error:e}");
+        }
+    }
+}
+
 #[test]
 fn response_and_state_space_agree() {
     let frequencies = lines(64);

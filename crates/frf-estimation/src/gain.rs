@@ -112,11 +112,7 @@ fn invert<S: Simd>(
     let w = 2 * n;
     let (zero, one) = (ComplexLanes::zero(simd), Lanes::splat(simd, 1.0));
     for i in 0..n {
-        let mut square = zero.re;
-        for j in 0..n {
-            square = square + work[i * w + j].norm_sqr();
-        }
-        rows[i] = one / square.sqrt();
+        rows[i] = one / squares(zero.re, work, i * w, 1, n).sqrt();
         for j in 0..n {
             work[i * w + j] = work[i * w + j] * rows[i];
             work[i * w + n + j] = zero;
@@ -124,11 +120,7 @@ fn invert<S: Simd>(
         work[i * w + n + i].re = one;
     }
     for j in 0..n {
-        let mut square = zero.re;
-        for i in 0..n {
-            square = square + work[i * w + j].norm_sqr();
-        }
-        columns[j] = one / square.sqrt();
+        columns[j] = one / squares(zero.re, work, j, w, n).sqrt();
         for i in 0..n {
             work[i * w + j] = work[i * w + j] * columns[j];
         }
@@ -140,9 +132,7 @@ fn invert<S: Simd>(
     }
     let mut square = zero.re;
     for i in 0..n {
-        for j in 0..n {
-            square = square + work[i * w + n + j].norm_sqr();
-        }
+        square = squares(square, work, i * w + n, 1, n);
     }
     // A = Dr^-1 As Dc^-1, hence A^-1 = Dc As^-1 Dr.
     for i in 0..n {
@@ -153,6 +143,21 @@ fn invert<S: Simd>(
     // Every column has length one.
     let size = Lanes::splat(simd, (n as f64).sqrt());
     size * square.sqrt() / Lanes::splat(simd, n as f64)
+}
+
+/// A sum with the squares of so many numbers, every `step`th from one on.
+#[inline(always)]
+fn squares<S: Simd>(
+    mut sum: Lanes<S>,
+    numbers: &[ComplexLanes<S>],
+    from: usize,
+    step: usize,
+    count: usize,
+) -> Lanes<S> {
+    for i in 0..count {
+        sum = sum + numbers[from + i * step].norm_sqr();
+    }
+    sum
 }
 
 /// The inverse of a matrix of two rows by Cramer's rule, which for two is as accurate as elimination (\[higham2002\], sec. 1.10.1).

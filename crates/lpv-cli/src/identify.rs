@@ -108,6 +108,7 @@ fn in_frequency(
     progress("poles, basis, regression", 1, 1);
     let mut summary = Summary::of_responses(&identified, &responses.estimates, responses.clock)?;
     summary.reasons.splice(0..0, responses.reasons);
+    summary.findings = responses.findings;
     Ok(Outcome {
         explanation: None,
         deviation: FrozenDeviation::of(&identified, &responses.estimates, responses.clock)?,

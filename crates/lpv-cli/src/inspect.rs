@@ -5,10 +5,13 @@ mod record;
 mod text;
 mod warnings;
 
+pub(crate) use experiment::describe as describe_responses;
 pub use experiment::{DetectionLine, ExperimentInfo, LineInfo, Spread};
 pub use record::{ChannelStats, RecordInfo};
+pub(crate) use warnings::of_experiment;
 
 use crate::PipelineError;
+use crate::finding::{self, Finding};
 use crate::progress::{Counter, Progress};
 use crate::responses::{is_large, periodic_responses};
 use experiment_data::{Bundle, DataError};
@@ -35,7 +38,10 @@ pub struct Inspection {
     pub coverage: Option<Coverage>,
     /// Standard deviation of the noise of one sample, by output, median over the periodic experiments; empty without any.
     pub noise: Vec<f64>,
-    /// What deserves attention.
+    /// What was found, with its facts.
+    #[serde(serialize_with = "finding::serialize")]
+    pub findings: Vec<Finding>,
+    /// The same in words, the gravest first; those alike once.
     pub warnings: Vec<String>,
 }
 
@@ -92,7 +98,7 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
     ] {
         let wanted = |i: usize| entries[i].purpose == purpose && entries[i].is_periodic();
         let found = periodic_responses(bundle, wanted, None, progress)?;
-        experiments.extend(found.into_iter().map(|f| experiment::describe(name, f)));
+        experiments.extend(found.iter().map(|f| experiment::describe(name, f)));
     }
     if let Some(coverage) = &mut coverage {
         coverage.positions = experiments
@@ -134,9 +140,19 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
         experiments,
         coverage,
         noise,
+        findings: Vec::new(),
         warnings: Vec::new(),
     };
-    inspection.warnings = warnings::warnings(&inspection);
+    let of_experiment = |e| warnings::of_experiment(e, inspection.controller);
+    inspection.findings = inspection
+        .experiments
+        .iter()
+        .flat_map(of_experiment)
+        .chain(inspection.records.iter().flat_map(warnings::of_record))
+        .chain(warnings::of_bundle(&inspection))
+        .collect();
+    let told = finding::told(&inspection.findings);
+    inspection.warnings = told.into_iter().map(|(_, sentence)| sentence).collect();
     Ok(inspection)
 }
 

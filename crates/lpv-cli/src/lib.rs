@@ -39,6 +39,7 @@ pub mod convert;
 mod deviation;
 pub mod diagnose;
 mod error;
+mod finding;
 mod identify;
 pub mod inspect;
 mod model_file;
@@ -66,6 +67,7 @@ pub use config::{
 };
 pub use deviation::{ChannelTable, FrozenDeviation};
 pub use error::PipelineError;
+pub use finding::{Finding, Severity};
 pub use identify::{Outcome, Stages, identify_bundle};
 pub use model_file::{Identification, ModelFile, relative_folder, write_whole};
 pub use moves::Moves;

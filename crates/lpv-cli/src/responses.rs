@@ -5,6 +5,8 @@ mod large;
 pub(crate) use large::is_large;
 
 use crate::PipelineError;
+use crate::finding::Finding;
+use crate::inspect::{describe_responses, of_experiment};
 use crate::period_noise::period_noise;
 use crate::progress::{Counter, Progress};
 use crate::signal::median;
@@ -27,6 +29,8 @@ pub struct Responses {
     pub noise: Option<Vec<f64>>,
     /// How they were made, in words.
     pub reasons: Vec<String>,
+    /// What was found in the data on the way.
+    pub findings: Vec<Finding>,
 }
 
 /// Positions closer than this part of the range belong to one experiment.
@@ -74,8 +78,11 @@ pub fn estimate_bundle(
     let clock = bundle.clock()?;
     if (0..bundle.len()).any(|i| fitted(i) && periodic(i)) {
         let found = periodic_responses(bundle, |i| fitted(i) && periodic(i), skip_periods, progress)?;
+        let controller = bundle.description().controller.is_some();
+        let figures = found.iter().map(|at| describe_responses("estimation", at));
         return Ok(Responses {
             clock,
+            findings: figures.flat_map(|e| of_experiment(&e, controller)).collect(),
             noise: Some(sample_noise(&found)),
             estimates: found.into_iter().map(|f| f.estimate.estimate).collect(),
             reasons: Vec::new(),
@@ -97,6 +104,7 @@ pub fn estimate_bundle(
         estimates,
         noise: None,
         reasons: vec![reason],
+        findings: Vec::new(),
     })
 }
 

@@ -4,6 +4,7 @@ mod time;
 
 pub use time::{AxisSummary, HeldOut, OrderRow, TimeSummary};
 
+use crate::finding::{self, Finding};
 use crate::signal::{finite, median};
 use crate::validation::{FrozenError, decibel, frozen_error};
 use crate::{Identified, MovingStage, PipelineError, SizeRow};
@@ -26,6 +27,13 @@ pub struct Summary {
     pub axes: Vec<AxisSummary>,
     /// The choices, in words.
     pub reasons: Vec<String>,
+    /// What was found in the data.
+    #[serde(
+        default,
+        skip_serializing_if = "Vec::is_empty",
+        serialize_with = "finding::serialize"
+    )]
+    pub findings: Vec<Finding>,
 }
 
 /// Figures of an identification from frequency responses.
@@ -219,6 +227,7 @@ impl Summary {
             frequency: Some(frequency),
             time: None,
             axes: Vec::new(),
+            findings: Vec::new(),
             reasons: identified
                 .reasons()
                 .iter()
@@ -236,6 +245,7 @@ impl Summary {
             time: Some(time),
             axes: Vec::new(),
             reasons,
+            findings: Vec::new(),
         }
     }
 
@@ -246,12 +256,14 @@ impl Summary {
             time: None,
             axes,
             reasons,
+            findings: Vec::new(),
         }
     }
 
     /// The summary in words.
     pub fn text(&self) -> String {
         let mut parts = vec![self.model.clone()];
+        parts.extend(finding::lines(&self.findings));
         parts.extend(self.reasons.iter().map(|r| format!("- {r}")));
         parts.extend(self.frequency.as_ref().map(FrequencySummary::text));
         parts.extend(self.time.as_ref().map(TimeSummary::text));

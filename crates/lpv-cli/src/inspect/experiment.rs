@@ -98,7 +98,8 @@ pub struct DetectionLine {
     pub noise: Vec<f64>,
 }
 
-pub(super) fn describe(purpose: &'static str, at: AtPosition) -> ExperimentInfo {
+/// The figures of one position, for one use.
+pub(crate) fn describe(purpose: &'static str, at: &AtPosition) -> ExperimentInfo {
     let e = &at.estimate;
     let frf = e.estimate.frf();
     let frequencies = frf.frequencies_hz();
@@ -143,7 +144,7 @@ pub(super) fn describe(purpose: &'static str, at: AtPosition) -> ExperimentInfo 
     ExperimentInfo {
         purpose,
         position: e.estimate.position(),
-        records: at.records,
+        records: at.records.clone(),
         band_hz: [frequencies[0], frequencies[frequencies.len() - 1]],
         periods_used: e.periods_used,
         periods_skipped: e.periods_skipped,
@@ -156,7 +157,7 @@ pub(super) fn describe(purpose: &'static str, at: AtPosition) -> ExperimentInfo 
         output_snr_db: by(ny, |l| &l.output_snr_db),
         input_snr_db: by(nu, |l| &l.input_snr_db),
         coherence: by(ny, |l| &l.coherence),
-        noise: at.noise,
+        noise: at.noise.clone(),
         odd_distortion: found.and_then(|d| d.odd_relative.clone()),
         even_distortion: found.and_then(|d| d.even_relative.clone()),
         realisation_distortion: e

@@ -1,13 +1,22 @@
 //! The inspection in words and as a table of lines.
 
 use super::{ExperimentInfo, Inspection, RecordInfo, Spread};
+use crate::finding::{self, Finding, Severity};
 use crate::table::TextTable;
 use std::fmt::Write as _;
 
 impl Inspection {
     /// For a person.
     pub fn text(&self) -> String {
-        let mut out = format!(
+        let (grave, other): (Vec<Finding>, Vec<Finding>) = self
+            .findings
+            .iter()
+            .cloned()
+            .partition(|f| f.severity() == Severity::Contradiction);
+        let mut out = finding::lines(&grave)
+            .iter()
+            .fold(String::new(), |out, f| out + f + "\n");
+        out += &format!(
             "{}: {} records at {} Hz\n",
             self.name,
             self.records.len(),
@@ -48,11 +57,11 @@ impl Inspection {
             let noise: Vec<String> = self.noise.iter().map(|n| format!("{n:.2e}")).collect();
             let _ = writeln!(out, "noise of one sample, by output: {}", noise.join(", "));
         }
-        if self.warnings.is_empty() {
+        if self.findings.is_empty() {
             out += "no warnings\n";
         }
-        for w in &self.warnings {
-            let _ = writeln!(out, "warning: {w}");
+        for line in finding::lines(&other) {
+            let _ = writeln!(out, "{line}");
         }
         out.truncate(out.trim_end().len());
         out

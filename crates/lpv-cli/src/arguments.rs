@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 /// LPV models of position-dependent machines from measured records.
 ///
-/// Exit codes: 0 done, 2 bad input or usage, 1 anything else.
+/// Exit codes: 0 done, 2 bad input or usage, 3 done, but the model is none of this machine or the data contradict themselves (the
+/// first line says which and why), 1 anything else.
 #[derive(Parser)]
 #[command(name = "lpv", version, about, long_about)]
 pub(crate) struct Arguments {

@@ -5,7 +5,7 @@
 
 mod told;
 
-pub(crate) use told::{lines, serialize, told};
+pub(crate) use told::{contradictions, lines, serialize, told};
 
 use serde::{Deserialize, Serialize};
 

@@ -2,13 +2,16 @@
 
 use crate::deviation::FrozenDeviation;
 use crate::diagnose::{self, Explanation};
+use crate::finding;
 use crate::moves::Moves;
 use crate::pipeline::{Identified, identify};
 use crate::progress::Progress;
 use crate::responses::{estimate_bundle, estimate_local, load_records};
 use crate::signal::fit_percent;
 use crate::summary::{AxisSummary, HeldOut, OrderRow, Summary, TimeSummary};
-use crate::{Direct, FitFocus, IdentifyConfig, LfrKind, PipelineError, Structure};
+use crate::validation::{Known, Scope, validate_knowing};
+use crate::verdict::Verdict;
+use crate::{Direct, FitFocus, IdentifyConfig, LfrKind, ModelFile, PipelineError, Structure};
 use experiment_data::Bundle;
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{Discrete, FrfEstimate, Model, Purpose, Record, StateSpace};
@@ -67,12 +70,43 @@ pub fn identify_bundle(
         .any(|e| e.purpose == Purpose::Estimation && e.is_periodic());
     let scheduled = !bundle.description().channels.scheduling.is_empty();
     match config.structure {
-        Some(Structure::RigidBody) => axes(bundle, config, progress),
-        Some(Structure::XyTable) => table(bundle, progress),
-        Some(Structure::Lti) if !periodic => in_time(bundle, config, progress),
-        None if !periodic && !scheduled => in_time(bundle, config, progress),
+        Some(Structure::RigidBody) => judged(axes(bundle, config, progress)?, bundle, config, None, progress),
+        Some(Structure::XyTable) => judged(table(bundle, progress)?, bundle, config, None, progress),
+        Some(Structure::Lti) if !periodic => {
+            judged(in_time(bundle, config, progress)?, bundle, config, None, progress)
+        }
+        None if !periodic && !scheduled => {
+            judged(in_time(bundle, config, progress)?, bundle, config, None, progress)
+        }
         structure => in_frequency(bundle, structure, config, progress),
     }
+}
+
+/// The outcome with its verdict: the model against what the bundle holds out, else against what it was made from.
+fn judged(
+    mut outcome: Outcome,
+    bundle: &Bundle,
+    config: &IdentifyConfig,
+    responses: Option<(&[FrfEstimate], Option<&[f64]>)>,
+    progress: Progress<'_>,
+) -> Result<Outcome, PipelineError> {
+    let file = ModelFile {
+        model: outcome.model.clone(),
+        identification: None,
+        explanation: outcome.explanation.clone(),
+    };
+    let known = Known {
+        hold_out: config.hold_out,
+        responses,
+    };
+    let verdict = match validate_knowing(&file, bundle, Scope::HeldOut, known, progress) {
+        Ok((found, _)) => found.verdict,
+        // A model that cannot be run along a record is written all the same, and the first line says so.
+        Err(error) => Verdict::unjudged(&error),
+    };
+    let contradictions = finding::contradictions(&outcome.summary.findings);
+    outcome.summary.verdict = Some(verdict.in_view_of(contradictions));
+    Ok(outcome)
 }
 
 fn in_frequency(
@@ -109,13 +143,15 @@ fn in_frequency(
     let mut summary = Summary::of_responses(&identified, &responses.estimates, responses.clock)?;
     summary.reasons.splice(0..0, responses.reasons);
     summary.findings = responses.findings;
-    Ok(Outcome {
+    let outcome = Outcome {
         explanation: None,
         deviation: FrozenDeviation::of(&identified, &responses.estimates, responses.clock)?,
         model: identified.model()?,
         summary,
         stages: Stages::Frequency(Box::new(identified)),
-    })
+    };
+    let known = (responses.estimates.as_slice(), responses.noise.as_deref());
+    judged(outcome, bundle, config, Some(known), progress)
 }
 
 /// The estimation records, and the last sample of each that may be fitted.
@@ -214,8 +250,14 @@ fn in_time(
         .zip(&fitted)
         .map(|(r, &n)| Segment::new(r, 0..n))
         .collect();
-    let found = lti_ident::identify(&segments, clock, &settings.check()?, &starts)?;
+    let mut found = lti_ident::identify(&segments, clock, &settings.check()?, &starts)?;
     progress("prediction error", 1, 1);
+    if !closed && config.order.is_none() {
+        reasons.extend(refuse_unstable(
+            &mut found,
+            fitted.iter().copied().max().unwrap_or(0),
+        ));
+    }
     let chosen = found.chosen();
     let rows: Vec<OrderRow> = found.entries.iter().map(OrderRow::new).collect();
     reasons.push(order_reason(&rows, chosen.order, config));
@@ -239,6 +281,29 @@ fn moves(signals: &lpv_core::Signals) -> bool {
 
 fn unstable(system: &StateSpace<Discrete>) -> bool {
     system.is_stable().is_ok_and(|stable| !stable)
+}
+
+/// Takes the best order whose model stays bounded over so many samples, where the chosen one does not: measured in open loop, the
+/// machine did.
+fn refuse_unstable(found: &mut InnovationFit, samples: usize) -> Option<String> {
+    let explodes = |e: &OrderEntry| {
+        crate::validation::stability(&e.model.model().poles().unwrap_or_default(), samples).is_unstable()
+    };
+    let refused = found.chosen().order;
+    if !explodes(found.chosen()) {
+        return None;
+    }
+    let (best, entry) = found
+        .entries
+        .iter()
+        .enumerate()
+        .filter(|(_, e)| e.expected_cost.is_finite() && !explodes(e))
+        .min_by(|a, b| a.1.expected_cost.total_cmp(&b.1.expected_cost))?;
+    let taken = entry.order;
+    found.chosen = best;
+    Some(format!(
+        "{refused} states have the least cost to expect, but the model grows without bound where the record does not: {taken} are taken"
+    ))
 }
 
 fn order_reason(rows: &[OrderRow], chosen: usize, config: &IdentifyConfig) -> String {

@@ -60,6 +60,7 @@ mod table;
 #[cfg(test)]
 mod test_kit;
 pub mod validation;
+pub mod verdict;
 
 pub use basis::{BasisStage, choose_basis};
 pub use config::{

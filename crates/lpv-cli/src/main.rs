@@ -16,15 +16,16 @@ fn main() -> ExitCode {
         return ExitCode::from(1);
     };
     match done {
-        Ok(text) => {
-            let text = text.trim_end();
+        Ok(done) => {
+            let code = ExitCode::from(if done.usable { 0 } else { 3 });
+            let text = done.text.trim_end();
             if text.is_empty() {
-                return ExitCode::SUCCESS;
+                return code;
             }
             // A reader that closes the pipe early has what it wanted.
             match writeln!(std::io::stdout().lock(), "{text}") {
-                Ok(()) => ExitCode::SUCCESS,
-                Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+                Ok(()) => code,
+                Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => code,
                 Err(e) => {
                     eprintln!("error: the output cannot be written: {e}");
                     ExitCode::from(1)

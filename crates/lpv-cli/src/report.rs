@@ -12,10 +12,11 @@ mod time;
 use crate::convert::describe;
 use crate::progress::Progress;
 use crate::validation::{Evidence, Frozen, Machine, Scope, Validation, validate};
+use crate::verdict::{Verdict, Worth};
 use crate::{AxisSummary, ModelFile, PipelineError};
 use experiment_data::Bundle;
 use lpv_core::{Discrete, Model, StateSpace};
-use lpv_report::{Cell, Format, KeyFigure, Page, Section, Table};
+use lpv_report::{Cell, Format, KeyFigure, Page, Section, Table, Tone};
 use std::path::{Path, PathBuf};
 
 /// Positions at which a model is drawn.
@@ -200,7 +201,11 @@ fn own_clock(file: &ModelFile) -> Result<Discrete, PipelineError> {
 }
 
 fn sections(name: &str, s: &Subject, note: Option<String>) -> Result<Vec<Section>, PipelineError> {
-    let mut head = Section::new(name.to_owned()).paragraph(format!("{}.", describe(&s.file.model)));
+    let mut head = Section::new(name.to_owned());
+    if let Some(verdict) = verdict(s) {
+        head = head.judgement(tone(verdict.worth), verdict.sentence.clone());
+    }
+    head = head.paragraph(format!("{}.", describe(&s.file.model)));
     if let Some(note) = note {
         head = head.note(note);
     }
@@ -219,6 +224,29 @@ fn sections(name: &str, s: &Subject, note: Option<String>) -> Result<Vec<Section
     all.extend(errors::section(s)?);
     all.extend(time::section(s));
     Ok(all)
+}
+
+/// Against the measurements where they are there, else as the file says.
+fn verdict(s: &Subject) -> Option<&Verdict> {
+    let own = s
+        .file
+        .identification
+        .as_ref()
+        .and_then(|i| i.summary.verdict.as_ref());
+    match (&s.validation, own) {
+        // What the file knows of its data, a comparison with them does not.
+        (_, Some(own)) if own.worth == Worth::ContradictoryData => Some(own),
+        (Some(validation), _) => Some(&validation.verdict),
+        (None, own) => own,
+    }
+}
+
+fn tone(worth: Worth) -> Tone {
+    match worth {
+        Worth::Good => Tone::Good,
+        Worth::GoodUpTo { .. } | Worth::GoodAtRest | Worth::Approximate | Worth::Unjudged => Tone::Caution,
+        Worth::ContradictoryData | Worth::NotAModel => Tone::Bad,
+    }
 }
 
 fn axes(found: &[AxisSummary]) -> Table {
@@ -300,6 +328,8 @@ fn key_figures(s: &Subject) -> Vec<KeyFigure> {
             );
         }
     }
+    let tone = verdict(s).map(|v| tone(v.worth));
+    figures.iter_mut().for_each(|f: &mut KeyFigure| f.tone = tone);
     figures
 }
 

@@ -16,24 +16,37 @@ use lpv_cli::{
 use serde::Serialize;
 use std::sync::Mutex;
 
-/// Runs a command; the text is for standard output.
-pub(crate) fn run(command: Command) -> Result<String, PipelineError> {
-    match command {
-        Command::New(a) => run_new(a),
-        Command::Inspect(a) => run_inspect(&a),
-        Command::Simulate(a) => run_simulate(&a),
-        Command::Identify(a) => run_identify(&a),
-        Command::Validate(a) => run_validate(&a),
-        Command::Diagnose(a) => run_diagnose(&a),
-        Command::Convert(a) => run_convert(&a),
-        Command::Report(a) => run_report(&a),
-        Command::Schema => Ok(experiment_data::schema()),
+/// What a command leaves: a text for standard output, and whether its result may be used.
+pub(crate) struct Done {
+    pub(crate) text: String,
+    pub(crate) usable: bool,
+}
+
+impl From<String> for Done {
+    fn from(text: String) -> Self {
+        Self { text, usable: true }
+    }
+}
+
+/// Runs a command.
+pub(crate) fn run(command: Command) -> Result<Done, PipelineError> {
+    let text = match command {
+        Command::Identify(a) => return run_identify(&a),
+        Command::Validate(a) => return run_validate(&a),
+        Command::New(a) => run_new(a)?,
+        Command::Inspect(a) => run_inspect(&a)?,
+        Command::Simulate(a) => run_simulate(&a)?,
+        Command::Diagnose(a) => run_diagnose(&a)?,
+        Command::Convert(a) => run_convert(&a)?,
+        Command::Report(a) => run_report(&a)?,
+        Command::Schema => experiment_data::schema(),
         Command::Completions { shell } => {
             let mut out = Vec::new();
             clap_complete::generate(shell, &mut Arguments::command(), "lpv", &mut out);
-            Ok(String::from_utf8_lossy(&out).into_owned())
+            String::from_utf8_lossy(&out).into_owned()
         }
-    }
+    };
+    Ok(text.into())
 }
 
 /// Bars on standard error while it is a terminal, nothing else.
@@ -159,10 +172,10 @@ fn run_simulate(a: &Simulate) -> Result<String, PipelineError> {
     })
 }
 
-fn run_identify(a: &Identify) -> Result<String, PipelineError> {
+fn run_identify(a: &Identify) -> Result<Done, PipelineError> {
     let (Some(folder), Some(output)) = (a.bundle.as_ref(), a.output.as_ref().filter(|_| !a.print_config))
     else {
-        return Ok(IdentifyConfig::template().to_owned());
+        return Ok(IdentifyConfig::template().to_owned().into());
     };
     let mut config = match &a.config {
         Some(file) => IdentifyConfig::read(file)?,
@@ -185,18 +198,24 @@ fn run_identify(a: &Identify) -> Result<String, PipelineError> {
     let summary = outcome.summary.clone();
     let file = ModelFile::of(outcome, &bundle, config, output)?;
     write_whole(output, file.to_json()?.as_bytes())?;
-    told(a.json, &summary, || {
-        format!("{}\nmodel written to {}", summary.text(), output.display())
+    Ok(Done {
+        usable: summary.verdict.as_ref().is_none_or(|v| v.worth.is_usable()),
+        text: told(a.json, &summary, || {
+            format!("{}\nmodel written to {}", summary.text(), output.display())
+        })?,
     })
 }
 
-fn run_validate(a: &Validate) -> Result<String, PipelineError> {
+fn run_validate(a: &Validate) -> Result<Done, PipelineError> {
     let bars = Bars::new();
     let model = convert::import(&a.model)?;
     let bundle = Bundle::open(&a.bundle)?;
     let scope = if a.all { Scope::All } else { Scope::HeldOut };
     let (found, _) = validate(&model, &bundle, scope, &|s, d, o| bars.tell(s, d, o))?;
-    told(a.json, &found, || found.text())
+    Ok(Done {
+        usable: found.verdict.worth.is_usable(),
+        text: told(a.json, &found, || found.text())?,
+    })
 }
 
 fn run_diagnose(a: &Diagnose) -> Result<String, PipelineError> {

@@ -7,6 +7,7 @@ pub use time::{AxisSummary, HeldOut, OrderRow, TimeSummary};
 use crate::finding::{self, Finding};
 use crate::signal::{finite, median};
 use crate::validation::{FrozenError, decibel, frozen_error};
+use crate::verdict::Verdict;
 use crate::{Identified, MovingStage, PipelineError, SizeRow};
 use lpv_core::{Discrete, Frf, FrfEstimate, Model};
 use serde::{Deserialize, Serialize};
@@ -14,6 +15,9 @@ use serde::{Deserialize, Serialize};
 /// The figures of one identification.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
+    /// What the model is worth; none of a diagnosis, which has a verdict of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
     /// Kind of the model, in words.
     pub model: String,
     /// From frequency responses.
@@ -228,6 +232,7 @@ impl Summary {
             time: None,
             axes: Vec::new(),
             findings: Vec::new(),
+            verdict: None,
             reasons: identified
                 .reasons()
                 .iter()
@@ -246,6 +251,7 @@ impl Summary {
             axes: Vec::new(),
             reasons,
             findings: Vec::new(),
+            verdict: None,
         }
     }
 
@@ -257,12 +263,14 @@ impl Summary {
             axes,
             reasons,
             findings: Vec::new(),
+            verdict: None,
         }
     }
 
     /// The summary in words.
     pub fn text(&self) -> String {
-        let mut parts = vec![self.model.clone()];
+        let mut parts: Vec<String> = self.verdict.iter().map(|v| v.sentence.clone()).collect();
+        parts.push(self.model.clone());
         parts.extend(finding::lines(&self.findings));
         parts.extend(self.reasons.iter().map(|r| format!("- {r}")));
         parts.extend(self.frequency.as_ref().map(FrequencySummary::text));

@@ -1,5 +1,6 @@
 //! Errors of a model: frozen, one step ahead, open loop, closed loop; and what is left in the residuals.
 
+mod bands;
 mod check;
 mod disturbance;
 mod frozen;
@@ -12,9 +13,12 @@ mod simulate;
 mod start;
 mod text;
 
+pub use bands::Band;
 pub use check::{ErrorFigure, Evidence, FrozenCheck, OutputCheck, RecordCheck, Scope, Validation, validate};
+pub(crate) use check::{Known, stability, validate_knowing};
 pub use machine::Machine;
 pub use predict::{Predictor, stationary_covariance};
+pub(crate) use residual::SMALL_INPUT_SHARE;
 pub use residual::{CrossCorrelation, Whiteness};
 pub(crate) use rigid::check_axis;
 pub use rigid::{AxisCheck, ClosedLoopAxis};

@@ -35,6 +35,8 @@ pub enum Block {
     Paragraph(String),
     /// A paragraph that stands out: a limitation, a warning.
     Note(String),
+    /// The judgement of what follows, in a colour and in words.
+    Judgement(Tone, String),
     /// Points of a list.
     List(Vec<String>),
     /// Large numbers with labels.
@@ -47,6 +49,27 @@ pub enum Block {
     Code(String),
 }
 
+/// How a judgement sounds; its colour never says it alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Tone {
+    /// As it should be.
+    Good,
+    /// To be used with care.
+    Caution,
+    /// Not to be used.
+    Bad,
+}
+
+impl Tone {
+    fn class(self) -> &'static str {
+        match self {
+            Self::Good => "ok",
+            Self::Caution => "care",
+            Self::Bad => "ko",
+        }
+    }
+}
+
 /// A large number with a label under it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeyFigure {
@@ -56,6 +79,8 @@ pub struct KeyFigure {
     pub label: String,
     /// A remark under the label; may be empty.
     pub remark: String,
+    /// Colour of the tile; without one that of the bar of its value.
+    pub tone: Option<Tone>,
 }
 
 impl KeyFigure {
@@ -65,7 +90,14 @@ impl KeyFigure {
             value,
             label: label.into(),
             remark: String::new(),
+            tone: None,
         }
+    }
+
+    /// The colour of the tile.
+    pub fn tone(mut self, tone: Tone) -> Self {
+        self.tone = Some(tone);
+        self
     }
 
     /// A remark under the label.
@@ -103,6 +135,11 @@ impl Section {
     /// Adds a paragraph that stands out.
     pub fn note(self, text: impl Into<String>) -> Self {
         self.block(Block::Note(text.into()))
+    }
+
+    /// Adds a judgement.
+    pub fn judgement(self, tone: Tone, text: impl Into<String>) -> Self {
+        self.block(Block::Judgement(tone, text.into()))
     }
 
     /// Adds a list.
@@ -229,6 +266,11 @@ fn block(out: &mut String, block: &Block, figures: &mut usize) -> Result<(), Rep
         Block::Heading(heading) => out.push_str(&format!("<h3>{}</h3>\n", text::to_html(heading))),
         Block::Paragraph(paragraph) => out.push_str(&format!("<p>{}</p>\n", text::to_html(paragraph))),
         Block::Note(note) => out.push_str(&format!("<p class=\"note\">{}</p>\n", text::to_html(note))),
+        Block::Judgement(tone, words) => out.push_str(&format!(
+            "<p class=\"judgement {}\">{}</p>\n",
+            tone.class(),
+            text::to_html(words)
+        )),
         Block::List(points) => {
             let items: String = points
                 .iter()
@@ -260,11 +302,14 @@ fn block(out: &mut String, block: &Block, figures: &mut usize) -> Result<(), Rep
 }
 
 fn key_figure(out: &mut String, key: &KeyFigure) {
-    let class = match key.value.verdict() {
-        Some(Verdict::Pass) => " ok",
-        Some(Verdict::Fail) => " ko",
-        None => "",
-    };
+    let by_bar = key.value.verdict().map(|verdict| match verdict {
+        Verdict::Pass => Tone::Good,
+        Verdict::Fail => Tone::Bad,
+    });
+    let class = key
+        .tone
+        .or(by_bar)
+        .map_or(String::new(), |tone| format!(" {}", tone.class()));
     let (value, label) = (text::to_html(&key.value.markup()), text::to_html(&key.label));
     out.push_str(&format!(
         "<div class=\"key{class}\"><div class=\"value\">{value}</div>"

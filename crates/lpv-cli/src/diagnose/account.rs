@@ -19,6 +19,8 @@ pub struct Diagnosis {
     pub base_model: String,
     /// `explained`, `partly-explained`, `unexplained`, `nothing-missing`.
     pub verdict: String,
+    /// The first line: what was found, and what is left.
+    pub verdict_in_words: String,
     /// What was added, in order.
     pub effects: Vec<FoundEffect>,
     /// Deviation of the noise of one sample as it leaves the loop, by output.
@@ -168,6 +170,46 @@ pub struct Tested {
     pub fitted: bool,
 }
 
+/// The first line of a diagnosis: the verdict, what was added, and the largest error over the noise on the judged records before and
+/// after.
+pub(super) fn in_words(verdict: &str, effects: &[FoundEffect], before: &Errors, after: &Errors) -> String {
+    let largest = |errors: &Errors| {
+        let over = errors
+            .validation
+            .values()
+            .map(|e| e.over_noise)
+            .fold(0.0, f64::max);
+        if over < 1e4 {
+            format!("{over:.2}")
+        } else {
+            format!("{over:.1e}")
+        }
+    };
+    let (before, after) = (largest(before), largest(after));
+    let names: Vec<String> = effects
+        .iter()
+        .map(|e| format!("{} at {}", e.effect, e.channel))
+        .collect();
+    let names = names.join(", ");
+    match verdict {
+        "nothing-missing" => {
+            format!("nothing is missing: on held-out records the error is {after} times the noise")
+        }
+        "explained" => {
+            format!(
+                "explained: {names}; on held-out records the error falls from {before} to {after} times the noise"
+            )
+        }
+        "partly-explained" => format!(
+            "partly explained: {names}; on held-out records the error falls from {before} to {after} times the noise, and that is left"
+        ),
+        _ => format!(
+            "unexplained: on held-out records the error is {after} times the noise, and no effect of the catalogue explains it; do not \
+             rely on the model for such moves"
+        ),
+    }
+}
+
 impl Diagnosis {
     pub(super) fn new(bundle: &Bundle, found: &Trace, judged: &[Track], reasons: Vec<String>) -> Self {
         let outputs = &bundle.description().channels.output.columns;
@@ -218,16 +260,22 @@ impl Diagnosis {
             let found = found.left[i].iter();
             found.map(|l| LeftTest::new(l, outputs)).collect()
         };
+        let (before, after) = (
+            errors(&found.before, found.one_step[0]),
+            errors(&found.after, found.one_step[1]),
+        );
+        let effects: Vec<FoundEffect> = found.added.iter().map(effect).collect();
         let noise: Vec<(String, f64)> = outputs.iter().cloned().zip(found.noise).collect();
         Self {
             format: 1,
             bundle: bundle.description().name.clone(),
             base_model: found.model.base.name().to_owned(),
             verdict: found.verdict.name().to_owned(),
-            effects: found.added.iter().map(effect).collect(),
+            verdict_in_words: in_words(found.verdict.name(), &effects, &before, &after),
+            effects,
             noise_floor: noise.into_iter().collect(),
-            before: errors(&found.before, found.one_step[0]),
-            after: errors(&found.after, found.one_step[1]),
+            before,
+            after,
             candidates: found
                 .candidates
                 .iter()
@@ -260,7 +308,7 @@ impl Diagnosis {
 
     /// In words.
     pub fn text(&self) -> String {
-        let mut lines = vec![format!("{}: {}", self.bundle, self.verdict)];
+        let mut lines = vec![format!("{}: {}", self.bundle, self.verdict_in_words)];
         for e in &self.effects {
             let values: Vec<String> = e
                 .parameters

@@ -1,7 +1,7 @@
 //! The page of a diagnosis.
 
 use super::{Diagnosed, LeftTests, OutputError};
-use lpv_report::{Cell, Format, Page, Section, Table};
+use lpv_report::{Cell, Format, Page, Section, Table, Tone};
 
 /// Gain, dB, that stands for a machine that leaves all bounds.
 const LOST_DB: f64 = -299.0;
@@ -11,7 +11,8 @@ impl Diagnosed {
     pub fn page(&self) -> Page {
         let d = &self.diagnosis;
         let mut page = Page::new(format!("Diagnosis of {}", d.bundle))
-            .subtitle(format!("{}: {}", d.verdict, self.summary()))
+            .subtitle(self.summary())
+            .section(Section::new("Verdict").judgement(tone(&d.verdict), d.verdict_in_words.clone()))
             .fact("verdict", d.verdict.as_str())
             .fact("base model", d.base_model.clone());
         if !d.effects.is_empty() {
@@ -144,6 +145,14 @@ impl Diagnosed {
             })
             .collect();
         format!("{what}; {}", errors.join(", "))
+    }
+}
+
+fn tone(verdict: &str) -> Tone {
+    match verdict {
+        "nothing-missing" | "explained" => Tone::Good,
+        "partly-explained" => Tone::Caution,
+        _ => Tone::Bad,
     }
 }
 

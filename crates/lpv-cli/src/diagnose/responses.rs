@@ -1,5 +1,6 @@
 //! Diagnosis from frequency responses, of an axis with one input that has no moves.
 
+use super::account::in_words;
 use super::places::{channel, placed, units};
 use super::{
     Characterisation, Diagnosed, Diagnosis, Errors, Evidence, Explanation, FoundEffect, OutputError,
@@ -180,7 +181,8 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
                 },
             })
         })
-        .collect();
+        .collect::<Vec<FoundEffect>>();
+    let (before, after) = (errors(first), errors(last));
     let tested = steps.iter().enumerate().flat_map(|(i, step)| {
         let next = steps.get(i + 1).and_then(|s| s.effect);
         let beside: Vec<String> = step
@@ -205,10 +207,11 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
         base_model: "rigid axis with viscous friction; rms are errors of the response over its size"
             .to_owned(),
         verdict: verdict.to_owned(),
+        verdict_in_words: in_words(verdict, &effects, &before, &after),
         effects,
         noise_floor: by_output(bundle, &noise),
-        before: errors(first),
-        after: errors(last),
+        before,
+        after,
         candidates: tested.collect(),
         left: None,
         characterisation: match verdict {

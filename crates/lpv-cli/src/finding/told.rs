@@ -35,6 +35,15 @@ pub(crate) fn lines(findings: &[Finding]) -> Vec<String> {
         .collect()
 }
 
+/// What makes an answer from these data worthless, in words.
+pub(crate) fn contradictions(findings: &[Finding]) -> Vec<String> {
+    let grave = told(findings).into_iter();
+    grave
+        .filter(|(severity, _)| *severity == Severity::Contradiction)
+        .map(|(_, sentence)| sentence)
+        .collect()
+}
+
 /// Of one kind, and with the same parity where there is one.
 fn same(a: &Finding, b: &Finding) -> bool {
     let parity = |f: &Finding| match f {

@@ -1,19 +1,22 @@
 //! A model against a bundle.
 
 use super::FrozenError;
+use super::bands::Band;
 use super::disturbance::disturbance;
 use super::frozen::{Against, frozen_check};
 use super::machine::Machine;
 use super::record::{Context, is_refitted};
 use super::residual::{CrossCorrelation, Whiteness};
 use super::rigid::AxisCheck;
-use super::simulate::Run;
+use super::simulate::{Frozen, Run};
 use crate::diagnose::{is_traced_on_responses, placed};
 use crate::progress::{Counter, Progress};
 use crate::responses::load_records;
 use crate::signal::fit_percent;
+use crate::verdict::{Stability, Verdict};
 use crate::{ModelFile, PipelineError};
 use experiment_data::Bundle;
+use lpv_core::num_complex::Complex;
 use lpv_core::{Frf, FrfEstimate, Model, Purpose, Record};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -21,12 +24,16 @@ use serde::Serialize;
 /// What `lpv validate` finds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Validation {
+    /// What the model is worth on these records; its sentence is the first line.
+    pub verdict: Verdict,
     /// Kind of the model, in words.
     pub model: String,
     /// Against the frequency responses; none without periodic records.
     pub frozen: Option<FrozenCheck>,
     /// Standard deviation of the noise of one sample, by output; none without periodic records.
     pub noise: Option<Vec<f64>>,
+    /// How the model answers a bounded input in open loop, at rest in the middle of its range.
+    pub stability: Stability,
     /// Along the transient records.
     pub records: Vec<RecordCheck>,
     /// What was not done, and why.
@@ -48,6 +55,8 @@ pub struct FrozenCheck {
     pub error_over_noise: f64,
     /// Root mean square of the error relative to that of the response, by output, percent.
     pub relative_rms_percent: Vec<f64>,
+    /// The error band by band, lowest first.
+    pub bands: Vec<Band>,
 }
 
 /// The model along one record.
@@ -59,6 +68,8 @@ pub struct RecordCheck {
     pub purpose: &'static str,
     /// First sample that is judged: what lies before was fitted.
     pub from: usize,
+    /// Whether the scheduling signals of an LPV model move along it.
+    pub moves: bool,
     /// How the state starts: `at rest` or `fitted to the first samples`.
     pub start: &'static str,
     /// Every output.
@@ -82,6 +93,12 @@ pub struct OutputCheck {
     pub one_step: Option<ErrorFigure>,
     /// Simulated from the recorded inputs.
     pub open_loop: ErrorFigure,
+    /// Part of the power of that error, 0 to 1, that the inputs explain linearly: what a better linear model would take away.
+    pub open_loop_by_inputs: f64,
+    /// Part of it that its own past predicts: what a disturbance or an effect that the model lacks leaves, and noise does not.
+    pub open_loop_predictable: f64,
+    /// Root mean square of the change of the output from one sample to the next: the error of predicting no change.
+    pub change_rms: f64,
     /// Simulated with the controller from the recorded references; none without a controller and references.
     pub closed_loop: Option<ErrorFigure>,
 }
@@ -127,6 +144,31 @@ pub fn validate(
     scope: Scope,
     progress: Progress<'_>,
 ) -> Result<(Validation, Evidence), PipelineError> {
+    let known = Known {
+        hold_out: file.identification.as_ref().map_or(0.0, |i| i.config.hold_out),
+        responses: None,
+    };
+    validate_knowing(file, bundle, scope, known, progress)
+}
+
+/// What is known of the records that a model was made from.
+#[derive(Clone, Copy)]
+pub(crate) struct Known<'a> {
+    /// Last part of each transient estimation record that was not fitted.
+    pub(crate) hold_out: f64,
+    /// Responses of the estimation records, and the standard deviation of the noise of one sample by output where periods tell it;
+    /// none where they are still to be estimated.
+    pub(crate) responses: Option<(&'a [FrfEstimate], Option<&'a [f64]>)>,
+}
+
+/// The same with what is known already.
+pub(crate) fn validate_knowing(
+    file: &ModelFile,
+    bundle: &Bundle,
+    scope: Scope,
+    known: Known<'_>,
+    progress: Progress<'_>,
+) -> Result<(Validation, Evidence), PipelineError> {
     let description = bundle.description();
     let clock = bundle.clock()?;
     let machine = Machine::new(&file.model, clock)?;
@@ -157,8 +199,8 @@ pub fn validate(
         noise,
         estimates,
         responses,
-    } = frozen_check(&machine, traced, bundle, &mut notes, progress)?;
-    let hold_out = file.identification.as_ref().map_or(0.0, |i| i.config.hold_out);
+    } = frozen_check(&machine, traced, bundle, known.responses, &mut notes, progress)?;
+    let hold_out = known.hold_out;
     let held_out = transient.iter().any(|r| r.purpose == Purpose::Validation);
     let judged: Vec<&Record> = transient
         .iter()
@@ -259,10 +301,18 @@ pub fn validate(
         records.push(along.check);
         runs.push((record.clone(), along.open, along.closed));
     }
+    /// Samples over which a model without records is judged.
+    const WITHOUT_RECORDS: usize = 10_000;
+    let longest = runs.iter().map(|(record, ..)| record.len()).max();
+    let centre = machine.range().map_or_else(Vec::new, |r| r.centre());
+    let stability = stability(&machine.at(&centre)?.poles()?, longest.unwrap_or(WITHOUT_RECORDS));
+    let closed_loop = description.controller.is_some() || under_feedback(&runs);
     let validation = Validation {
+        verdict: Verdict::of(frozen.as_ref(), &records, stability, closed_loop, &notes),
         model: crate::convert::describe(&file.model),
         frozen,
         noise,
+        stability,
         records,
         notes,
     };
@@ -272,6 +322,32 @@ pub fn validate(
         runs,
     };
     Ok((validation, evidence))
+}
+
+/// What poles do over so many samples.
+pub(crate) fn stability(poles: &[Complex<f64>], samples: usize) -> Stability {
+    /// Growth, as a power of e, up to which a pole keeps or loses what it is given ...
+    const DRIFTS: f64 = -1.0;
+    /// ... and from which on it explodes: a factor of ten.
+    const EXPLODES: f64 = 2.3;
+    let radius = poles.iter().map(|z| z.norm()).fold(0.0, f64::max);
+    let growth = samples as f64 * radius.ln();
+    if growth > EXPLODES {
+        Stability::Unstable { radius }
+    } else if growth > DRIFTS {
+        Stability::Integrating
+    } else {
+        Stability::Stable
+    }
+}
+
+/// Whether every judged record has references that move and are not its inputs: feedback may hold a machine that is unstable.
+fn under_feedback(runs: &[(Record, Run, Option<Run>)]) -> bool {
+    let held = |(record, ..): &(Record, Run, Option<Run>)| {
+        let references = &record.references.columns;
+        references.iter().any(|r| r.iter().any(|v| *v != r[0])) && *references != record.inputs.columns
+    };
+    !runs.is_empty() && runs.iter().all(held)
 }
 
 /// Whether the scheduling signals stay where the model is known; a record without them is for the simulation to refuse.

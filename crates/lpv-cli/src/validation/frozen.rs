@@ -1,5 +1,6 @@
 //! The frozen model against frequency responses.
 
+use super::bands::bands;
 use super::check::FrozenCheck;
 use super::machine::Machine;
 use super::simulate::Frozen;
@@ -28,39 +29,46 @@ pub(super) fn frozen_check(
     machine: &Machine,
     traced: Option<&Explained>,
     bundle: &Bundle,
+    known: Option<(&[FrfEstimate], Option<&[f64]>)>,
     notes: &mut Vec<String>,
     progress: Progress<'_>,
 ) -> Result<Against, PipelineError> {
     let entries = &bundle.description().records;
     let periodic = |i: usize| entries[i].is_periodic();
-    if !(0..entries.len()).any(periodic) {
+    let held = |i: usize| periodic(i) && entries[i].purpose == Purpose::Validation;
+    let any_held = (0..entries.len()).any(held);
+    let known = known.filter(|_| !any_held);
+    if known.is_none() && !(0..entries.len()).any(periodic) {
         notes.push(
             "no periodic records: no frequency response to compare with, and the noise level is not known"
                 .to_owned(),
         );
         return Ok(Against::default());
     }
-    let held = |i: usize| periodic(i) && entries[i].purpose == Purpose::Validation;
-    let any_held = (0..entries.len()).any(held);
     let wanted = if any_held {
         Purpose::Validation
     } else {
         Purpose::Estimation
     };
     let used = |i: usize| periodic(i) && entries[i].purpose == wanted;
-    let found = periodic_responses(bundle, used, None, progress)?;
-    let noise = sample_noise(&found);
+    let (found, noise) = match known {
+        Some((estimates, noise)) => (estimates.to_vec(), noise.map(<[f64]>::to_vec)),
+        None => {
+            let found = periodic_responses(bundle, used, None, progress)?;
+            let noise = sample_noise(&found);
+            (
+                found.into_iter().map(|f| f.estimate.estimate).collect(),
+                Some(noise),
+            )
+        }
+    };
     let inside = |e: &FrfEstimate| match (machine.range(), e.position()) {
         (Some(range), Some(p)) => range.check(&[p]).is_ok(),
         (Some(_), None) => false,
         (None, _) => true,
     };
     let all = found.len();
-    let estimates: Vec<FrfEstimate> = found
-        .into_iter()
-        .map(|f| f.estimate.estimate)
-        .filter(inside)
-        .collect();
+    let estimates: Vec<FrfEstimate> = found.into_iter().filter(inside).collect();
     if estimates.len() < all {
         notes.push(format!(
             "{} of {all} positions lie outside the range of the model and were left out",
@@ -69,7 +77,7 @@ pub(super) fn frozen_check(
     }
     if estimates.is_empty() {
         return Ok(Against {
-            noise: Some(noise),
+            noise,
             ..Against::default()
         });
     }
@@ -99,10 +107,11 @@ pub(super) fn frozen_check(
         noise_db: decibel(median(&deviations)),
         error_over_noise: median(&ratios),
         relative_rms_percent: crate::summary::relative_rms_percent(&model, &truth),
+        bands: bands(&model, &estimates),
     };
     Ok(Against {
         check: Some(check),
-        noise: Some(noise),
+        noise,
         estimates,
         responses: model,
     })

@@ -110,6 +110,7 @@ impl Context<'_> {
             }
             Err(other) => return Err(other),
         };
+        let inputs: Vec<&[f64]> = record.inputs.columns.iter().map(|u| &u[from..]).collect();
         let difference = |simulated: &DMatrix<f64>, i: usize| -> Vec<f64> {
             let y = &record.outputs.columns[i];
             (from..record.len()).map(|k| y[k] - simulated[(i, k)]).collect()
@@ -118,11 +119,17 @@ impl Context<'_> {
             .map(|i| {
                 let y = &record.outputs.columns[i][from..];
                 let figure = |error: &[f64]| ErrorFigure::new(y, error, self.noise.map(|n| n[i]));
+                let open_error = difference(&open.outputs, i);
                 OutputCheck {
                     name: record.outputs.names[i].clone(),
                     unit: self.units.get(i).cloned().unwrap_or_default(),
                     one_step: residuals.get(i).map(|r| figure(r)),
-                    open_loop: figure(&difference(&open.outputs, i)),
+                    open_loop: figure(&open_error),
+                    open_loop_by_inputs: residual::share_of_inputs(&open_error, &inputs),
+                    open_loop_predictable: residual::predictable_share(&open_error),
+                    change_rms: (y.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum::<f64>()
+                        / y.len().max(2) as f64)
+                        .sqrt(),
                     closed_loop: closed.as_ref().map(|run| figure(&difference(&run.outputs, i))),
                 }
             })
@@ -171,8 +178,14 @@ impl Context<'_> {
             whiteness: residuals
                 .iter()
                 .zip(&record.outputs.names)
-                .map(|(r, name)| residual::whiteness(name, r))
+                .map(|(r, name)| residual::whiteness(name, r, &inputs))
                 .collect(),
+            moves: self.machine.range().is_some()
+                && !record
+                    .scheduling
+                    .columns
+                    .iter()
+                    .all(|p| crate::responses::rests(p)),
             cross_correlation,
             axes: match self.body {
                 // Its inverse dynamics know nothing of effects.

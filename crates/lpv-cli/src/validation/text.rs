@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 impl Validation {
     /// For a person.
     pub fn text(&self) -> String {
-        let mut out = format!("{}\n", self.model);
+        let mut out = format!("{}\n{}\n", self.verdict.sentence, self.model);
         if let Some(f) = &self.frozen {
             let rms: Vec<String> = f
                 .relative_rms_percent
@@ -113,7 +113,11 @@ fn axes(r: &RecordCheck) -> String {
 fn residuals(r: &RecordCheck) -> String {
     let mut out = String::new();
     for w in &r.whiteness {
-        let verdict = if w.p_value > 0.01 { "white" } else { "not white" };
+        let verdict = match (w.p_value > 0.01, w.is_white()) {
+            (true, _) => "white",
+            (false, true) => "nearly white",
+            (false, false) => "not white",
+        };
         let inputs: Vec<String> = r
             .cross_correlation
             .iter()
@@ -125,10 +129,12 @@ fn residuals(r: &RecordCheck) -> String {
             .collect();
         let _ = writeln!(
             out,
-            "{}, one-step residual of {}: {verdict} (p {}, {:.0} % of the lags beyond the 99 % bound); \
-             largest correlation with inputs over its 99 % bound: {}",
+            "{}, one-step residual of {}: {verdict} (its past predicts {:.0} % of its power, the inputs {:.0} %; p {}, {:.0} % of the lags \
+             beyond the 99 % bound); largest correlation with inputs over its 99 % bound: {}",
             r.name,
             w.output,
+            100.0 * w.predictable,
+            100.0 * w.by_inputs,
             probability(w.p_value),
             100.0 * w.outside,
             inputs.join(", ")

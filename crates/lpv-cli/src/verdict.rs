@@ -1,0 +1,230 @@
+//! What a result is worth, before any figure: the first line of every command.
+
+mod judge;
+#[cfg(test)]
+mod tests;
+mod words;
+
+use crate::PipelineError;
+use serde::{Deserialize, Serialize};
+
+/// A judgement of a model, with the facts behind it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Verdict {
+    /// The judgement.
+    #[serde(flatten)]
+    pub worth: Worth,
+    /// The first line: the judgement, the figures that decide, and what to do.
+    pub sentence: String,
+    /// Whether the records that decide were held out, or the model was fitted to them.
+    pub basis: Basis,
+    /// What speaks against the model, the gravest first; empty for a good one.
+    pub causes: Vec<Cause>,
+}
+
+/// What a model may be used for.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "worth", rename_all = "kebab-case", rename_all_fields = "snake_case")]
+pub enum Worth {
+    /// Its errors are noise, or too small to matter.
+    Good,
+    /// Good up to a frequency.
+    GoodUpTo {
+        /// That frequency, Hz.
+        frequency_hz: f64,
+    },
+    /// Good while the scheduling variable rests, not when it moves.
+    GoodAtRest,
+    /// It explains most of the response, and errs by more than the noise.
+    Approximate,
+    /// There is nothing to judge it by.
+    Unjudged,
+    /// The data contradict themselves: whatever fits them is wrong somewhere.
+    ContradictoryData,
+    /// It explains less than half of what the machine does, or is unstable where the machine is not.
+    NotAModel,
+}
+
+impl Worth {
+    /// Whether the result may be used as the commands of this program use it; where not, they end with exit code 3.
+    pub fn is_usable(self) -> bool {
+        !matches!(self, Self::NotAModel | Self::ContradictoryData)
+    }
+    /// Whether the model is good for everything that was judged, or for a part of it that is named.
+    pub fn is_good(self) -> bool {
+        matches!(self, Self::Good | Self::GoodUpTo { .. } | Self::GoodAtRest)
+    }
+}
+
+/// What the judged records are to the model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Basis {
+    /// It was not fitted to them.
+    HeldOut,
+    /// It was fitted to them, and they flatter it.
+    Fitted,
+    /// None were judged.
+    Nothing,
+}
+
+/// What speaks against a model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "cause", rename_all = "kebab-case", rename_all_fields = "snake_case")]
+#[non_exhaustive]
+pub enum Cause {
+    /// The frozen response errs over the whole band.
+    Response {
+        /// Error relative to the response, percent, in the median over half octaves.
+        error_percent: f64,
+        /// Noise of the response, percent, in the median over half octaves.
+        noise_percent: f64,
+        /// The same in multiples of the noise, root mean square.
+        over_noise: f64,
+    },
+    /// The frozen response errs most in one band.
+    Band {
+        /// Lower and upper end, Hz.
+        band_hz: [f64; 2],
+        /// Error relative to the response there, percent.
+        error_percent: f64,
+        /// The same in multiples of its noise.
+        over_noise: f64,
+        /// Where the band lies, which tells what is missing.
+        place: BandPlace,
+    },
+    /// The measured response is mostly noise, so that a wrong model would not show.
+    NoisyResponse {
+        /// Noise of the response, percent, in the median over half octaves.
+        noise_percent: f64,
+    },
+    /// The model misses an output along a record.
+    Record {
+        /// The record.
+        record: String,
+        /// The output.
+        output: String,
+        /// What was compared.
+        run: Run,
+        /// Error relative to the motion of the output, percent.
+        error_percent: f64,
+        /// The same in multiples of the noise, where that is known.
+        over_noise: Option<f64>,
+        /// Whether the scheduling variable moves.
+        moves: bool,
+    },
+    /// The model leaves in the residual what the inputs or the past of the output explain.
+    Residual {
+        /// The record.
+        record: String,
+        /// The output.
+        output: String,
+        /// Part of the residual's power that the inputs explain, percent.
+        by_inputs_percent: f64,
+        /// Part that its own past explains, percent.
+        predictable_percent: f64,
+    },
+    /// The inverse dynamics of an axis miss the force.
+    Force {
+        /// The record.
+        record: String,
+        /// The input of the axis.
+        input: String,
+        /// Error relative to the force, percent.
+        error_percent: f64,
+    },
+    /// A pole outside the unit circle, of a machine whose outputs stay bounded in open loop.
+    Unstable {
+        /// Largest magnitude of a pole.
+        radius: f64,
+    },
+    /// A judgement that could not be made.
+    NotJudged {
+        /// Why.
+        why: String,
+    },
+    /// The data contradict themselves.
+    Data {
+        /// What contradicts what, where, and the remedy.
+        what: String,
+    },
+}
+
+/// Where a band lies among the measured ones.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BandPlace {
+    /// At the lowest frequencies: what a rigid body, friction or a spring would explain.
+    Low,
+    /// In between: a mode, usually.
+    Middle,
+    /// At the highest.
+    High,
+}
+
+/// What an error in time is the error of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Run {
+    /// Simulation with the controller.
+    ClosedLoop,
+    /// Simulation from the recorded inputs.
+    OpenLoop,
+    /// One-step prediction.
+    OneStep,
+}
+
+/// How a model answers a bounded input in open loop over the length of the records.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum Stability {
+    /// With a bounded output.
+    Stable,
+    /// It drifts: integrators, or poles slower than the records.
+    Integrating,
+    /// Its output grows without bound.
+    Unstable {
+        /// Largest magnitude of a pole.
+        radius: f64,
+    },
+}
+
+impl Stability {
+    /// Whether the output grows without bound.
+    pub fn is_unstable(self) -> bool {
+        matches!(self, Self::Unstable { .. })
+    }
+}
+
+impl Verdict {
+    /// A verdict with its sentence.
+    pub(crate) fn new(worth: Worth, basis: Basis, facts: &[Cause], causes: Vec<Cause>) -> Self {
+        Self {
+            sentence: words::sentence(worth, basis, facts, &causes),
+            worth,
+            basis,
+            causes,
+        }
+    }
+
+    /// Of a model that could not be compared with any record.
+    pub(crate) fn unjudged(error: &PipelineError) -> Self {
+        let causes = vec![Cause::NotJudged {
+            why: error.to_string(),
+        }];
+        Self::new(Worth::Unjudged, Basis::Nothing, &[], causes)
+    }
+
+    /// The same in view of data that contradict themselves, told in words; unchanged without.
+    pub(crate) fn in_view_of(self, contradictions: impl IntoIterator<Item = String>) -> Self {
+        let mut causes: Vec<Cause> = contradictions
+            .into_iter()
+            .map(|what| Cause::Data { what })
+            .collect();
+        if causes.is_empty() {
+            return self;
+        }
+        causes.extend(self.causes);
+        Self::new(Worth::ContradictoryData, self.basis, &[], causes)
+    }
+}

@@ -1,0 +1,168 @@
+//! Verdicts and causes in words.
+
+use super::{BandPlace, Basis, Cause, Run, Worth};
+use std::fmt;
+
+/// The first line.
+pub(super) fn sentence(worth: Worth, basis: Basis, facts: &[Cause], causes: &[Cause]) -> String {
+    let head = match worth {
+        Worth::Good => "good".to_owned(),
+        Worth::GoodUpTo { frequency_hz } => format!("good up to {frequency_hz:.4} Hz"),
+        Worth::GoodAtRest => "good at rest, not when the position moves".to_owned(),
+        Worth::Approximate => "approximate".to_owned(),
+        Worth::Unjudged => "not judged".to_owned(),
+        Worth::ContradictoryData => "do not use: the data contradict themselves".to_owned(),
+        Worth::NotAModel => "not a model of this machine".to_owned(),
+    };
+    /// Causes in the first line; the others follow in the account.
+    const NAMED: usize = 2;
+    let told: Vec<String> = match worth {
+        Worth::Good => facts.iter().map(ToString::to_string).collect(),
+        Worth::ContradictoryData => causes
+            .iter()
+            .filter(|c| matches!(c, Cause::Data { .. }))
+            .take(NAMED)
+            .map(ToString::to_string)
+            .collect(),
+        _ => causes.iter().take(NAMED).map(ToString::to_string).collect(),
+    };
+    let basis = match basis {
+        Basis::HeldOut => " (held-out records)",
+        Basis::Fitted => " (fitted records, none was held out)",
+        Basis::Nothing => "",
+    };
+    let what_to_do = causes
+        .iter()
+        .find_map(remedy)
+        .filter(|_| worth != Worth::ContradictoryData);
+    let mut line = format!("{head}: {}{basis}", told.join("; "));
+    if let Some(remedy) = what_to_do {
+        line += "; ";
+        line += remedy;
+    }
+    line
+}
+
+/// What to do about a cause.
+fn remedy(cause: &Cause) -> Option<&'static str> {
+    Some(match cause {
+        Cause::Band {
+            place: BandPlace::Low,
+            ..
+        } => {
+            "friction, a spring or another rigid body than the assumed one may be missing: try `integrators`, or `lpv diagnose`"
+        }
+        Cause::Band { .. } => "a mode may be missing: try a higher `order`, or look at `lpv inspect`",
+        Cause::Record { moves: true, .. } => {
+            "record moves for the fit, or see what is missing with `lpv diagnose`"
+        }
+        Cause::Record { .. } | Cause::Force { .. } => "see what is missing with `lpv diagnose`",
+        Cause::Unstable { .. } => "check input and output, or ask for fewer states with `order`",
+        Cause::NoisyResponse { .. } => "check `period`, or excite more or longer",
+        _ => return None,
+    })
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Response {
+                error_percent,
+                over_noise,
+                ..
+            } => write!(
+                f,
+                "the frozen response errs by {}, {} its noise",
+                percent(*error_percent),
+                times(*over_noise)
+            ),
+            Self::Band {
+                band_hz: [low, high],
+                error_percent,
+                over_noise,
+                ..
+            } => write!(
+                f,
+                "from {low:.4} to {high:.4} Hz the frozen response errs by {}, {} its noise",
+                percent(*error_percent),
+                times(*over_noise)
+            ),
+            Self::NoisyResponse { noise_percent } => {
+                write!(
+                    f,
+                    "the measured response is mostly noise ({})",
+                    percent(*noise_percent)
+                )
+            }
+            Self::Record {
+                record,
+                output,
+                run,
+                error_percent,
+                over_noise,
+                ..
+            } => {
+                let run = match run {
+                    Run::ClosedLoop => "in closed loop",
+                    Run::OpenLoop => "simulated",
+                    Run::OneStep => "predicted one step",
+                };
+                write!(f, "{output} of record {record}, {run}, errs by ")?;
+                match over_noise {
+                    Some(over) => write!(
+                        f,
+                        "{} the noise ({} of its motion)",
+                        times(*over),
+                        percent(*error_percent)
+                    ),
+                    None => write!(f, "{} of its motion", percent(*error_percent)),
+                }
+            }
+            Self::Residual {
+                record,
+                output,
+                by_inputs_percent,
+                predictable_percent,
+            } => write!(
+                f,
+                "of the residual of {output} along {record} the inputs explain {}, its past {}",
+                percent(*by_inputs_percent),
+                percent(*predictable_percent)
+            ),
+            Self::Force {
+                record,
+                input,
+                error_percent,
+            } => write!(
+                f,
+                "the force that the model asks of {input} along record {record} errs by {}",
+                percent(*error_percent)
+            ),
+            Self::Unstable { radius } => write!(
+                f,
+                "the model is unstable (pole of magnitude {radius:.6}) where the measured outputs stay bounded in open loop"
+            ),
+            Self::NotJudged { why } => f.write_str(why),
+            Self::Data { what } => f.write_str(what),
+        }
+    }
+}
+
+/// Three digits, whatever the size.
+fn number(x: f64) -> String {
+    match x.abs() {
+        a if a >= 1e5 || (a < 1e-3 && a > 0.0) => format!("{x:.1e}"),
+        a if a >= 100.0 => format!("{x:.0}"),
+        a if a >= 10.0 => format!("{x:.1}"),
+        a if a >= 0.1 => format!("{x:.2}"),
+        _ => format!("{x:.4}"),
+    }
+}
+
+fn percent(x: f64) -> String {
+    format!("{} %", number(x))
+}
+
+fn times(x: f64) -> String {
+    format!("{} times", number(x))
+}

@@ -85,6 +85,29 @@ pub enum DataError {
 }
 
 impl DataError {
+    /// Whether the machine is at fault and not what it was given: a file cannot be written, or a disk fails.
+    pub fn is_of_the_machine(&self) -> bool {
+        use std::io::ErrorKind;
+        let (action, source) = match self {
+            Self::Io { action, source, .. } => (*action, source),
+            Self::Record { problem, .. } => match &**problem {
+                RecordError::Io { action, source } => (*action, source),
+                _ => return false,
+            },
+            _ => return false,
+        };
+        let is_read = matches!(action, "open" | "read");
+        match source.kind() {
+            ErrorKind::NotADirectory
+            | ErrorKind::IsADirectory
+            | ErrorKind::InvalidFilename
+            | ErrorKind::AlreadyExists => false,
+            ErrorKind::NotFound | ErrorKind::PermissionDenied => !is_read,
+            // What a reader says about the content is no word of the system.
+            _ => !is_read || source.raw_os_error().is_some(),
+        }
+    }
+
     pub(crate) fn io(action: &'static str, path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
         move |source| Self::Io { action, path, source }

@@ -67,6 +67,7 @@ pub mod mat;
 mod nearest;
 mod paths;
 mod schema;
+mod stage;
 mod toml_file;
 mod writer;
 

@@ -5,6 +5,7 @@ use crate::columns::{self, RecordFormat};
 use crate::description::{ChannelGroup, Description, EntryKind, RecordEntry};
 use crate::description_check::{check_entry, check_head};
 use crate::key_path::KeyPath;
+use crate::stage::Stage;
 use crate::{Bundle, DataError, RecordError, RecordPlace, mat, toml_file};
 use lpv_core::{Record, RecordKind, Signals};
 use std::fs::{self, File, OpenOptions};
@@ -13,12 +14,14 @@ use std::path::{Path, PathBuf};
 
 /// Writes a bundle: the records as they come, `experiment.toml` last.
 ///
-/// Until [`BundleWriter::finish`] the folder has no `experiment.toml`, so a broken run never looks whole. Nothing that
-/// exists is overwritten. Every record passes the checks of the reader before it is written, so what is written can be
+/// Until [`BundleWriter::finish`] everything is in a folder with a name of its own within that of the bundle, which goes when the
+/// writer is dropped: a broken run leaves nothing. One that a killed process left behind is removed by the next writer there. Nothing
+/// that exists is overwritten. Every record passes the checks of the reader before it is written, so what is written can be
 /// read. The files depend on the records and the description only: no date, no order of threads.
 #[derive(Debug)]
 pub struct BundleWriter {
     folder: PathBuf,
+    stage: Stage,
     description: Description,
     format: RecordFormat,
     scheduling_scale: f64,
@@ -54,9 +57,9 @@ impl BundleWriter {
         if toml.symlink_metadata().is_ok() {
             return Err(DataError::Exists { path: toml });
         }
-        fs::create_dir_all(folder).map_err(DataError::io("make the folder", folder))?;
         Ok(Self {
             folder: folder.to_owned(),
+            stage: Stage::create(folder)?,
             description,
             format,
             scheduling_scale: 0.0,
@@ -90,14 +93,15 @@ impl BundleWriter {
             return Err(DataError::Exists { path });
         }
         let (names, columns) = unique_columns(record).map_err(place)?;
-        if let Some(parent) = path.parent() {
+        let staged = self.stage.path().join(&file);
+        if let Some(parent) = staged.parent() {
             fs::create_dir_all(parent).map_err(DataError::io("make the folder", parent))?;
         }
         // `create_new`: a file that appeared in the meantime is not overwritten either.
         let out = OpenOptions::new()
             .write(true)
             .create_new(true)
-            .open(&path)
+            .open(&staged)
             .map_err(DataError::io("create", &path))?;
         let written = match self.format {
             RecordFormat::Npz => columns::write_npz(out, &names, &columns),
@@ -108,7 +112,7 @@ impl BundleWriter {
         .and_then(|file: File| file.sync_all().map_err(RecordError::io("write")));
         if let Err(problem) = written {
             // The record can be tried again, so its torn file goes; if that fails too, the first error counts.
-            let _ = fs::remove_file(&path);
+            let _ = fs::remove_file(&staged);
             return Err(place(problem));
         }
         self.scheduling_scale = largest(&record.scheduling).max(self.scheduling_scale);
@@ -116,7 +120,13 @@ impl BundleWriter {
         Ok(())
     }
 
-    /// Writes `experiment.toml` under another name, renames it in one step, and opens the bundle.
+    /// What is half done: this folder, and then those that were made for the bundle as far as they are empty, outermost first. For a
+    /// process that ends before this value is dropped.
+    pub fn unfinished(&self) -> (&Path, &[PathBuf]) {
+        (self.stage.path(), self.stage.made())
+    }
+
+    /// Writes `experiment.toml`, puts all files in their places, and opens the bundle.
     ///
     /// # Errors
     /// [`DataError::Description`] without any record; [`DataError::Exists`]; [`DataError::Io`].
@@ -129,20 +139,10 @@ impl BundleWriter {
             path: file.clone(),
             source: std::io::Error::other(e.to_string()),
         })?;
-        if file.symlink_metadata().is_ok() {
-            return Err(DataError::Exists { path: file });
-        }
-        let partial = self.folder.join("experiment.toml.partial");
-        let write = || {
-            let mut out = File::create(&partial)?;
-            out.write_all(text.as_bytes())?;
-            out.sync_all()?;
-            fs::rename(&partial, &file)
-        };
-        if let Err(e) = write() {
-            let _ = fs::remove_file(&partial);
-            return Err(DataError::io("write", &file)(e));
-        }
+        File::create_new(self.stage.path().join("experiment.toml"))
+            .and_then(|mut out| out.write_all(text.as_bytes()).and_then(|()| out.sync_all()))
+            .map_err(DataError::io("write", &file))?;
+        self.stage.publish()?;
         Bundle::open(&self.folder)
     }
 

@@ -4,8 +4,10 @@
 //! because a foreign file may claim sizes whose product overflows, or nest without end.
 
 mod header;
+mod quiet;
 
 use self::header::{Header, number};
+use self::quiet::Quiet;
 use super::{ColumnInfo, Sink, missing, vector_length};
 use crate::RecordError;
 use crate::columns::number::{DEFLATE_RATIO, Number};
@@ -155,7 +157,7 @@ impl<'a> Array<'a> {
 
 /// Arrays of `<f8`, stored, with a fixed date: the same columns give the same bytes.
 pub(crate) fn write(file: File, names: &[&str], columns: &[&[f64]]) -> Result<File, RecordError> {
-    let mut npz = NpzWriter::new(BufWriter::new(file));
+    let mut npz = NpzWriter::new(BufWriter::new(Quiet::new(file)));
     for (name, column) in names.iter().zip(columns) {
         let options = zip::write::FileOptions::default()
             .compression_method(zip::CompressionMethod::Stored)
@@ -178,6 +180,7 @@ pub(crate) fn write(file: File, names: &[&str], columns: &[&[f64]]) -> Result<Fi
     buffer.flush().map_err(RecordError::io("write"))?;
     buffer
         .into_inner()
+        .map(Quiet::into_inner)
         .map_err(|e| RecordError::io("write")(e.into_error()))
 }
 

@@ -126,12 +126,11 @@ fn nothing_is_overwritten_and_nothing_half_done_looks_whole() {
     writer.write(&good).unwrap();
     assert!(matches!(writer.write(&good), Err(DataError::Exists { .. })));
     drop(writer);
-    // Broken off: no description, so no bundle.
-    assert!(matches!(
-        Bundle::open(dir.path()),
-        Err(DataError::NotABundle { .. })
-    ));
-    // A second run does not touch the record of the first.
+    // Broken off: nothing is left.
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+    // A file of somebody else in the place of a record is not touched.
+    std::fs::create_dir(dir.path().join("records")).unwrap();
+    std::fs::write(dir.path().join("records/a.csv"), "mine").unwrap();
     let mut writer = start(dir.path(), RecordFormat::Csv).unwrap();
     assert!(matches!(writer.write(&good), Err(DataError::Exists { .. })));
     writer
@@ -143,6 +142,7 @@ fn nothing_is_overwritten_and_nothing_half_done_looks_whole() {
     let other = start(dir.path(), RecordFormat::Csv).unwrap();
     let bundle = writer.finish().unwrap();
     assert_eq!(bundle.len(), 1);
+    assert_eq!(std::fs::read(dir.path().join("records/a.csv")).unwrap(), b"mine");
     assert!(matches!(
         start(dir.path(), RecordFormat::Npz),
         Err(DataError::Exists { .. })
@@ -150,6 +150,59 @@ fn nothing_is_overwritten_and_nothing_half_done_looks_whole() {
     // Without records there is nothing to finish, and two writers do not replace each other's description.
     let text = other.finish().unwrap_err().to_string();
     assert!(text.contains("lists no record"), "{text}");
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 2);
+}
+
+#[test]
+fn what_a_killed_process_left_behind_is_removed_or_completed() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("above/bundle");
+    let good = transient("deep/a", vec![0.1, 0.2, 0.7], vec![1.0, 2.0, 3.0]);
+    let left = folder.join(".lpv-1-0.part");
+    let leave = |file: &str, text: &str| {
+        let path = left.join(file);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    };
+    // In the middle of the records.
+    leave("lock", "");
+    leave("records/deep/a.csv", "torn");
+    let mut writer = start(&folder, RecordFormat::Csv).unwrap();
+    assert!(!left.exists());
+    writer.write(&good).unwrap();
+    let bytes = |folder: &Path| {
+        let read = |file: &str| std::fs::read(folder.join(file)).unwrap();
+        (read("experiment.toml"), read("records/deep/a.csv"))
+    };
+    writer.finish().unwrap();
+    let whole = bytes(&folder);
+    // Before the first move, and between the moves.
+    for moved in [false, true] {
+        let other = dir.path().join(format!("other{moved}"));
+        let stage = other.join(".lpv-2-0.part");
+        std::fs::create_dir_all(stage.join("records/deep")).unwrap();
+        std::fs::write(stage.join("lock"), "").unwrap();
+        std::fs::write(stage.join("experiment.toml"), &whole.0).unwrap();
+        std::fs::write(stage.join("records/deep/a.csv"), &whole.1).unwrap();
+        if moved {
+            std::fs::rename(stage.join("records"), other.join("records")).unwrap();
+        }
+        // The earlier run is complete, so that there is a bundle already.
+        assert!(matches!(
+            start(&other, RecordFormat::Csv),
+            Err(DataError::Exists { .. })
+        ));
+        assert_eq!(bytes(&other), whole);
+        assert!(!stage.exists());
+    }
+    // One that is in use stays.
+    let first = dir.path().join("two");
+    let one = start(&first, RecordFormat::Csv).unwrap();
+    let two = start(&first, RecordFormat::Csv).unwrap();
+    drop(two);
+    assert!(one.unfinished().0.is_dir());
+    drop(one);
+    assert!(!first.exists());
 }
 
 #[test]

@@ -32,6 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         clock,
         &lpv_cli::Moves::none("none were measured"),
         &config,
+        &lpv_cli::silent,
     )?;
     for reason in identified.reasons() {
         println!("- {reason}");

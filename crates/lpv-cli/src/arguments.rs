@@ -2,11 +2,14 @@
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// LPV models of position-dependent machines from measured records.
 ///
+/// A result replaces only a result of its own kind; what is read is never replaced, any other file only with --force.
+///
 /// Exit codes: 0 done, 2 bad input or usage, 3 done, but the model is none of this machine or the data contradict themselves (the
-/// first line says which and why), 1 anything else.
+/// first line says which and why), 130 stopped by Ctrl-C, 1 anything else.
 #[derive(Parser)]
 #[command(name = "lpv", version, about, long_about)]
 pub(crate) struct Arguments {
@@ -75,10 +78,10 @@ pub(crate) struct New {
     #[arg(long, value_name = "COLUMN", value_delimiter = ',')]
     pub(crate) scheduling: Vec<String>,
     /// Samples per second.
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", value_parser = rate)]
     pub(crate) sample_rate: Option<f64>,
     /// Samples a period, of all files.
-    #[arg(long, value_name = "SAMPLES")]
+    #[arg(long, value_name = "SAMPLES", value_parser = period)]
     pub(crate) period: Option<usize>,
     /// Files that are held out to judge the model.
     #[arg(long, value_name = "FILE")]
@@ -116,9 +119,14 @@ pub(crate) struct Diagnose {
     /// The folder for diagnosis.json, diagnosis.html, and model.json, the model with the effects.
     #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,
+    /// Replace a file that is no result of lpv, if one stands there; what is read is never replaced.
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Print the diagnosis as JSON.
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) limit: Limit,
 }
 
 #[derive(Args)]
@@ -141,6 +149,39 @@ pub(crate) struct Simulate {
     /// Print the account as JSON.
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) limit: Limit,
+}
+
+/// How long a command may take.
+#[derive(Args)]
+pub(crate) struct Limit {
+    /// Stop after so many seconds, with exit code 1 and no result.
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub(crate) time_limit: Option<Duration>,
+}
+
+fn seconds(text: &str) -> Result<Duration, &'static str> {
+    let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0);
+    let limit = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
+    limit.ok_or("give seconds, a number above zero")
+}
+
+impl Command {
+    /// That of the commands that have one.
+    pub(crate) fn time_limit(&self) -> Option<Duration> {
+        let limit = match self {
+            Self::Simulate(a) => &a.limit,
+            Self::Identify(a) => &a.limit,
+            Self::Validate(a) => &a.limit,
+            Self::Diagnose(a) => &a.limit,
+            Self::Report(a) => &a.limit,
+            Self::New(_) | Self::Inspect(_) | Self::Convert(_) | Self::Schema | Self::Completions { .. } => {
+                return None;
+            }
+        };
+        limit.time_limit
+    }
 }
 
 /// Kinds of record files.
@@ -178,9 +219,26 @@ pub(crate) struct Identify {
     /// Seed of every random choice, instead of the configured one.
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
+    /// Replace a file that is no result of lpv, if one stands there; what is read is never replaced.
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Print the summary as JSON.
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) limit: Limit,
+}
+
+fn rate(text: &str) -> Result<f64, &'static str> {
+    let rate = text.parse().ok().filter(|r: &f64| *r > 0.0 && r.is_finite());
+    rate.ok_or(
+        "give samples per second, a number above zero; leave it out to have it told from a time column",
+    )
+}
+
+fn period(text: &str) -> Result<usize, &'static str> {
+    let samples = text.parse().ok().filter(|n| *n >= 2);
+    samples.ok_or("give a whole number of samples, 2 or more")
 }
 
 fn part(text: &str) -> Result<f64, &'static str> {
@@ -209,6 +267,8 @@ pub(crate) struct Validate {
     /// Print everything as JSON.
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) limit: Limit,
 }
 
 #[derive(Args)]
@@ -221,6 +281,9 @@ pub(crate) struct Convert {
     /// Where it goes; beside the model without.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
+    /// Replace a file that is no result of lpv, if one stands there; what is read is never replaced.
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Frozen systems a scheduling parameter.
     #[arg(long, value_name = "N", default_value_t = 11, value_parser = clap::value_parser!(u16).range(2..=1000))]
     pub(crate) points: u16,
@@ -241,7 +304,7 @@ pub(crate) enum TargetName {
 
 #[derive(Args)]
 pub(crate) struct Report {
-    /// A folder with models that `lpv identify` wrote.
+    /// A folder with models that `lpv identify` wrote, or one of them.
     pub(crate) folder: PathBuf,
     /// The bundle to compare with, instead of the one that each model names.
     #[arg(long)]
@@ -249,4 +312,9 @@ pub(crate) struct Report {
     /// Where the page goes; report.html in the folder without.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
+    /// Replace a file that is no result of lpv, if one stands there; what is read is never replaced.
+    #[arg(long)]
+    pub(crate) force: bool,
+    #[command(flatten)]
+    pub(crate) limit: Limit,
 }

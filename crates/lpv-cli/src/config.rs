@@ -1,7 +1,7 @@
 //! Settings of the identification, with defaults that need no tuning.
 
 use crate::PipelineError;
-use crate::settings_file::read_settings;
+use crate::settings_file::{place_of, read_settings};
 use lpv_ident::Interpolation;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -196,9 +196,14 @@ impl IdentifyConfig {
     /// [`PipelineError::Config`].
     pub fn read(file: &Path) -> Result<Self, PipelineError> {
         let config: Self = read_settings(file)?;
-        config.check().map_err(|e| PipelineError::Config {
-            file: file.to_owned(),
-            message: e.to_string(),
+        config.check().map_err(|e| match e {
+            PipelineError::Setting { name, value, allowed } => PipelineError::Value {
+                place: place_of(file, &[name]),
+                key: name.to_owned(),
+                value,
+                problem: format!("it must be {allowed}"),
+            },
+            other => other,
         })?;
         Ok(config)
     }

@@ -5,6 +5,7 @@ mod exchange;
 mod mat;
 mod python;
 
+pub(crate) use self::csv::HEAD as TABLE_HEAD;
 pub use exchange::describe;
 
 use crate::{ModelFile, PipelineError};

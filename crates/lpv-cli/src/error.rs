@@ -1,6 +1,6 @@
 //! What can go wrong between a bundle and a model, and the exit code that says whose fault it was.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Every refusal of the pipeline.
 #[derive(Debug, thiserror::Error)]
@@ -131,6 +131,18 @@ pub enum PipelineError {
         /// What is allowed.
         allowed: &'static str,
     },
+    /// A value of a settings file outside its range.
+    #[error("{place}: {key} = {value}: {problem}")]
+    Value {
+        /// The file, with line and column where the value stands in it.
+        place: String,
+        /// The key with its table, as in the file.
+        key: String,
+        /// The value.
+        value: f64,
+        /// What is allowed.
+        problem: String,
+    },
     /// A configuration file that cannot be read.
     #[error("{file}: {message}")]
     Config {
@@ -139,8 +151,24 @@ pub enum PipelineError {
         /// What the parser said, with line and column.
         message: String,
     },
+    /// A refusal that names no place of its own.
+    #[error("{place}: {source}")]
+    At {
+        /// The bundle or file behind it.
+        place: PathBuf,
+        /// What is wrong.
+        source: Box<Self>,
+    },
+    /// A place where a result may not go.
+    #[error("{file}: {problem}")]
+    Place {
+        /// The place.
+        file: PathBuf,
+        /// What is wrong with it, and what to do.
+        problem: crate::output::PlaceProblem,
+    },
     /// A file that cannot be written.
-    #[error("{file}: cannot be written: {source}; choose a file name in a folder that may be written to")]
+    #[error("{file}: cannot be written: {source}; {}", remedy(source))]
     Write {
         /// The file.
         file: PathBuf,
@@ -150,15 +178,47 @@ pub enum PipelineError {
 }
 
 impl PipelineError {
+    /// With the bundle or file behind it, where the message itself names none.
+    #[must_use]
+    pub fn at(self, place: &Path) -> Self {
+        match self {
+            Self::Basis(_)
+            | Self::Ident(_)
+            | Self::Realize(_)
+            | Self::Core(_)
+            | Self::Lti(_)
+            | Self::Trace(_)
+            | Self::NoBase { .. }
+            | Self::Structure { .. }
+            | Self::Clock { .. }
+            | Self::Channels { .. } => Self::At {
+                place: place.to_owned(),
+                source: Box::new(self),
+            },
+            placed => placed,
+        }
+    }
+
     /// 2 where the input or its use is at fault, 1 for anything else.
     pub fn exit_code(&self) -> u8 {
         match self {
             // A folder in the place of a file, or a file in that of a folder, is a slip of whoever called.
-            Self::Write { file, .. } if file.is_dir() => 2,
-            Self::Write { source, .. } if source.kind() == std::io::ErrorKind::NotADirectory => 2,
+            Self::Write { source, .. } if crate::output::is_slip(source) => 2,
             Self::Write { .. } | Self::Report(_) | Self::Format(_) => 1,
+            Self::At { source, .. } => source.exit_code(),
+            Self::Data(e) if e.is_of_the_machine() => 1,
             _ => 2,
         }
+    }
+}
+
+/// What to do about a file that cannot be written.
+fn remedy(source: &std::io::Error) -> &'static str {
+    use std::io::ErrorKind;
+    match source.kind() {
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "make room, or choose a place on another disk",
+        ErrorKind::InvalidFilename => "choose a shorter name",
+        _ => "choose a file name in a folder that may be written to",
     }
 }
 

@@ -133,13 +133,11 @@ fn in_frequency(
             problem: "structure = \"lti\" is for one position and the bundle has several; leave the structure to the data, or make a bundle of one position",
         });
     }
-    progress("poles, basis, regression", 0, 1);
     let moves = match config.lfr {
         LfrKind::Small if positions > 1 => Moves::of(bundle, config, &responses, progress)?,
         _ => Moves::none("the exact LFR does not use them"),
     };
-    let identified = identify(&responses.estimates, responses.clock, &moves, config)?;
-    progress("poles, basis, regression", 1, 1);
+    let identified = identify(&responses.estimates, responses.clock, &moves, config, progress)?;
     let mut summary = Summary::of_responses(&identified, &responses.estimates, responses.clock)?;
     summary.reasons.splice(0..0, responses.reasons);
     summary.findings = responses.findings;

@@ -20,7 +20,7 @@
 //!
 //! # Example
 //! ```
-//! use lpv_cli::{IdentifyConfig, Identified, Moves, identify};
+//! use lpv_cli::{IdentifyConfig, Identified, Moves, identify, silent};
 //! use lpv_core::{Discrete, FrfEstimate, StateSpace, nalgebra::dmatrix};
 //!
 //! let clock = Discrete::new(1.0)?;
@@ -28,7 +28,7 @@
 //! let machine = StateSpace::new(dmatrix![0.9, -0.3; 0.3, 0.9], dmatrix![1.0; 0.0], dmatrix![0.0, 1.0], dmatrix![0.0], clock)?;
 //! let frf = FrfEstimate::with_unit_covariance(machine.frequency_response(&lines)?, None)?;
 //! let config = IdentifyConfig { order: Some(2), integrators: Some(0), ..IdentifyConfig::default() };
-//! let Identified::Lti(found) = identify(&[frf], clock, &Moves::none("one position"), &config)? else { unreachable!() };
+//! let Identified::Lti(found) = identify(&[frf], clock, &Moves::none("one position"), &config, &silent)? else { unreachable!() };
 //! assert!((found.model.poles()?[0].norm() - 0.9_f64.hypot(0.3)).abs() < 1e-9);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -38,6 +38,7 @@ mod config;
 pub mod convert;
 mod deviation;
 pub mod diagnose;
+pub mod encode;
 mod error;
 mod finding;
 mod identify;
@@ -45,6 +46,7 @@ pub mod inspect;
 mod model_file;
 mod moves;
 pub mod new;
+pub mod output;
 mod period_noise;
 mod pipeline;
 mod poles;
@@ -70,8 +72,9 @@ pub use deviation::{ChannelTable, FrozenDeviation};
 pub use error::PipelineError;
 pub use finding::{Finding, Severity};
 pub use identify::{Outcome, Stages, identify_bundle};
-pub use model_file::{Identification, ModelFile, relative_folder, write_whole};
+pub use model_file::{Identification, ModelFile, relative_folder};
 pub use moves::Moves;
+pub use output::write_whole;
 pub use pipeline::{Identified, LpvStage, LtiStage, identify, regress_on};
 pub use poles::{PoleStage, fit_poles};
 pub use progress::{Progress, silent};

@@ -1,7 +1,7 @@
 //! The file that `identify` writes: the model, and where it comes from.
 
 use crate::diagnose::Explanation;
-use crate::{FrozenDeviation, IdentifyConfig, Outcome, PipelineError, Summary};
+use crate::{FrozenDeviation, IdentifyConfig, Outcome, PipelineError, Stages, Summary};
 use experiment_data::Bundle;
 use lpv_core::Model;
 use serde::de::DeserializeOwned;
@@ -22,9 +22,13 @@ pub struct ModelFile {
 /// How a model was made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Identification {
+    /// The command that wrote it; empty in files of older versions.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub written_by: String,
     /// Name of the bundle.
     pub bundle: String,
     /// The bundle's folder, relative to the model file where both are on one tree.
+    #[serde(with = "path")]
     pub folder: PathBuf,
     /// Names of the outputs.
     pub outputs: Vec<String>,
@@ -41,6 +45,12 @@ pub struct Identification {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frozen_deviation: Option<FrozenDeviation>,
 }
+
+/// Who writes models of bundles.
+const IDENTIFY: &str = "lpv identify";
+
+/// Who adds effects to them.
+pub(crate) const DIAGNOSE: &str = "lpv diagnose";
 
 const KEY: &str = "identification";
 
@@ -62,6 +72,10 @@ impl ModelFile {
             explanation: outcome.explanation,
             model: outcome.model,
             identification: Some(Identification {
+                written_by: match outcome.stages {
+                    Stages::Diagnosis => DIAGNOSE.to_owned(),
+                    _ => IDENTIFY.to_owned(),
+                },
                 bundle: description.name.clone(),
                 folder: relative_folder(bundle.folder(), output),
                 outputs: description.channels.output.columns.clone(),
@@ -157,38 +171,40 @@ pub fn relative_folder(folder: &Path, file: &Path) -> PathBuf {
     }
 }
 
-/// Writes beside the target and renames, so that a failure leaves neither half a file nor a spare one. Folders that are
-/// missing on the way are made. A link is followed; what is no regular file (a pipe, a device) is written to and not replaced.
-///
-/// # Errors
-/// [`PipelineError::Write`].
-pub fn write_whole(file: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
-    let refuse = |source| PipelineError::Write {
-        file: file.to_owned(),
-        source,
-    };
-    let target = match file.canonicalize() {
-        Ok(target) => target,
-        // A link to nothing cannot be followed; its place is taken.
-        Err(_) => file.to_owned(),
-    };
-    if target.exists() && !target.is_file() {
-        return std::fs::OpenOptions::new()
-            .write(true)
-            .open(&target)
-            .and_then(|mut open| std::io::Write::write_all(&mut open, bytes))
-            .map_err(refuse);
+/// Paths in JSON: text, or a list of bytes where a path is none.
+pub(crate) mod path {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+    use std::path::{Path, PathBuf};
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(untagged)]
+    enum Written {
+        Text(String),
+        Bytes(Vec<u8>),
     }
-    let mut part = target.as_os_str().to_owned();
-    part.push(format!(".{}.part", std::process::id()));
-    let folder = target.parent().filter(|f| !f.as_os_str().is_empty());
-    let written = folder
-        .map_or(Ok(()), std::fs::create_dir_all)
-        .and_then(|()| std::fs::write(&part, bytes))
-        .and_then(|()| std::fs::rename(&part, &target));
-    written.map_err(|source| {
-        // What cannot be removed was never written.
-        std::fs::remove_file(&part).ok();
-        refuse(source)
-    })
+
+    fn written(path: &Path) -> Written {
+        #[cfg(unix)]
+        if path.to_str().is_none() {
+            let bytes = std::os::unix::ffi::OsStrExt::as_bytes(path.as_os_str());
+            return Written::Bytes(bytes.to_vec());
+        }
+        Written::Text(path.to_string_lossy().into_owned())
+    }
+
+    pub(crate) fn serialize<S: Serializer>(path: &Path, to: S) -> Result<S::Ok, S::Error> {
+        written(path).serialize(to)
+    }
+
+    pub(crate) fn deserialize<'a, D: Deserializer<'a>>(from: D) -> Result<PathBuf, D::Error> {
+        Ok(match Written::deserialize(from)? {
+            Written::Text(text) => PathBuf::from(text),
+            #[cfg(unix)]
+            Written::Bytes(bytes) => PathBuf::from(
+                <std::ffi::OsString as std::os::unix::ffi::OsStringExt>::from_vec(bytes),
+            ),
+            #[cfg(not(unix))]
+            Written::Bytes(bytes) => PathBuf::from(String::from_utf8_lossy(&bytes).into_owned()),
+        })
+    }
 }

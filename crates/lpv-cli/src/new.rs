@@ -5,7 +5,10 @@ mod rate;
 mod roles;
 mod write;
 
+pub use crate::output::Overwrite;
+
 use crate::PipelineError;
+use crate::encode::visible;
 use experiment_data::{ColumnInfo, list_columns, read_columns};
 use rate::{clock_of, sample_rate};
 use roles::{Role, role_of};
@@ -75,17 +78,9 @@ impl Draft {
         } else {
             "next: complete the lines marked FILL IN".to_owned()
         });
+        let lines: Vec<String> = lines.iter().map(|l| visible(l)).collect();
         lines.join("\n")
     }
-}
-
-/// What happens to a description that is already there.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Overwrite {
-    /// It stays, and the call fails.
-    Refuse,
-    /// It is replaced.
-    Replace,
 }
 
 /// One file, as far as the guess needs it.
@@ -133,6 +128,10 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
     }
     let folder =
         common_folder(&paths).ok_or_else(|| refuse(first, "the files have no common folder".to_owned()))?;
+    // Before anything is read: a name that cannot be written makes all other work vain.
+    for (file, path) in files.iter().zip(&paths) {
+        name_of(path, &folder).ok_or_else(|| refuse(file, UNNAMEABLE.to_owned()))?;
+    }
     let mut guesses = Vec::new();
     let mut questions = Vec::new();
     let mut common: Option<Vec<String>> = None;
@@ -216,9 +215,8 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
             .filter(|(_, x)| is_constant(x))
             .map(|(n, x)| ((*n).to_owned(), crate::signal::mean(x)))
             .collect();
-        let relative = path.strip_prefix(&folder).unwrap_or(path);
         records.push(RecordFile {
-            file: relative.to_string_lossy().replace('\\', "/"),
+            file: name_of(path, &folder).ok_or_else(|| refuse(file, UNNAMEABLE.to_owned()))?,
             columns: columns.iter().map(|c| c.name.clone()).collect(),
             rows: rows as usize,
             period,
@@ -250,6 +248,19 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
         text,
         guesses,
         questions,
+    })
+}
+
+/// Why a file cannot be a record.
+const UNNAMEABLE: &str =
+    "the name is no UTF-8 text, so an experiment.toml, which is, cannot name it; rename the file";
+
+/// A file as the description names it: relative to the folder, with forward slashes; none for a name that is no text.
+fn name_of(path: &Path, folder: &Path) -> Option<String> {
+    let name = path.strip_prefix(folder).unwrap_or(path).to_str()?;
+    Some(match std::path::MAIN_SEPARATOR {
+        '/' => name.to_owned(),
+        other => name.replace(other, "/"),
     })
 }
 

@@ -6,6 +6,7 @@ use crate::basis::{BasisStage, choose_basis};
 use crate::config::{IdentifyConfig, LfrKind, Weighting};
 use crate::moves::Moves;
 use crate::poles::{PoleStage, fit_poles};
+use crate::progress::{Progress, begin};
 use crate::signal::median;
 use crate::small::{SmallStage, small_lfr};
 use crate::validation::{decibel, frozen_error};
@@ -106,12 +107,14 @@ pub fn identify(
     clock: Discrete,
     moves: &Moves,
     config: &IdentifyConfig,
+    progress: Progress<'_>,
 ) -> Result<Identified, PipelineError> {
     if estimates.len() > 1
         && let Some(asked) = config.integrators
     {
         rigid_channels(asked, estimates)?;
     }
+    begin(progress, "poles of the responses");
     let mut poles = fit_poles(estimates, clock, config)?;
     let outside: usize = poles.fits.iter().map(|f| f.account.unstable_poles.len()).sum();
     if outside > 0 {
@@ -125,10 +128,19 @@ pub fn identify(
     }
     let positions: Vec<f64> = estimates.iter().map(|e| e.position().unwrap_or(0.0)).collect();
     let mut reasons = poles.reasons.clone();
+    begin(progress, "basis");
     let basis = match config.functions {
         Some(functions) => choose_basis(&poles.fits, &positions, clock, functions, config)?,
-        None => choose_size(estimates, &poles, &positions, clock, config, &mut reasons)?,
+        None => choose_size(
+            estimates,
+            &poles,
+            &positions,
+            clock,
+            config,
+            (&mut reasons, progress),
+        )?,
     };
+    begin(progress, "regression and interpolation");
     reasons.push(format!(
         "{} basis functions: FKcM reaches an n-width cost of {:.2} dB on the estimated poles{}",
         basis.basis.functions(),
@@ -158,7 +170,7 @@ pub fn identify(
     });
     let small = match config.lfr {
         LfrKind::Exact => None,
-        LfrKind::Small => match small_lfr(estimates, &poles, clock, moves, config)? {
+        LfrKind::Small => match small_lfr(estimates, &poles, clock, moves, config, progress)? {
             Ok(found) => {
                 reasons.extend(found.reasons.iter().cloned());
                 worth(found, &model, estimates, clock, &mut reasons)?
@@ -240,7 +252,7 @@ fn choose_size(
     positions: &[f64],
     clock: Discrete,
     config: &IdentifyConfig,
-    reasons: &mut Vec<String>,
+    (reasons, progress): (&mut Vec<String>, Progress<'_>),
 ) -> Result<BasisStage, PipelineError> {
     let deviations: Vec<f64> = estimates
         .iter()
@@ -250,7 +262,8 @@ fn choose_size(
     let mut tried = Vec::new();
     let mut reached = false;
     let mut chosen: Option<BasisStage> = None;
-    for functions in SIZES {
+    for (done, functions) in SIZES.into_iter().enumerate() {
+        progress("size of the basis", done, SIZES.len());
         let found = match choose_basis(&poles.fits, positions, clock, functions, config) {
             Ok(found) => found,
             // A size that one of the next can replace is no reason to stop.

@@ -1,10 +1,15 @@
 //! What a long piece of work tells while it runs.
 
-/// Called with the name of the step, the parts done and the parts in all; from any thread.
+/// Called with the name of the step, the parts done and the parts in all, 0 where nobody knows how many there are; from any thread.
 pub type Progress<'a> = &'a (dyn Fn(&str, usize, usize) + Sync);
 
 /// Tells nobody.
 pub fn silent(_step: &str, _done: usize, _of: usize) {}
+
+/// A step in one piece.
+pub(crate) fn begin(progress: Progress<'_>, step: &str) {
+    progress(step, 0, 0);
+}
 
 /// Counts the parts of one step from many threads.
 pub(crate) struct Counter<'a> {

@@ -10,10 +10,11 @@ mod small;
 mod time;
 
 use crate::convert::describe;
+use crate::output::Inputs;
 use crate::progress::Progress;
 use crate::validation::{Evidence, Frozen, Machine, Scope, Validation, validate};
 use crate::verdict::{Verdict, Worth};
-use crate::{AxisSummary, ModelFile, PipelineError};
+use crate::{AxisSummary, Identification, ModelFile, PipelineError};
 use experiment_data::Bundle;
 use lpv_core::{Discrete, Model, StateSpace};
 use lpv_report::{Cell, Format, KeyFigure, Page, Section, Table, Tone};
@@ -75,8 +76,31 @@ pub fn page(folder: &Path, bundle: Option<&Path>, progress: Progress<'_>) -> Res
     Ok(page.fact("lpv", env!("CARGO_PKG_VERSION")))
 }
 
+/// What a page or a conversion of these models reads: they, and the bundles that they name, or `bundle`.
+pub fn read_for(models: &[PathBuf], bundle: Option<&Path>) -> Inputs {
+    let mut inputs = Inputs::none();
+    let mut folders: Vec<PathBuf> = bundle.map(Path::to_owned).into_iter().collect();
+    for file in models {
+        inputs = inputs.file(file, "a model");
+        let account = ModelFile::read(file).ok().and_then(|m| m.identification);
+        folders.extend(account.map(|a| bundle_of(&a, file)));
+    }
+    folders.sort();
+    folders.dedup();
+    let opened = folders.iter().filter_map(|folder| Bundle::open(folder).ok());
+    opened.fold(inputs, |inputs, bundle| inputs.bundle(&bundle))
+}
+
+/// The folder of the bundle behind a model.
+fn bundle_of(account: &Identification, file: &Path) -> PathBuf {
+    file.parent().unwrap_or(Path::new(".")).join(&account.folder)
+}
+
 /// The model files of a folder in the order of their names; a file is itself.
-fn model_files(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
+///
+/// # Errors
+/// [`PipelineError::Model`] for a folder that cannot be read, or without a model.
+pub fn model_files(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     let refuse = |problem: String| PipelineError::Model {
         file: folder.to_owned(),
         problem,
@@ -108,10 +132,7 @@ fn subject(
     bundle: Option<&Path>,
     progress: Progress<'_>,
 ) -> Result<(Subject, Option<String>), PipelineError> {
-    let named = file
-        .identification
-        .as_ref()
-        .map(|i| path.parent().unwrap_or(Path::new(".")).join(&i.folder));
+    let named = file.identification.as_ref().map(|i| bundle_of(i, path));
     let (opened, note) = match (bundle, named) {
         (Some(given), _) => (Some(Bundle::open(given)?), None),
         (None, Some(named)) => match Bundle::open(&named) {

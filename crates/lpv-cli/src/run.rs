@@ -4,17 +4,18 @@ use crate::arguments::{
     Arguments, Command, Convert, Diagnose, Format, Identify, Inspect, New, Report, Simulate, StructureName,
     TargetName, Validate,
 };
+use crate::{bars, stop};
 use clap::CommandFactory;
 use experiment_data::{Bundle, RecordFormat};
-use indicatif::{ProgressBar, ProgressStyle};
 use lpv_cli::convert::Target;
+use lpv_cli::output::{Inputs, Kind, Overwrite, Place, write_all};
 use lpv_cli::validation::{Scope, validate};
 use lpv_cli::{
-    IdentifyConfig, ModelFile, PipelineError, Structure, convert, diagnose, identify_bundle, inspect, new,
-    report, simulate, write_whole,
+    IdentifyConfig, ModelFile, PipelineError, Structure, convert, diagnose, encode, identify_bundle, inspect,
+    new, report, simulate,
 };
 use serde::Serialize;
-use std::sync::Mutex;
+use std::path::Path;
 
 /// What a command leaves: a text for standard output, and whether its result may be used.
 pub(crate) struct Done {
@@ -30,75 +31,111 @@ impl From<String> for Done {
 
 /// Runs a command.
 pub(crate) fn run(command: Command) -> Result<Done, PipelineError> {
-    let text = match command {
-        Command::Identify(a) => return run_identify(&a),
-        Command::Validate(a) => return run_validate(&a),
-        Command::New(a) => run_new(a)?,
-        Command::Inspect(a) => run_inspect(&a)?,
-        Command::Simulate(a) => run_simulate(&a)?,
-        Command::Diagnose(a) => run_diagnose(&a)?,
-        Command::Convert(a) => run_convert(&a)?,
-        Command::Report(a) => run_report(&a)?,
-        Command::Schema => experiment_data::schema(),
+    stop::on_signals();
+    stop::after(command.time_limit());
+    let done = answer(command);
+    bars::clear();
+    done
+}
+
+fn answer(command: Command) -> Result<Done, PipelineError> {
+    match command {
+        Command::New(a) => run_new(a),
+        Command::Inspect(a) => run_inspect(&a),
+        Command::Simulate(a) => run_simulate(&a),
+        Command::Identify(a) => run_identify(&a),
+        Command::Validate(a) => run_validate(&a),
+        Command::Diagnose(a) => run_diagnose(&a),
+        Command::Convert(a) => run_convert(&a),
+        Command::Report(a) => run_report(&a),
+        Command::Schema => Ok(experiment_data::schema().into()),
         Command::Completions { shell } => {
             let mut out = Vec::new();
             clap_complete::generate(shell, &mut Arguments::command(), "lpv", &mut out);
-            String::from_utf8_lossy(&out).into_owned()
+            Ok(String::from_utf8_lossy(&out).into_owned().into())
         }
+    }
+}
+
+/// As JSON, or in words, in which `names` may stand.
+fn told<'a>(
+    json: bool,
+    value: &impl Serialize,
+    names: impl IntoIterator<Item = &'a str>,
+    text: impl FnOnce() -> String,
+) -> Result<Done, PipelineError> {
+    let text = match json {
+        true => encode::json(&serde_json::to_string_pretty(value)?),
+        false => encode::lines(&text(), names),
     };
     Ok(text.into())
 }
 
-/// Bars on standard error while it is a terminal, nothing else.
-struct Bars {
-    current: Mutex<Option<(String, ProgressBar)>>,
+/// Every text of a bundle that its user chose.
+fn names(bundle: &Bundle) -> impl Iterator<Item = &str> {
+    let description = bundle.description();
+    let c = &description.channels;
+    let groups = [&c.output, &c.input, &c.reference, &c.scheduling, &c.auxiliary];
+    let injected = description.records.iter().map(|r| &r.injection);
+    let columns = groups
+        .into_iter()
+        .chain(injected)
+        .flat_map(|g| g.columns.iter().chain(&g.units));
+    let files = description.records.iter().map(|r| &r.file);
+    let own = [&description.name].into_iter().chain(columns).chain(files);
+    let short = (0..bundle.len()).filter_map(|i| bundle.record_name(i).ok());
+    own.map(String::as_str).chain(short)
 }
 
-impl Bars {
-    fn new() -> Self {
-        Self {
-            current: Mutex::new(None),
+/// Opens a bundle; of a file that is none, says which command it is for.
+fn open(place: &Path) -> Result<Bundle, PipelineError> {
+    let ending = place
+        .extension()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_lowercase();
+    let problem = match ending.as_str() {
+        _ if !place.is_file() => None,
+        "csv" | "npz" | "parquet" | "mat" | "txt" | "npy" | "h5" => {
+            let folder = place.parent().filter(|f| f.join("experiment.toml").is_file());
+            Some(match folder {
+                Some(folder) => format!(
+                    "this is a file, and a bundle is asked for: give the folder of its experiment.toml, {}",
+                    match folder.as_os_str().is_empty() {
+                        true => ".".into(),
+                        false => folder.to_string_lossy(),
+                    }
+                ),
+                None => "this is a file, and a bundle is asked for: draft its description with `lpv new`, then give the folder".to_owned(),
+            })
         }
-    }
-    fn tell(&self, step: &str, done: usize, of: usize) {
-        let Ok(mut current) = self.current.lock() else {
-            return;
-        };
-        if current.as_ref().is_none_or(|(name, _)| name != step) {
-            if let Some((_, bar)) = current.take() {
-                bar.finish_and_clear();
-            }
-            let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len}")
-                .unwrap_or_else(|_| ProgressStyle::default_bar());
-            let bar = ProgressBar::new(of as u64)
-                .with_style(style)
-                .with_message(step.to_owned());
-            *current = Some((step.to_owned(), bar));
-        }
-        if let Some((_, bar)) = current.as_ref() {
-            bar.set_position(done as u64);
-        }
-    }
-}
-
-impl Drop for Bars {
-    fn drop(&mut self) {
-        if let Ok(Some((_, bar))) = self.current.get_mut().map(Option::take) {
-            bar.finish_and_clear();
-        }
-    }
-}
-
-/// As JSON or in words.
-fn told(json: bool, value: &impl Serialize, text: impl FnOnce() -> String) -> Result<String, PipelineError> {
-    if json {
-        Ok(serde_json::to_string_pretty(value)?)
-    } else {
-        Ok(text())
+        "json" => Some(
+            "this is no bundle; a model is shown with `lpv report`, compared with a bundle by `lpv validate MODEL BUNDLE`".to_owned(),
+        ),
+        _ => None,
+    };
+    match problem {
+        Some(problem) => Err(PipelineError::RecordFile {
+            file: place.to_owned(),
+            problem,
+        }),
+        None => Ok(Bundle::open(place)?),
     }
 }
 
-fn run_new(a: New) -> Result<String, PipelineError> {
+/// A path in one line.
+fn shown(path: &Path) -> String {
+    encode::visible(&path.to_string_lossy())
+}
+
+fn overwrite(force: bool) -> Overwrite {
+    match force {
+        true => Overwrite::Replace,
+        false => Overwrite::Refuse,
+    }
+}
+
+fn run_new(a: New) -> Result<Done, PipelineError> {
     let known = new::Known {
         name: a.name,
         sample_rate_hz: a.sample_rate,
@@ -110,31 +147,28 @@ fn run_new(a: New) -> Result<String, PipelineError> {
         validation: a.validation,
     };
     let draft = new::draft(&a.files, &known)?;
-    let file = draft.write(if a.force {
-        new::Overwrite::Replace
-    } else {
-        new::Overwrite::Refuse
-    })?;
+    let file = draft.write(overwrite(a.force))?;
+    let name = file.to_string_lossy();
     told(
         a.json,
-        &serde_json::json!({ "file": file, "guesses": draft.guesses, "questions": draft.questions }),
+        &serde_json::json!({ "file": name, "guesses": draft.guesses, "questions": draft.questions }),
+        [],
         || draft.text_for(&file),
     )
 }
 
-fn run_inspect(a: &Inspect) -> Result<String, PipelineError> {
-    let bars = Bars::new();
-    let bundle = Bundle::open(&a.bundle)?;
-    let found = inspect::inspect(&bundle, &|s, d, o| bars.tell(s, d, o))?;
+fn run_inspect(a: &Inspect) -> Result<Done, PipelineError> {
+    let bundle = open(&a.bundle)?;
+    let found = inspect::inspect(&bundle, &bars::tell).map_err(|e| e.at(&a.bundle))?;
     if a.lines {
-        return Ok(found.lines_csv());
+        return Ok(found.lines_csv().into());
     }
-    told(a.json, &found, || found.text())
+    told(a.json, &found, names(&bundle), || found.text())
 }
 
-fn run_simulate(a: &Simulate) -> Result<String, PipelineError> {
+fn run_simulate(a: &Simulate) -> Result<Done, PipelineError> {
     let Some(output) = a.output.as_ref().filter(|_| !a.print_machine) else {
-        return Ok(simulate::MachineFile::template().to_owned());
+        return Ok(simulate::MachineFile::template().to_owned().into());
     };
     let machine = match &a.machine {
         Some(file) => simulate::MachineFile::read(file)?,
@@ -147,12 +181,15 @@ fn run_simulate(a: &Simulate) -> Result<String, PipelineError> {
         Format::Parquet => RecordFormat::Parquet,
         Format::Mat => RecordFormat::Mat,
     };
-    let bars = Bars::new();
-    let account = simulate::simulate(&machine, &hidden, output, format, &|d, o| {
-        bars.tell("simulating", d, o)
-    })?;
+    bars::tell("simulating", 0, 1);
+    let told_of = |done, of| bars::tell("simulating", done, of);
+    let account =
+        simulate::simulate(&machine, &hidden, output, format, &told_of).map_err(|e| match &a.machine {
+            Some(file) => machine.explain(file, e),
+            None => e,
+        })?;
     let figures = serde_json::json!({
-        "bundle": account.bundle,
+        "bundle": account.bundle.to_string_lossy(),
         "records": account.records,
         "samples": account.samples,
         "transient_periods": account.transient_periods,
@@ -160,12 +197,12 @@ fn run_simulate(a: &Simulate) -> Result<String, PipelineError> {
         "substeps": account.substeps,
         "integration_error": account.integration_error,
     });
-    told(a.json, &figures, || {
+    told(a.json, &figures, [], || {
         format!(
             "{} records, {} samples, written to {}\nthe first {} period(s) of each multisine hold its transient; error of the integration {:.1e}",
             account.records,
             account.samples,
-            account.bundle.display(),
+            shown(&account.bundle),
             account.transient_periods,
             account.integration_error
         )
@@ -191,92 +228,105 @@ fn run_identify(a: &Identify) -> Result<Done, PipelineError> {
     config.functions = a.functions.or(config.functions);
     config.hold_out = a.hold_out.unwrap_or(config.hold_out);
     config.seed = a.seed.unwrap_or(config.seed);
-    let bars = Bars::new();
-    let bundle = Bundle::open(folder)?;
-    let outcome = identify_bundle(&bundle, &config, &|s, d, o| bars.tell(s, d, o))?;
-    drop(bars);
+    let bundle = open(folder)?;
+    let inputs = Inputs::none().bundle(&bundle);
+    let inputs = match &a.config {
+        Some(file) => inputs.file(file, "the settings"),
+        None => inputs,
+    };
+    let place = Place::check(output, Kind::Model, &inputs, overwrite(a.force))?;
+    let outcome = identify_bundle(&bundle, &config, &bars::tell).map_err(|e| e.at(folder))?;
     let summary = outcome.summary.clone();
     let file = ModelFile::of(outcome, &bundle, config, output)?;
-    write_whole(output, file.to_json()?.as_bytes())?;
+    write_all(&[(&place, file.to_json()?.as_bytes())])?;
+    let said = told(a.json, &summary, names(&bundle), || {
+        format!("{}\nmodel written to {}", summary.text(), shown(output))
+    })?;
     Ok(Done {
         usable: summary.verdict.as_ref().is_none_or(|v| v.worth.is_usable()),
-        text: told(a.json, &summary, || {
-            format!("{}\nmodel written to {}", summary.text(), output.display())
-        })?,
+        ..said
     })
 }
 
 fn run_validate(a: &Validate) -> Result<Done, PipelineError> {
-    let bars = Bars::new();
     let model = convert::import(&a.model)?;
-    let bundle = Bundle::open(&a.bundle)?;
+    let bundle = open(&a.bundle)?;
     let scope = if a.all { Scope::All } else { Scope::HeldOut };
-    let (found, _) = validate(&model, &bundle, scope, &|s, d, o| bars.tell(s, d, o))?;
+    let (found, _) = validate(&model, &bundle, scope, &bars::tell).map_err(|e| e.at(&a.bundle))?;
+    let said = told(a.json, &found, names(&bundle), || found.text())?;
     Ok(Done {
         usable: found.verdict.worth.is_usable(),
-        text: told(a.json, &found, || found.text())?,
+        ..said
     })
 }
 
-fn run_diagnose(a: &Diagnose) -> Result<String, PipelineError> {
+fn run_diagnose(a: &Diagnose) -> Result<Done, PipelineError> {
     if a.output.exists() && !a.output.is_dir() {
         return Err(PipelineError::NoFolder {
             place: a.output.clone(),
         });
     }
-    let bars = Bars::new();
-    let bundle = Bundle::open(&a.bundle)?;
+    let bundle = open(&a.bundle)?;
+    let inputs = Inputs::none().bundle(&bundle);
+    let inputs = match &a.model {
+        Some(file) => inputs.file(file, "the model that effects are added to"),
+        None => inputs,
+    };
+    let place = |name: &str, kind| Place::check(&a.output.join(name), kind, &inputs, overwrite(a.force));
+    let (account, page) = (
+        place("diagnosis.json", Kind::Diagnosis)?,
+        place("diagnosis.html", Kind::Page)?,
+    );
+    let (file, saved) = (
+        a.output.join("model.json"),
+        place("model.json", Kind::DiagnosedModel)?,
+    );
     let model = a.model.as_deref().map(convert::import).transpose()?;
-    let found = diagnose::diagnose(&bundle, model.as_ref(), &|s, d, o| bars.tell(s, d, o))?;
-    drop(bars);
-    std::fs::create_dir_all(&a.output).map_err(|source| PipelineError::Write {
-        file: a.output.clone(),
-        source,
-    })?;
+    let found = diagnose::diagnose(&bundle, model.as_ref(), &bars::tell).map_err(|e| e.at(&a.bundle))?;
     let json = serde_json::to_string_pretty(&found.diagnosis)?;
-    write_whole(&a.output.join("diagnosis.json"), json.as_bytes())?;
-    write_whole(
-        &a.output.join("diagnosis.html"),
-        found.page().to_html()?.as_bytes(),
-    )?;
-    let file = a.output.join("model.json");
-    write_whole(&file, found.model_file(&bundle, &file)?.to_json()?.as_bytes())?;
-    told(a.json, &found.diagnosis, || {
-        format!("{}\nwritten to {}", found.diagnosis.text(), a.output.display())
+    let html = found.page().to_html()?;
+    let model = found.model_file(&bundle, &file)?.to_json()?;
+    write_all(&[
+        (&account, json.as_bytes()),
+        (&page, html.as_bytes()),
+        (&saved, model.as_bytes()),
+    ])?;
+    told(a.json, &found.diagnosis, names(&bundle), || {
+        format!("{}\nwritten to {}", found.diagnosis.text(), shown(&a.output))
     })
 }
 
-fn run_convert(a: &Convert) -> Result<String, PipelineError> {
-    let (target, ending) = match a.to {
-        TargetName::Mat => (Target::Mat, "mat"),
-        TargetName::Json => (Target::Json, "json"),
-        TargetName::Csv => (Target::Csv, "csv"),
-        TargetName::Python => (Target::Python, "py"),
+fn run_convert(a: &Convert) -> Result<Done, PipelineError> {
+    let (target, ending, kind) = match a.to {
+        TargetName::Mat => (Target::Mat, "mat", Kind::Matlab),
+        TargetName::Json => (Target::Json, "json", Kind::Model),
+        TargetName::Csv => (Target::Csv, "csv", Kind::Table),
+        TargetName::Python => (Target::Python, "py", Kind::Python),
     };
     let output = a.output.clone().unwrap_or_else(|| a.model.with_extension(ending));
     let model = convert::import(&a.model)?;
-    if output
-        .canonicalize()
-        .ok()
-        .is_some_and(|o| a.model.canonicalize().is_ok_and(|m| m == o))
-    {
-        return Err(PipelineError::Structure {
-            problem: "the model would be written over itself; give another file with --output",
-        });
-    }
-    let bytes = convert::export(&model, target, usize::from(a.points))?;
-    write_whole(&output, &bytes)?;
+    let inputs = report::read_for(std::slice::from_ref(&a.model), None);
+    let place = Place::check(&output, kind, &inputs, overwrite(a.force))?;
+    let bytes = convert::export(&model, target, usize::from(a.points)).map_err(|e| e.at(&a.model))?;
+    write_all(&[(&place, &bytes)])?;
     Ok(format!(
         "{} written to {}",
         convert::describe(&model.model),
-        output.display()
-    ))
+        shown(&output)
+    )
+    .into())
 }
 
-fn run_report(a: &Report) -> Result<String, PipelineError> {
-    let bars = Bars::new();
-    let output = a.output.clone().unwrap_or_else(|| a.folder.join("report.html"));
-    let page = report::page(&a.folder, a.bundle.as_deref(), &|s, d, o| bars.tell(s, d, o))?;
-    write_whole(&output, page.to_html()?.as_bytes())?;
-    Ok(format!("report written to {}", output.display()))
+fn run_report(a: &Report) -> Result<Done, PipelineError> {
+    let files = report::model_files(&a.folder)?;
+    let beside = match a.folder.is_dir() {
+        true => a.folder.join("report.html"),
+        false => a.folder.with_file_name("report.html"),
+    };
+    let output = a.output.clone().unwrap_or(beside);
+    let inputs = report::read_for(&files, a.bundle.as_deref());
+    let place = Place::check(&output, Kind::Page, &inputs, overwrite(a.force))?;
+    let page = report::page(&a.folder, a.bundle.as_deref(), &bars::tell)?;
+    write_all(&[(&place, page.to_html()?.as_bytes())])?;
+    Ok(format!("report written to {}", shown(&output)).into())
 }

@@ -3,6 +3,7 @@
 use crate::PipelineError;
 use serde::de::DeserializeOwned;
 use std::path::Path;
+use toml::de::{DeTable, DeValue};
 
 /// Reads a settings file of type `T`.
 ///
@@ -15,6 +16,38 @@ pub fn read_settings<T: DeserializeOwned>(file: &Path) -> Result<T, PipelineErro
     };
     let text = std::fs::read_to_string(file).map_err(|e| refuse(e.to_string()))?;
     toml::from_str(&text).map_err(|e| refuse(with_nearest(&e)))
+}
+
+/// Where a value stands, as `file:line:column`, by its keys from the outside in; the file alone where it holds no such key.
+pub(crate) fn place_of(file: &Path, keys: &[&str]) -> String {
+    let name = file.display().to_string();
+    let at = std::fs::read_to_string(file).ok().and_then(|text| {
+        let start = start_of(&text, keys)?;
+        let before = &text[..start];
+        let line_start = before.rfind('\n').map_or(0, |i| i + 1);
+        Some((
+            before.matches('\n').count() + 1,
+            before[line_start..].chars().count() + 1,
+        ))
+    });
+    match at {
+        Some((line, column)) => format!("{name}:{line}:{column}"),
+        None => name,
+    }
+}
+
+fn start_of(text: &str, keys: &[&str]) -> Option<usize> {
+    let (last, tables) = keys.split_last()?;
+    let root = DeTable::parse(text).ok()?;
+    let mut table = root.get_ref();
+    for key in tables {
+        match table.get(*key)?.get_ref() {
+            DeValue::Table(inner) => table = inner,
+            _ => return None,
+        }
+    }
+    let (key, _) = table.iter().find(|(key, _)| key.get_ref() == last)?;
+    Some(key.span().start)
 }
 
 /// The parser's own words with the place, and the nearest known name where one is unknown.

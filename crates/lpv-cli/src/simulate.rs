@@ -8,6 +8,7 @@ mod machine_file;
 pub use machine_file::{MachineFile, MovesFile, MultisineFile, NoiseFile, PositionsFile, ServoFile};
 
 use crate::PipelineError;
+use crate::output::{Unfinished, place_all};
 use experiment_data::{BundleWriter, ChannelGroup, Controller, Description, Geometry, RecordFormat};
 use lpv_core::{Discrete, Purpose, Record, RecordKind, Signals};
 use rayon::prelude::*;
@@ -96,7 +97,17 @@ pub fn simulate(
     };
     // Whatever the plant refuses, it refuses before there is a folder.
     jobs.iter().try_for_each(|job| setup.check(job))?;
-    let mut writer = BundleWriter::create(out, setup.description(), format)?;
+    let (mut writer, unfinished) = Unfinished::begin(
+        || BundleWriter::create(out, setup.description(), format),
+        |writer| {
+            let (stage, made) = writer.unfinished();
+            [stage]
+                .into_iter()
+                .chain(made.iter().rev().map(PathBuf::as_path))
+                .map(Path::to_owned)
+                .collect()
+        },
+    )?;
     // As many jobs at a time as there are threads, so that memory does not grow with the bundle.
     for batch in jobs.chunks(rayon::current_num_threads().max(1)) {
         let results: Vec<Result<Simulated, PlantError>> =
@@ -114,7 +125,8 @@ pub fn simulate(
             }
         }
     }
-    writer.finish()?;
+    place_all(|| writer.finish())?;
+    drop(unfinished);
     Ok(account)
 }
 

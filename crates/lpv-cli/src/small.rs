@@ -6,6 +6,7 @@ use crate::PipelineError;
 use crate::config::IdentifyConfig;
 use crate::moves::Moves;
 use crate::poles::PoleStage;
+use crate::progress::{Progress, begin};
 use between::between;
 use lfr_realize::moving::{MovingData, Standing, StandingSettings, stand_still};
 use lfr_realize::{
@@ -81,8 +82,9 @@ pub fn small_lfr(
     clock: Discrete,
     moves: &Moves,
     config: &IdentifyConfig,
+    progress: Progress<'_>,
 ) -> Result<Result<SmallStage, String>, PipelineError> {
-    match attempt(estimates, poles, clock, moves, config) {
+    match attempt(estimates, poles, clock, moves, config, progress) {
         Ok(stage) => Ok(Ok(stage)),
         Err(PipelineError::Realize(refused)) => Ok(Err(format!("no small LFR: {refused}"))),
         Err(other) => Err(other),
@@ -95,6 +97,7 @@ fn attempt(
     clock: Discrete,
     moves: &Moves,
     config: &IdentifyConfig,
+    progress: Progress<'_>,
 ) -> Result<SmallStage, PipelineError> {
     let positions: Vec<f64> = estimates.iter().map(|e| e.position().unwrap_or(0.0)).collect();
     let (low, high) = crate::signal::range(&positions);
@@ -117,6 +120,7 @@ fn attempt(
         }
         .into());
     }
+    begin(progress, "small LFR: the middle position");
     let local = local_model(Continuous, &middle, &modes, &LocalSettings::new().check()?)?;
     let mut reasons = moves.reasons.clone();
     // The gain of the rigid body comes from the middle position; the others know it better together.
@@ -137,10 +141,12 @@ fn attempt(
         .collect();
     let gamma = local.gamma.as_ref();
     let settings = settings.check()?;
+    begin(progress, "small LFR: numbers of deltas");
     let few = condense(&local.flexible, gamma, data, &range, &settings)?;
     let mut tried = grow_sizes(&local.flexible, gamma, &few, &deltas, &range, &settings)?;
     let sizes: Vec<SizeRow> = tried.grown.iter().map(SizeRow::new).collect();
     let best = tried.grown.swap_remove(tried.chosen);
+    begin(progress, "small LFR: all lines");
     // Merged lines leave more than all lines do, which decide.
     let as_it_is = RefineSettings::new().max_iterations(0).check()?;
     let mut whole = refine(&best.refined.candidate, data, &as_it_is)?;
@@ -175,6 +181,7 @@ fn attempt(
     }
     let (mut fit, mut moving) = (best.refined, None);
     let slow = slow(&modes, &range, clock);
+    begin(progress, "small LFR: coordinates along the moves");
     match (&moves.data, &local.gamma) {
         (Ok(moves), Some(_)) => match standing(&fit, &few, moves, config.seed) {
             Ok(Some(found)) => {
@@ -212,9 +219,11 @@ fn attempt(
         (Ok(_), None) => reasons.push(format!("moving records: not used, the machine has no rigid body; {slow}")),
     }
     if moving.is_none() {
+        begin(progress, "small LFR: all lines");
         // All lines once more, where few were enough to come near.
         fit = refine(&whole.candidate, data, &RefineSettings::new().check()?)?;
     }
+    begin(progress, "small LFR: between the positions");
     if positions.len() >= 4 {
         between(&fit.candidate, &few, &mut reasons)?;
     } else {

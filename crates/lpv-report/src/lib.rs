@@ -70,7 +70,7 @@ pub use cell::{Bar, Cell, Format, Verdict};
 pub use colour::Colour;
 pub use error::ReportError;
 pub use figure::{Account, Figure, Legend, Share};
-pub use page::{Block, KeyFigure, Page, Section, Tone};
+pub use page::{Block, GENERATOR, KeyFigure, Page, Section, Tone};
 pub use panel::{Aspect, Axis, Panel, Scale};
 pub use series::{Marker, Place, Series, Style};
 pub use table::Table;

@@ -3,6 +3,9 @@
 use crate::cell::{Cell, Verdict};
 use crate::{Figure, ReportError, Table, style, table, text};
 
+/// Stands near the beginning of every page, so that a page of ours is told from others.
+pub const GENERATOR: &str = "<meta name=\"generator\" content=\"lpv-report\">";
+
 /// A self-contained page: no script, no request, light and dark, for a screen, a phone or paper.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Page {
@@ -206,7 +209,8 @@ impl Page {
             });
         }
         let mut out = String::from("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n");
-        out.push_str("<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n");
+        out.push_str(GENERATOR);
+        out.push_str("\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n");
         out.push_str("<meta name=\"color-scheme\" content=\"light dark\">\n");
         // The browser is told to load nothing, whatever the text holds.
         out.push_str(

@@ -11,7 +11,8 @@ enum Level {
 /// Size of a sub- or superscript against the text around it.
 const SCRIPT: f64 = 0.74;
 
-/// Escapes text for an XML or HTML element or attribute; characters that XML forbids become U+FFFD.
+/// Escapes text for an XML or HTML element or attribute; characters that XML forbids, and those that turn the direction of
+/// writing, become U+FFFD.
 pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len() + 8);
     for c in text.chars() {
@@ -23,6 +24,8 @@ pub(crate) fn escape(text: &str) -> String {
             '\'' => out.push_str("&#39;"),
             '\t' | '\n' => out.push(c),
             '\u{fffe}' | '\u{ffff}' => out.push('\u{fffd}'),
+            // They would turn the order of what follows, up to the end of its paragraph.
+            '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => out.push('\u{fffd}'),
             c if c.is_control() => out.push('\u{fffd}'),
             c => out.push(c),
         }

@@ -207,9 +207,13 @@ fn unknown(name: &str) -> PlantError {
     let known: Vec<&str> = HiddenEffect::catalogue().map(|info| info.name).collect();
     let nearest = known
         .iter()
-        .map(|known| (strsim::damerau_levenshtein(name, known), *known))
+        // The beginning of a name means that name, however long the rest is.
+        .map(|known| {
+            let begins = !name.is_empty() && known.starts_with(name);
+            (!begins, strsim::damerau_levenshtein(name, known), *known)
+        })
         .min()
-        .map_or("", |(_, known)| known);
+        .map_or("", |(.., known)| known);
     PlantError::UnknownEffect {
         name: name.to_owned(),
         nearest,

@@ -2,10 +2,11 @@
 
 use super::exchange::Exchange;
 use crate::PipelineError;
+use crate::encode::cell;
 use lpv_core::nalgebra::DMatrix;
 use std::path::Path;
 
-const HEAD: [&str; 5] = ["matrix", "p", "row", "column", "value"];
+pub(crate) const HEAD: [&str; 5] = ["matrix", "p", "row", "column", "value"];
 
 pub(super) fn write(e: &Exchange) -> Result<Vec<u8>, PipelineError> {
     let mut out = csv::Writer::from_writer(Vec::new());
@@ -13,9 +14,11 @@ pub(super) fn write(e: &Exchange) -> Result<Vec<u8>, PipelineError> {
     let failed = |e: csv::Error| PipelineError::Format(e.to_string());
     out.write_record(HEAD).map_err(failed)?;
     if !e.note.is_empty() {
-        out.write_record(["note", "", "", "", &e.note]).map_err(failed)?;
+        out.write_record(["note", "", "", "", &cell(&e.note)])
+            .map_err(failed)?;
     }
-    out.write_record(["kind", "", "", "", &e.kind]).map_err(failed)?;
+    out.write_record(["kind", "", "", "", &cell(&e.kind)])
+        .map_err(failed)?;
     out.write_record(["sample_time", "", "", "", &text(e.sample_time)])
         .map_err(failed)?;
     let mut matrix = |name: &str, p: &str, m: &DMatrix<f64>| -> Result<(), csv::Error> {

@@ -1,6 +1,7 @@
 //! A model taken apart into named matrices: what all foreign formats hold.
 
 use crate::diagnose::{BaseKind, Explanation};
+use crate::encode::word;
 use crate::{ModelFile, PipelineError};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{
@@ -155,7 +156,6 @@ impl Exchange {
 
     /// Parameters of base and effects, each a matrix of one entry, with words on what they are.
     fn explanation(&mut self, explanation: &Explanation) {
-        let word = |text: &str| text.replace(|c: char| !c.is_ascii_alphanumeric(), "_");
         for (name, value) in &explanation.base_parameters {
             self.push(
                 &format!("base_{}", word(name)),
@@ -189,8 +189,20 @@ impl Exchange {
         }
     }
 
+    /// Adds a matrix; a name that is there already, or that is too long for MATLAB, gets a number at its end.
     fn push(&mut self, name: &str, matrix: DMatrix<f64>) {
-        self.blocks.push((name.to_owned(), matrix));
+        /// Of a name in MATLAB.
+        const LONGEST: usize = 63;
+        let fits = |n: &str| n.len() <= LONGEST && self.blocks.iter().all(|(known, _)| known != n);
+        let numbered = |i: usize| {
+            let end = format!("_{i}");
+            format!("{}{end}", &name[..name.len().min(LONGEST - end.len())])
+        };
+        let name = match fits(name) {
+            true => name.to_owned(),
+            false => (2..).map(numbered).find(|n| fits(n)).unwrap_or_default(),
+        };
+        self.blocks.push((name, matrix));
     }
 
     fn system<K: Clock>(&mut self, s: &StateSpace<K>) {

@@ -1,21 +1,22 @@
 //! A module for Python that builds python-control systems.
 
 use super::exchange::Exchange;
+use crate::encode::{python_string, visible};
 use lpv_core::nalgebra::DMatrix;
 use std::fmt::Write as _;
 
 pub(super) fn write(e: &Exchange) -> String {
+    let description = visible(&e.description).replace(['\\', '"'], "'");
     let mut out = format!(
-        "\"\"\"{}.\n\nWritten by `lpv convert`. Needs numpy and python-control.\n\"\"\"\n\nimport control\nimport numpy as np\n\n",
-        e.description
+        "\"\"\"{description}.\n\nWritten by `lpv convert`. Needs numpy and python-control.\n\"\"\"\n\nimport control\nimport numpy as np\n\n"
     );
     let _ = writeln!(
         out,
-        "dt = {:?}  # sample time, 0 for continuous time",
-        e.sample_time
+        "dt = {}  # sample time, 0 for continuous time",
+        number(e.sample_time)
     );
     let names = |names: &[String]| {
-        let quoted: Vec<String> = names.iter().map(|n| format!("{n:?}")).collect();
+        let quoted: Vec<String> = names.iter().map(|n| python_string(n)).collect();
         if quoted.is_empty() {
             "None".to_owned()
         } else {
@@ -33,7 +34,11 @@ pub(super) fn write(e: &Exchange) -> String {
     }
     out.push('\n');
     if !e.note.is_empty() {
-        let lines: Vec<String> = e.note.split(".  ").map(|l| format!("# {l}\n")).collect();
+        let lines: Vec<String> = e
+            .note
+            .split(".  ")
+            .map(|l| format!("# {}\n", visible(l)))
+            .collect();
         out += &lines.concat();
     }
     out += match e.kind.as_str() {
@@ -60,18 +65,29 @@ fn array(m: &DMatrix<f64>) -> String {
     let rows: Vec<String> = m
         .row_iter()
         .map(|r| {
-            let cells: Vec<String> = r.iter().map(|v| format!("{v:?}")).collect();
+            let cells: Vec<String> = r.iter().map(|v| number(*v)).collect();
             format!("[{}]", cells.join(", "))
         })
         .collect();
     format!("np.array([{}])", rows.join(",\n    "))
 }
 
+/// A number as Python reads it.
+fn number(value: f64) -> String {
+    match value.is_finite() {
+        true => format!("{value:?}"),
+        false => format!("float(\"{value}\")"),
+    }
+}
+
 fn grid(e: &Exchange) -> String {
     let points: Vec<String> = e
         .grid
         .iter()
-        .map(|(p, _)| format!("{:?}", p.as_slice()))
+        .map(|(p, _)| {
+            let values: Vec<String> = p.iter().map(|v| number(*v)).collect();
+            format!("[{}]", values.join(", "))
+        })
         .collect();
     let mut out = format!(
         "\n\ngrid = np.array([{}])  # scheduling values, one row a point\n",

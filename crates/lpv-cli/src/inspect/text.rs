@@ -1,6 +1,7 @@
 //! The inspection in words and as a table of lines.
 
 use super::{ExperimentInfo, Inspection, RecordInfo, Spread};
+use crate::encode::cell;
 use crate::finding::{self, Finding, Severity};
 use crate::table::TextTable;
 use std::fmt::Write as _;
@@ -69,42 +70,61 @@ impl Inspection {
 
     /// One row for each excited and each detection line, comma separated, for a spreadsheet.
     pub fn lines_csv(&self) -> String {
-        let mut out =
-            String::from("use,position,kind,frequency,output,snr_db,coherence,frf_deviation,level,noise\n");
+        let mut table = csv::Writer::from_writer(Vec::new());
+        let mut row = |cells: [&str; 10]| {
+            // Memory takes what is written.
+            table.write_record(cells).ok();
+        };
+        row([
+            "use",
+            "position",
+            "kind",
+            "frequency",
+            "output",
+            "snr_db",
+            "coherence",
+            "frf_deviation",
+            "level",
+            "noise",
+        ]);
         let outputs = self.channels.iter().find(|c| c.role == "output");
-        let name = |i: usize| outputs.and_then(|c| c.columns.get(i)).map_or("", String::as_str);
+        let name = |i: usize| cell(outputs.and_then(|c| c.columns.get(i)).map_or("", String::as_str));
         for e in &self.experiments {
             let at = e.position.map_or(String::new(), |p| p.to_string());
             for l in &e.lines {
                 for i in 0..l.coherence.len() {
-                    let _ = writeln!(
-                        out,
-                        "{},{at},excited,{},{},{:.3},{:.8},{:.3e},,",
+                    row([
                         e.purpose,
-                        l.frequency_hz,
-                        name(i),
-                        l.output_snr_db[i],
-                        l.coherence[i],
-                        l.frf_deviation
-                    );
+                        &at,
+                        "excited",
+                        &l.frequency_hz.to_string(),
+                        &name(i),
+                        &format!("{:.3}", l.output_snr_db[i]),
+                        &format!("{:.8}", l.coherence[i]),
+                        &format!("{:.3e}", l.frf_deviation),
+                        "",
+                        "",
+                    ]);
                 }
             }
             for d in &e.detection {
                 for i in 0..d.level.len() {
-                    let _ = writeln!(
-                        out,
-                        "{},{at},{},{},{},,,,{:.6e},{:.6e}",
+                    row([
                         e.purpose,
+                        &at,
                         d.parity,
-                        d.frequency_hz,
-                        name(i),
-                        d.level[i],
-                        d.noise[i]
-                    );
+                        &d.frequency_hz.to_string(),
+                        &name(i),
+                        "",
+                        "",
+                        "",
+                        &format!("{:.6e}", d.level[i]),
+                        &format!("{:.6e}", d.noise[i]),
+                    ]);
                 }
             }
         }
-        out
+        String::from_utf8_lossy(&table.into_inner().unwrap_or_default()).into_owned()
     }
 
     fn record_table(&self) -> String {

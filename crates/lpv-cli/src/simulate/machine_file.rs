@@ -1,7 +1,7 @@
 //! The file that describes a machine and what is measured on it.
 
 use crate::PipelineError;
-use crate::settings_file::read_settings;
+use crate::settings_file::{place_of, read_settings};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use xytable_plant::{
@@ -194,6 +194,68 @@ impl MachineFile {
         read_settings(file)
     }
 
+    /// An error of the simulation in the words of the file that this was read from: which key, and where it stands.
+    pub fn explain(&self, file: &Path, error: PipelineError) -> PipelineError {
+        let PipelineError::Plant(error) = error else {
+            return error;
+        };
+        let PlantError::Setting {
+            field,
+            value,
+            problem,
+        } = error
+        else {
+            let message = match error {
+                PlantError::Core(e) => format!(
+                    "at sample-rate = {} the closed loop of this machine cannot be computed, because its numbers lie too far apart ({e}); \
+                     bring sample-rate, [controller] bandwidth-hz and the resonances of [machine] nearer to each other",
+                    self.sample_rate
+                ),
+                e => e.to_string(),
+            };
+            return PipelineError::Config {
+                file: file.to_owned(),
+                message,
+            };
+        };
+        let keys = self.keys_of(field, value);
+        let key = match keys.as_slice() {
+            [] => field.to_owned(),
+            [table, rest @ ..] if !rest.is_empty() => format!("[{table}] {}", rest.join(".")),
+            plain => plain.join("."),
+        };
+        PipelineError::Value {
+            place: place_of(file, &keys.iter().map(String::as_str).collect::<Vec<_>>()),
+            key,
+            value,
+            problem: problem.to_owned(),
+        }
+    }
+
+    /// The keys behind a field, outermost first: of those with its name the one that holds the value.
+    fn keys_of(&self, field: &str, value: f64) -> Vec<String> {
+        let wanted = match field {
+            "fraction of the stroke" => "stroke-fraction".to_owned(),
+            "moves" => "moves.estimation".to_owned(),
+            "multisine.periods times multisine.period" => "multisine.period".to_owned(),
+            field => field.replace('_', "-"),
+        };
+        let mut all = Vec::new();
+        if let Ok(whole) = toml::Table::try_from(self) {
+            leaves(&whole, &mut Vec::new(), &mut all);
+        }
+        let is_named = |keys: &[String]| {
+            (0..keys.len()).any(|k| keys[k..].join(".") == wanted || keys[k..].join("-") == wanted)
+        };
+        all.retain(|(keys, _)| is_named(keys));
+        let holds = |v: &toml::Value| match v {
+            toml::Value::Array(items) => items.iter().any(|v| number(v) == Some(value)),
+            v => number(v) == Some(value),
+        };
+        let found = all.iter().find(|(_, v)| holds(v)).or(all.first());
+        found.map(|(keys, _)| keys.clone()).unwrap_or_default()
+    }
+
     /// A file with every key, its default and what it means: the default machine.
     pub fn template() -> &'static str {
         TEMPLATE
@@ -232,7 +294,11 @@ impl MachineFile {
             within("moves.kinds", kinds, MOST_RECORDS, "list at least one kind")?;
         }
         if self.multisine.periods < 2 {
-            within("multisine.periods", 0, 1, "give 2 or more periods")?;
+            return Err(PlantError::Setting {
+                field: "multisine.periods",
+                value: self.multisine.periods as f64,
+                problem: "give 2 or more periods",
+            });
         }
         let samples = samples.saturating_mul(self.multisine.periods);
         let problem = "give at most 67,108,864 samples a record";
@@ -242,6 +308,22 @@ impl MachineFile {
             MOST_SAMPLES,
             problem,
         )
+    }
+}
+
+fn number(value: &toml::Value) -> Option<f64> {
+    value.as_float().or(value.as_integer().map(|i| i as f64))
+}
+
+/// Every value with its keys.
+fn leaves(table: &toml::Table, above: &mut Vec<String>, found: &mut Vec<(Vec<String>, toml::Value)>) {
+    for (key, value) in table {
+        above.push(key.clone());
+        match value {
+            toml::Value::Table(inner) => leaves(inner, above, found),
+            value => found.push((above.clone(), value.clone())),
+        }
+        above.pop();
     }
 }
 

@@ -101,7 +101,7 @@ fn predictable(autocorrelation: &[f64], samples: usize) -> f64 {
         predictor.iter_mut().zip(&turned).for_each(|(a, t)| *a -= t);
         predictor.push(reflection);
         left *= 1.0 - reflection * reflection;
-        if !(left > f64::EPSILON) {
+        if left.is_nan() || left <= f64::EPSILON {
             return 1.0;
         }
     }

@@ -165,6 +165,92 @@ fn a_key_that_is_unknown_is_answered_with_the_nearest() {
 }
 
 #[test]
+fn a_value_out_of_range_is_answered_with_its_line_and_key() {
+    let desk = Desk::new();
+    for (content, part) in [
+        (
+            "[machine]\ncarriage-mass-kg = 0.0\n",
+            "m.toml:2:1: [machine] carriage-mass-kg = 0: ",
+        ),
+        (
+            "\n[servo]\n  bandwidth-hz = -0.5\n",
+            "m.toml:3:3: [servo] bandwidth-hz = -0.5: ",
+        ),
+        (
+            "[controller]\nbandwidth-hz = 0.0\n",
+            "m.toml:2:1: [controller] bandwidth-hz = 0: ",
+        ),
+        (
+            "controller = { bandwidth-hz = 0.0 }\n",
+            "m.toml:1:16: [controller] bandwidth-hz = 0: ",
+        ),
+        ("seed = 1\nsample-rate = -2.0\n", "m.toml:2:1: sample-rate = -2: "),
+        ("[multisine]\nperiods = 1\n", "m.toml:2:1: [multisine] periods = "),
+        ("[positions]\ncount = 0\n", "m.toml:2:1: [positions] count = 0: "),
+        (
+            "[setpoints]\nstroke-fraction = 2.0\n",
+            "m.toml:2:1: [setpoints] stroke-fraction = 2: ",
+        ),
+        (
+            "[setpoints]\ny2-limits = { speed = 0.0 , acceleration = 1.0, jerk = 1.0 }\n",
+            "m.toml:2:15: [setpoints] y2-limits.speed = 0: ",
+        ),
+        (
+            "[noise]\ny1-std-m = -1.0\n",
+            "m.toml:2:1: [noise] y1-std-m = -1: ",
+        ),
+        (
+            "sample-rate = 1e12\n",
+            "m.toml: at sample-rate = 1000000000000 the closed loop",
+        ),
+        ("[controller]\nbandwidth-hz = 5.0\n", "m.toml: closed loop not"),
+    ] {
+        desk.write("m.toml", content);
+        let message = desk.refused("simulate --machine m.toml -o out");
+        assert!(message.contains(part), "{content}: {message}");
+        assert!(!desk.path("out").exists());
+    }
+    mode_bundle(&desk, "bundle");
+    desk.write("s.toml", "seed = 1\nfuzziness = 0.5\n");
+    let message = desk.refused("identify bundle -o m.json -c s.toml");
+    assert!(
+        message.contains("s.toml:2:1: fuzziness = 0.5: it must be above 1"),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_slip_is_answered_with_what_was_meant() {
+    let desk = Desk::new();
+    mode_bundle(&desk, "bundle");
+    desk.done("identify bundle -o m.json");
+    desk.write("alone.csv", "u,y\n0,1\n1,2\n");
+    for (line, part) in [
+        ("simulate -o out --hide abbe", "nearest: `abbe-offset`"),
+        ("inspect alone.csv", "`lpv new`"),
+        (
+            "inspect bundle/run.csv",
+            "give the folder of its experiment.toml, bundle",
+        ),
+        ("identify bundle/run.csv -o x.json", "experiment.toml, bundle"),
+        ("inspect m.json", "lpv report"),
+        ("new alone.csv --sample-rate 0", "above zero"),
+        ("new alone.csv --sample-rate -5", "above zero"),
+        ("new alone.csv --period 1", "2 or more"),
+        ("diagnose bundle -o found --time-limit soon", "seconds"),
+    ] {
+        let message = desk.refused(line);
+        assert!(message.contains(part), "{line}: {message}");
+    }
+    // Refusals that know no place of their own name the bundle.
+    let message = desk.refused("identify bundle -o x.json --structure lpv");
+    assert!(
+        message.starts_with("error: bundle: ") && message.contains("scheduling"),
+        "{message}"
+    );
+}
+
+#[test]
 fn simulate_hides_an_effect_and_writes_every_format() {
     let desk = Desk::new();
     machine_bundle(&desk);

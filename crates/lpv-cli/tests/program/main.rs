@@ -7,6 +7,7 @@ mod bad_input;
 mod common;
 mod convert;
 mod diagnose;
+mod foreign_text;
 mod help;
 mod identify;
 mod identify_time;
@@ -14,8 +15,10 @@ mod inspect;
 mod new;
 mod python;
 mod report;
+mod safety;
 mod simulate;
 mod small;
+mod stopping;
 mod tutorial;
 mod validate;
 

@@ -1,11 +1,17 @@
 //! A bundle on disk: the description in memory, the records where they are.
 
+mod memory;
+mod open;
+
+use self::open::{read_text, record_names};
 use crate::checks::{self, Expectation, PeriodicCheck};
 use crate::description::{ChannelGroup, Description};
 use crate::description_check::fault;
 use crate::key_path::KeyPath;
 use crate::{DataError, DescriptionError, RecordError, RecordPlace, columns, paths, toml_file};
 use lpv_core::{Discrete, Record, RecordKind, Signals};
+use std::collections::hash_map::Entry;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -13,6 +19,8 @@ use std::sync::OnceLock;
 #[derive(Debug)]
 pub struct Bundle {
     folder: PathBuf,
+    /// The folder without links.
+    root: PathBuf,
     file: PathBuf,
     text: String,
     description: Description,
@@ -46,22 +54,14 @@ impl Bundle {
             };
             return Err(DataError::NotABundle { folder });
         }
-        let bytes = std::fs::read(&file).map_err(DataError::io("read", &file))?;
-        let text = String::from_utf8(bytes).map_err(|e| {
-            let valid = String::from_utf8_lossy(&e.as_bytes()[..e.utf8_error().valid_up_to()]).into_owned();
-            let (line, column) = toml_file::position(&valid, valid.len());
-            DataError::Toml {
-                file: file.clone(),
-                line,
-                column,
-                message: "the text is not UTF-8".to_owned(),
-            }
-        })?;
+        let root = folder.canonicalize().map_err(DataError::io("open", &folder))?;
+        let text = read_text(&file)?;
         let text = text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text);
         let description = toml_file::parse(&file, &text)?;
         let bundle = Self {
             names: record_names(&description),
             folder,
+            root,
             file,
             text,
             description,
@@ -101,8 +101,7 @@ impl Bundle {
     /// # Errors
     /// [`DataError::Index`]; [`DataError::Description`] if the file has gone since the bundle was opened.
     pub fn record_path(&self, index: usize) -> Result<PathBuf, DataError> {
-        let entry = self.entry(index)?;
-        paths::resolve(&self.folder, &entry.file).map_err(|p| self.file_fault(index, p))
+        Ok(self.resolve(index)?.path)
     }
 
     /// The clock of all records.
@@ -221,20 +220,27 @@ impl Bundle {
             .ok_or(DataError::Index { index, records })
     }
 
+    fn resolve(&self, index: usize) -> Result<paths::Resolved, DataError> {
+        let entry = self.entry(index)?;
+        paths::resolve(&self.folder, &self.root, &entry.file).map_err(|p| self.file_fault(index, p))
+    }
+
     fn check_files(&self) -> Result<(), DataError> {
-        let mut seen: Vec<PathBuf> = Vec::new();
+        let mut seen: HashMap<PathBuf, usize> = HashMap::new();
         for (index, entry) in self.description.records.iter().enumerate() {
-            let path = self.record_path(index)?;
             // After following links, so that one file under two names is seen too.
-            let real = path.canonicalize().map_err(DataError::io("open", &path))?;
-            if let Some(first) = seen.iter().position(|s| *s == real) {
-                let problem = DescriptionError::DuplicateRecord {
-                    file: entry.file.clone(),
-                    first,
-                };
-                return Err(self.file_fault(index, problem));
+            match seen.entry(self.resolve(index)?.real) {
+                Entry::Vacant(new) => {
+                    new.insert(index);
+                }
+                Entry::Occupied(earlier) => {
+                    let problem = DescriptionError::DuplicateRecord {
+                        file: entry.file.clone(),
+                        first: *earlier.get(),
+                    };
+                    return Err(self.file_fault(index, problem));
+                }
             }
-            seen.push(real);
         }
         Ok(())
     }
@@ -244,15 +250,16 @@ impl Bundle {
         toml_file::locate_in(&self.file, &self.text, fault(path, problem))
     }
 
+    /// The names of the columns of a record, each once.
+    pub(crate) fn column_names(&self, index: usize) -> Result<Vec<&str>, DataError> {
+        Ok(self.columns_of(self.entry(index)?))
+    }
+
     /// The columns of a record, each once.
     fn columns_of<'a>(&'a self, entry: &'a crate::RecordEntry) -> Vec<&'a str> {
-        let mut names: Vec<&str> = Vec::new();
-        for column in self.groups(entry).iter().flat_map(|g| &g.columns) {
-            if !names.contains(&column.as_str()) {
-                names.push(column);
-            }
-        }
-        names
+        let mut seen = HashSet::new();
+        let columns = self.groups(entry).into_iter().flat_map(|g| &g.columns);
+        columns.map(String::as_str).filter(|c| seen.insert(*c)).collect()
     }
 
     fn groups<'a>(&'a self, entry: &'a crate::RecordEntry) -> [&'a ChannelGroup; 6] {
@@ -273,20 +280,17 @@ impl Bundle {
         let c = &self.description.channels;
         let groups = self.groups(entry);
         let mut data: Vec<Option<Vec<f64>>> = data.into_iter().map(Some).collect();
-        let mut uses: Vec<usize> = names
-            .iter()
-            .map(|n| {
-                groups
-                    .iter()
-                    .flat_map(|g| &g.columns)
-                    .filter(|c| c.as_str() == *n)
-                    .count()
-            })
-            .collect();
+        let places: HashMap<&str, usize> = names.iter().enumerate().map(|(i, n)| (*n, i)).collect();
+        let mut uses = vec![0_usize; names.len()];
+        for column in groups.iter().flat_map(|g| &g.columns) {
+            if let Some(&i) = places.get(column.as_str()) {
+                uses[i] += 1;
+            }
+        }
         let mut signals = |group: &ChannelGroup| -> Signals {
             let mut columns = Vec::with_capacity(group.len());
             for (k, name) in group.columns.iter().enumerate() {
-                let Some(i) = names.iter().position(|n| n == name) else {
+                let Some(&i) = places.get(name.as_str()) else {
                     continue;
                 };
                 uses[i] -= 1;
@@ -349,22 +353,6 @@ impl Bundle {
             largest
         })
     }
-}
-
-/// Short names where they are unique, the files otherwise.
-fn record_names(description: &Description) -> Vec<String> {
-    let short = |file: &str| {
-        let path = Path::new(file).with_extension("");
-        let path = path.strip_prefix("records").unwrap_or(&path);
-        path.to_string_lossy().into_owned()
-    };
-    let names: Vec<String> = description.records.iter().map(|e| short(&e.file)).collect();
-    let unique = |n: &String| !n.is_empty() && names.iter().filter(|m| *m == n).count() == 1;
-    names
-        .iter()
-        .zip(&description.records)
-        .map(|(n, entry)| if unique(n) { n.clone() } else { entry.file.clone() })
-        .collect()
 }
 
 /// Rows that are read at once of a signal that need not be whole.

@@ -3,6 +3,7 @@
 use crate::description::{ChannelGroup, Description, EntryKind, RecordEntry};
 use crate::key_path::KeyPath;
 use crate::{DescriptionError, RecordFormat};
+use std::collections::HashMap;
 
 /// A problem and its key; the caller knows the file and finds the line.
 #[derive(Debug)]
@@ -44,8 +45,9 @@ pub(crate) fn check_head(d: &Description) -> Result<(), Fault> {
             if may_share(earlier_name, name) {
                 continue;
             }
+            let places = places(&earlier.columns);
             for (k, column) in group.columns.iter().enumerate() {
-                if let Some(j) = earlier.columns.iter().position(|e| e == column) {
+                if let Some(&j) = places.get(column.as_str()) {
                     let first = channels.then(earlier_name).then("columns").at(j).to_string();
                     let problem = DescriptionError::DuplicateColumn {
                         column: column.clone(),
@@ -73,13 +75,19 @@ fn may_share(earlier: &str, later: &str) -> bool {
     )
 }
 
+/// Where each name stands; of a name that stands twice, one of its places.
+fn places(names: &[String]) -> HashMap<&str, usize> {
+    names.iter().enumerate().map(|(i, n)| (n.as_str(), i)).collect()
+}
+
 fn check_group(group: &ChannelGroup, path: &KeyPath) -> Result<(), Fault> {
     let columns = path.then("columns");
+    let mut seen: HashMap<&str, usize> = HashMap::new();
     for (k, column) in group.columns.iter().enumerate() {
         if column.trim().is_empty() {
             return Err(fault(columns.at(k), DescriptionError::EmptyName));
         }
-        if let Some(j) = group.columns[..k].iter().position(|c| c == column) {
+        if let Some(j) = seen.insert(column, k) {
             let first = columns.at(j).to_string();
             let problem = DescriptionError::DuplicateColumn {
                 column: column.clone(),

@@ -28,8 +28,8 @@
 //! with snappy, and HDF5 packed otherwise than MATLAB packs it.
 //!
 //! It believes no header. What a file claims to hold is compared with what a file of its size can hold, before memory is
-//! taken for it, so that a damaged file ends in an error and not in a lack of memory. Every message is shown in
-//! `docs/bad-input.md`.
+//! taken for it, so that a damaged file ends in an error and not in a lack of memory: at most 64 times the size of the file (or
+//! 64 MiB), and half of the memory that is free. Every message is shown in `docs/bad-input.md`.
 //!
 //! What counts as constant and as clipped is written at [`RecordError::Constant`] and [`RecordError::Clipped`].
 //!
@@ -64,6 +64,7 @@ mod error;
 mod geometry;
 mod key_path;
 pub mod mat;
+mod memory;
 mod nearest;
 mod paths;
 mod schema;

@@ -1,23 +1,36 @@
 //! Names that were probably meant.
 
+/// Candidates that are looked at: a file of more columns, or a folder of more files, is no list that anybody mistypes.
+const MOST: usize = 100_000;
+/// Letters that are compared: nobody reads longer names.
+const LETTERS: usize = 64;
+
 /// Up to three candidates within an edit distance that a slip of the keyboard explains, nearest first; ties keep
 /// the candidates' order.
 pub(crate) fn nearest<S: AsRef<str>>(name: &str, candidates: &[S]) -> Vec<String> {
     let limit = (name.chars().count() / 2).max(2);
-    let lower = name.to_lowercase();
+    let name = letters(name);
+    let near = |c: &str| {
+        let other = letters(c);
+        // At least as many letters are added or taken away.
+        (name.len().abs_diff(other.len()) <= limit).then(|| distance(&name, &other))
+    };
     let mut scored: Vec<(usize, &str)> = candidates
         .iter()
-        .map(|c| (distance(&lower, &c.as_ref().to_lowercase()), c.as_ref()))
+        .take(MOST)
+        .filter_map(|c| Some((near(c.as_ref())?, c.as_ref())))
         .filter(|(d, _)| *d <= limit)
         .collect();
     scored.sort_by_key(|(d, _)| *d);
     scored.into_iter().take(3).map(|(_, c)| c.to_owned()).collect()
 }
 
-/// Levenshtein distance with neighbouring letters swapped counted as one. Long names are cut: nobody reads them.
-fn distance(a: &str, b: &str) -> usize {
-    let a: Vec<char> = a.chars().take(64).collect();
-    let b: Vec<char> = b.chars().take(64).collect();
+fn letters(name: &str) -> Vec<char> {
+    name.chars().take(LETTERS).flat_map(char::to_lowercase).collect()
+}
+
+/// Levenshtein distance with neighbouring letters swapped counted as one.
+fn distance(a: &[char], b: &[char]) -> usize {
     let mut d = vec![vec![0usize; b.len() + 1]; a.len() + 1];
     for i in 0..=a.len() {
         d[i][0] = i;
@@ -54,8 +67,9 @@ mod tests {
 
     #[test]
     fn distances_counted_by_hand() {
+        let distance = |a, b| distance(&letters(a), &letters(b));
         assert_eq!(distance("kitten", "sitting"), 3);
-        assert_eq!(distance("ab", "ba"), 1);
+        assert_eq!(distance("ab", "BA"), 1);
         assert_eq!(distance("", "abc"), 3);
         assert_eq!(nearest("sample_rat", &["name", "sample_rate"]), ["sample_rate"]);
         assert!(nearest("zzzzzz", &["name", "format"]).is_empty());

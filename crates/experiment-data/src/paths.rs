@@ -4,21 +4,33 @@ use crate::DescriptionError;
 use crate::nearest::nearest;
 use std::path::{Component, Path, PathBuf};
 
-/// The path of a record file, after following links, if it is a regular file inside `folder`.
-pub(crate) fn resolve(folder: &Path, file: &str) -> Result<PathBuf, DescriptionError> {
+/// A record file.
+pub(crate) struct Resolved {
+    /// Below the folder as it was given.
+    pub(crate) path: PathBuf,
+    /// After following links.
+    pub(crate) real: PathBuf,
+}
+
+/// The record file, if it is a regular file inside `folder`, which is `root` after following links.
+pub(crate) fn resolve(folder: &Path, root: &Path, file: &str) -> Result<Resolved, DescriptionError> {
     let relative = inside(file)?;
     let path = folder.join(&relative);
     let missing = || DescriptionError::FileMissing {
         file: file.to_owned(),
         nearest: neighbours(&path),
     };
-    let (Ok(root), Ok(real)) = (folder.canonicalize(), path.canonicalize()) else {
+    let Ok(real) = path.canonicalize() else {
         return Err(missing());
     };
-    if !real.starts_with(&root) {
+    if !real.starts_with(root) {
         return Err(outside(file, "a link leads out of the folder"));
     }
-    if real.is_file() { Ok(path) } else { Err(missing()) }
+    if real.is_file() {
+        Ok(Resolved { path, real })
+    } else {
+        Err(missing())
+    }
 }
 
 /// The path without `.` parts, refused where it could leave the folder.

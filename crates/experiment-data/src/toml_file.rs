@@ -47,6 +47,9 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Description, DataError> {
         });
     }
     let raw: DescriptionFile = toml::from_str(text).map_err(|e| syntax(&e))?;
+    if let Some(fault) = raw.too_many_coefficients() {
+        return Err(located(fault));
+    }
     let description = raw.into_description();
     check_head(&description)
         .and_then(|()| check_entries(&description.records))
@@ -186,7 +189,33 @@ impl Coefficients {
     }
 }
 
+/// Coefficients of all loops together, of each polynomial of the controller.
+const MOST_COEFFICIENTS: usize = 1 << 20;
+
 impl DescriptionFile {
+    /// One polynomial for all loops is copied for each of them.
+    fn too_many_coefficients(&self) -> Option<Fault> {
+        let controller = self.controller.as_ref()?;
+        let loops = self.channels.input.len();
+        let lists = [
+            ("reference_numerator", &controller.reference_numerator),
+            ("feedback_numerator", &controller.feedback_numerator),
+            ("denominator", &controller.denominator),
+        ];
+        let (key, coefficients) = lists.into_iter().find_map(|(key, list)| match list {
+            Coefficients::Shared(list) if list.len().saturating_mul(loops) > MOST_COEFFICIENTS => {
+                Some((key, list.len()))
+            }
+            _ => None,
+        })?;
+        let problem = DescriptionError::ManyCoefficients {
+            coefficients,
+            loops,
+            most: MOST_COEFFICIENTS,
+        };
+        Some(fault(KeyPath::key("controller").then(key), problem))
+    }
+
     fn into_description(self) -> Description {
         let loops = self.channels.input.len();
         let c = self.channels;

@@ -2,6 +2,7 @@
 
 mod csv;
 mod exchange;
+mod grid;
 mod mat;
 mod python;
 

@@ -121,6 +121,21 @@ pub enum PipelineError {
     /// A result that its file format cannot hold.
     #[error("cannot be written in this format: {0}")]
     Format(String),
+    /// More frozen systems than a file should hold.
+    #[error(
+        "{points} points along each of the {parameters} scheduling parameters are {} frozen systems, more than a file holds; {}",
+        count_text(*systems), points_text(*most)
+    )]
+    Grid {
+        /// Scheduling parameters of the model.
+        parameters: usize,
+        /// Points along each.
+        points: usize,
+        /// Frozen systems.
+        systems: f64,
+        /// The largest number of points that a file holds; none if two are too many.
+        most: Option<usize>,
+    },
     /// A setting outside its range.
     #[error("`{name}` is {value}; it must be {allowed}")]
     Setting {
@@ -225,5 +240,20 @@ fn remedy(source: &std::io::Error) -> &'static str {
 impl From<serde_json::Error> for PipelineError {
     fn from(e: serde_json::Error) -> Self {
         Self::Format(e.to_string())
+    }
+}
+
+fn count_text(count: f64) -> String {
+    if count < 1e7 {
+        format!("{count}")
+    } else {
+        format!("{count:.0e}")
+    }
+}
+
+fn points_text(most: Option<usize>) -> String {
+    match most {
+        Some(points) => format!("give --points {points} or less"),
+        None => "write the model as JSON, which needs no frozen systems".to_owned(),
     }
 }

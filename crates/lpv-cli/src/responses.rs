@@ -49,6 +49,7 @@ pub fn load_records(
     progress: Progress<'_>,
 ) -> Result<Vec<Record>, PipelineError> {
     let indices: Vec<usize> = (0..bundle.len()).filter(|&i| wanted(i)).collect();
+    bundle.check_memory(&indices)?;
     let counter = Counter::new(progress, "reading records", indices.len());
     let records = indices
         .par_iter()

@@ -70,9 +70,13 @@ fn with_nearest(error: &toml::de::Error) -> String {
 
 /// The known name that a slip of the keyboard could have meant.
 pub fn nearest_name<'a>(unknown: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    /// Letters that are compared: nobody reads longer names.
+    const LETTERS: usize = 64;
+    let cut = |name: &str| -> Vec<char> { name.chars().take(LETTERS).collect() };
     let limit = (unknown.chars().count() / 2).max(2);
+    let unknown = cut(unknown);
     known
-        .map(|name| (strsim::damerau_levenshtein(unknown, name), name))
+        .map(|name| (strsim::generic_damerau_levenshtein(&unknown, &cut(name)), name))
         .filter(|(distance, _)| *distance <= limit)
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, name)| name)

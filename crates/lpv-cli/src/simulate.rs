@@ -3,6 +3,7 @@
 //! The identification never sees this module's machine: the two meet in files only. A bundle says nothing about hidden
 //! effects.
 
+mod batch;
 mod machine_file;
 
 pub use machine_file::{MachineFile, MovesFile, MultisineFile, NoiseFile, PositionsFile, ServoFile};
@@ -108,8 +109,10 @@ pub fn simulate(
                 .collect()
         },
     )?;
-    // As many jobs at a time as there are threads, so that memory does not grow with the bundle.
-    for batch in jobs.chunks(rayon::current_num_threads().max(1)) {
+    let mut left = jobs.as_slice();
+    while !left.is_empty() {
+        let (batch, rest) = left.split_at(batch::size(left, file));
+        left = rest;
         let results: Vec<Result<Simulated, PlantError>> =
             batch.par_iter().map(|job| setup.run(job)).collect();
         for result in results {
@@ -296,7 +299,9 @@ impl<'a> Setup<'a> {
     }
 
     fn empty_record(&self, name: &str, position: f64) -> Record {
-        let signals = |group: &[&str]| Signals::new(group, vec![Vec::new(); group.len()]);
+        let samples = self.multisine.period() * self.file.multisine.periods;
+        let column = || Vec::with_capacity(samples);
+        let signals = |group: &[&str]| Signals::new(group, group.iter().map(|_| column()).collect());
         Record {
             name: name.to_owned(),
             kind: RecordKind::Periodic {

@@ -10,6 +10,7 @@ mod writer;
 use super::{ColumnInfo, Sink, missing};
 use crate::RecordError;
 use rows::Table;
+use std::collections::HashMap;
 use std::path::Path;
 
 pub(crate) use writer::write;
@@ -62,9 +63,8 @@ pub(crate) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
         .map(|place| table.header()[place].clone())
         .filter(|name| !name.is_empty())
         .collect();
-    for name in &names {
-        places(table.header(), &[name])?;
-    }
+    let wanted: Vec<&str> = names.iter().map(String::as_str).collect();
+    places(table.header(), &wanted)?;
     let mut rows = 0;
     table.each_row(&[], |_, _| rows += 1)?;
     Ok(names.into_iter().map(|name| ColumnInfo { name, rows }).collect())
@@ -86,20 +86,19 @@ pub(crate) fn lines_of_rows(path: &Path, rows: &[usize]) -> Vec<u64> {
 }
 
 fn places(header: &[String], names: &[&str]) -> Result<Vec<usize>, RecordError> {
-    names
-        .iter()
-        .map(|name| {
-            let times = header.iter().filter(|h| h == name).count();
-            match header.iter().position(|h| h == name) {
-                None => Err(missing(name, header)),
-                Some(_) if times > 1 => Err(RecordError::CsvDuplicate {
-                    column: (*name).to_owned(),
-                    times,
-                }),
-                Some(place) => Ok(place),
-            }
-        })
-        .collect()
+    let mut found: HashMap<&str, (usize, usize)> = HashMap::new();
+    for (place, name) in header.iter().enumerate() {
+        found.entry(name).or_insert((place, 0)).1 += 1;
+    }
+    let place = |name: &&str| match found.get(name) {
+        None => Err(missing(name, header)),
+        Some(&(place, 1)) => Ok(place),
+        Some(&(_, times)) => Err(RecordError::CsvDuplicate {
+            column: (*name).to_owned(),
+            times,
+        }),
+    };
+    names.iter().map(place).collect()
 }
 
 fn malformed(line: u64, problem: &str) -> RecordError {

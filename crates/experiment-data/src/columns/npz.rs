@@ -11,6 +11,7 @@ use self::quiet::Quiet;
 use super::{ColumnInfo, Sink, missing, vector_length};
 use crate::RecordError;
 use crate::columns::number::{DEFLATE_RATIO, Number};
+use crate::memory::Allowance;
 use npyz::WriterBuilder;
 use npyz::npz::{NpzArchive, NpzWriter, array_name_from_file_name, file_name_from_array_name};
 use npyz::zip;
@@ -20,9 +21,14 @@ use std::path::Path;
 
 pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
     let mut archive = open(path)?;
+    let archive = archive.zip_archive();
+    let mut allowance = Allowance::new(size(path)?);
+    for name in names {
+        allowance.take(name, Array::open(archive, name)?.length)?;
+    }
     names
         .iter()
-        .map(|name| Array::open(archive.zip_archive(), name)?.next(u64::MAX))
+        .map(|name| Array::open(archive, name)?.next(u64::MAX))
         .collect()
 }
 
@@ -38,6 +44,10 @@ pub(crate) fn each_block(
     let mut arrays = arrays
         .map(|(archive, name)| Array::open(archive.zip_archive(), name))
         .collect::<Result<Vec<_>, _>>()?;
+    let mut allowance = Allowance::new(size(path)?);
+    for array in &arrays {
+        allowance.take(array.name, array.length.min(rows as u64))?;
+    }
     loop {
         let block = arrays.iter_mut().map(|a| a.next(rows as u64));
         let block = block.collect::<Result<Vec<_>, _>>()?;
@@ -46,6 +56,10 @@ pub(crate) fn each_block(
         }
         sink(block);
     }
+}
+
+fn size(path: &Path) -> Result<u64, RecordError> {
+    Ok(path.metadata().map_err(RecordError::io("read"))?.len())
 }
 
 fn open(path: &Path) -> Result<NpzArchive<BufReader<File>>, RecordError> {
@@ -87,7 +101,7 @@ impl<'a> Array<'a> {
         name: &'a str,
     ) -> Result<Self, RecordError> {
         let file = file_name_from_array_name(name);
-        if !archive.file_names().any(|f| f == file) {
+        if matches!(archive.by_name(&file), Err(zip::result::ZipError::FileNotFound)) {
             let mut present: Vec<String> = archive
                 .file_names()
                 .filter_map(array_name_from_file_name)

@@ -11,10 +11,12 @@ use self::kind::Kind;
 use super::number::half;
 use super::{ColumnInfo, missing};
 use crate::RecordError;
+use crate::memory::Allowance;
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use ::parquet::data_type::DataType;
 use ::parquet::errors::ParquetError;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
+use std::collections::HashMap;
 use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -24,6 +26,10 @@ pub(crate) use writer::write;
 pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
     guarded(|| {
         let table = Table::open(path)?;
+        let mut allowance = Allowance::new(table.bytes);
+        for name in names {
+            allowance.take(name, table.rows()?)?;
+        }
         names.iter().map(|name| table.column(name)).collect()
     })
 }
@@ -62,6 +68,8 @@ struct Table {
     reader: SerializedFileReader<File>,
     /// Of each leaf of the schema: its name, dotted inside groups, and how to read it, or what it is instead.
     names: Vec<String>,
+    /// Where a name stands; none if more than one column has it.
+    places: HashMap<String, Option<usize>>,
     kinds: Vec<Result<Kind, &'static str>>,
     /// The definition level of a row that has a value.
     levels: Vec<i16>,
@@ -74,10 +82,17 @@ impl Table {
         let again = file.try_clone().map_err(RecordError::io("open"))?;
         let reader = SerializedFileReader::new(again).map_err(|e| malformed("", &text(&e)))?;
         let leaves = reader.metadata().file_metadata().schema_descr().columns();
+        let names: Vec<String> = leaves.iter().map(|leaf| leaf.path().string()).collect();
+        let mut places = HashMap::new();
+        for (place, name) in names.iter().enumerate() {
+            let found = places.entry(name.clone());
+            found.and_modify(|p| *p = None).or_insert(Some(place));
+        }
         Ok(Self {
             file,
             bytes,
-            names: leaves.iter().map(|leaf| leaf.path().string()).collect(),
+            names,
+            places,
             levels: leaves.iter().map(|leaf| leaf.max_def_level()).collect(),
             kinds: leaves.iter().map(|leaf| Kind::of(leaf)).collect(),
             reader,
@@ -97,13 +112,11 @@ impl Table {
     }
 
     fn column(&self, name: &str) -> Result<Vec<f64>, RecordError> {
-        let mut places = (0..self.names.len()).filter(|&k| self.names[k] == name);
-        let Some(place) = places.next() else {
-            return Err(missing(name, &self.names));
+        let place = match self.places.get(name) {
+            None => return Err(missing(name, &self.names)),
+            Some(None) => return Err(malformed(name, "the file has more than one column of this name")),
+            Some(Some(place)) => *place,
         };
-        if places.next().is_some() {
-            return Err(malformed(name, "the file has more than one column of this name"));
-        }
         let kind = self.kinds[place].map_err(|found| RecordError::NotNumeric {
             column: name.to_owned(),
             found: found.to_owned(),

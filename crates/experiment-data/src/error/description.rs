@@ -126,6 +126,18 @@ pub enum DescriptionError {
         /// Lists given.
         found: usize,
     },
+    /// More coefficients than any controller has.
+    #[error(
+        "a polynomial of {coefficients} coefficients for each of {loops} loops; a controller has at most {most} in all"
+    )]
+    ManyCoefficients {
+        /// Coefficients of the polynomial.
+        coefficients: usize,
+        /// Number of loops.
+        loops: usize,
+        /// Most coefficients of all loops.
+        most: usize,
+    },
     /// A polynomial without coefficients.
     #[error("an empty polynomial; give at least one coefficient")]
     EmptyPolynomial,

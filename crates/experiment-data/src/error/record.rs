@@ -1,3 +1,4 @@
+use crate::memory::size_text;
 use crate::nearest::hint;
 
 /// What can be wrong with a record's file or samples. Rows count samples from 1.
@@ -29,6 +30,38 @@ pub enum RecordError {
         variable: String,
         /// What is wrong with it.
         problem: String,
+    },
+    /// A packed file whose columns would take far more memory than a file of its size can mean.
+    #[error(
+        "column `{column}` claims {numbers} numbers: with it {} of memory would be needed for {} of files, which get {} at most; the file is damaged, or, if it is right, save it without compression or cut it into shorter records",
+        size_text(*bytes), size_text(*file_bytes), size_text(*most)
+    )]
+    Unpacks {
+        /// The column that is too much.
+        column: String,
+        /// Its numbers.
+        numbers: u64,
+        /// Memory of the columns up to it, bytes.
+        bytes: u64,
+        /// Size of the file, or of all files that stay in memory, bytes.
+        file_bytes: u64,
+        /// Most memory for a file of its size, bytes.
+        most: u64,
+    },
+    /// A record that is too long for the memory of this machine.
+    #[error(
+        "column `{column}` has {numbers} numbers: with it {} of memory would be needed, more than half of the {} that are free here; cut the records shorter, list fewer of them, or use a machine with more memory",
+        size_text(*bytes), size_text(*free)
+    )]
+    Memory {
+        /// The column that is too much.
+        column: String,
+        /// Its numbers.
+        numbers: u64,
+        /// Memory of the columns up to it, bytes.
+        bytes: u64,
+        /// Free memory, bytes.
+        free: u64,
     },
     /// A header line that is not comma separated.
     #[error("line 1: fields are separated by {found}; write commas between fields and points in numbers")]

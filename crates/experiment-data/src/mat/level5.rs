@@ -3,7 +3,9 @@ use super::{Array, DEEPEST};
 use crate::RecordError;
 use crate::columns::number::DEFLATE_RATIO;
 use crate::columns::{ColumnInfo, SUPPORTED, missing, vector_length};
+use crate::memory::Allowance;
 use flate2::read::ZlibDecoder;
+use std::collections::{HashMap, HashSet};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -23,12 +25,7 @@ pub(super) enum Shape {
 
 /// The named variables, in the order of the names.
 pub(super) fn read_arrays(path: &Path, names: &[&str], shape: Shape) -> Result<Vec<Array>, RecordError> {
-    let mut wanted = Wanted {
-        names,
-        shape,
-        found: vec![None; names.len()],
-        present: None,
-    };
+    let mut wanted = Wanted::new(names, shape, size(path)?);
     walk(path, &mut wanted)?;
     if let Some(absent) = wanted.found.iter().position(Option::is_none) {
         // Only now the names of everything in the file are worth their time.
@@ -42,23 +39,27 @@ pub(super) fn read_arrays(path: &Path, names: &[&str], shape: Shape) -> Result<V
 
 /// Every vector of real numbers, in the order of the file.
 pub(super) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
-    let mut wanted = Wanted {
-        names: &[],
-        shape: Shape::Vector,
-        found: Vec::new(),
-        present: Some(Vec::new()),
-    };
+    let mut wanted = Wanted::new(&[], Shape::Vector, 0);
+    wanted.present = Some(Vec::new());
     walk(path, &mut wanted)?;
     let vector = |p: Present| p.rows.map(|rows| ColumnInfo { name: p.name, rows });
     Ok(wanted.present.into_iter().flatten().filter_map(vector).collect())
 }
 
 struct Wanted<'a> {
-    names: &'a [&'a str],
+    /// Where each name stands in the answer.
+    places: HashMap<&'a str, usize>,
+    /// The structs around the names.
+    structs: HashSet<&'a str>,
     shape: Shape,
     found: Vec<Option<Array>>,
     /// Numeric variables, while they are collected.
     present: Option<Vec<Present>>,
+    allowance: Allowance,
+}
+
+fn size(path: &Path) -> Result<u64, RecordError> {
+    Ok(path.metadata().map_err(RecordError::io("read"))?.len())
 }
 
 /// A numeric variable; rows only if it is a real vector.
@@ -67,17 +68,28 @@ struct Present {
     rows: Option<u64>,
 }
 
-impl Wanted<'_> {
+impl<'a> Wanted<'a> {
+    fn new(names: &'a [&'a str], shape: Shape, file_bytes: u64) -> Self {
+        let around = |name: &'a str| name.match_indices('.').map(move |(dot, _)| &name[..dot]);
+        Self {
+            // The first of equal names gets what is found.
+            places: names.iter().enumerate().rev().map(|(i, n)| (*n, i)).collect(),
+            structs: names.iter().flat_map(|n| around(n)).collect(),
+            shape,
+            found: vec![None; names.len()],
+            present: None,
+            allowance: Allowance::new(file_bytes),
+        }
+    }
     fn index(&self, name: &str) -> Option<usize> {
         if self.present.is_some() {
             None
         } else {
-            self.names.iter().position(|n| *n == name)
+            self.places.get(name).copied()
         }
     }
     fn enters(&self, name: &str) -> bool {
-        let inside = |n: &&str| n.strip_prefix(name).is_some_and(|rest| rest.starts_with('.'));
-        self.present.is_some() || self.names.iter().any(inside)
+        self.present.is_some() || self.structs.contains(name)
     }
 }
 
@@ -261,6 +273,10 @@ fn matrix<R: Read>(
                     .unwrap_or(u64::MAX),
             };
             let tag = e.tag()?;
+            // More numbers than bytes are a false claim, which is refused below.
+            if length <= u64::from(tag.bytes) {
+                wanted.allowance.take(&full, length).map_err(Stop::Refuse)?;
+            }
             let data = e.numbers(tag, length)?;
             wanted.found[index] = Some(Array { shape, data });
             Ok(())

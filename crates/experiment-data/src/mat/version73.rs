@@ -5,6 +5,7 @@ use super::DEEPEST;
 use crate::RecordError;
 use crate::columns::number::DEFLATE_RATIO;
 use crate::columns::{ColumnInfo, missing, vector_length};
+use crate::memory::{Allowance, FREELY, MOST_A_BYTE};
 use hdf5_pure::{AttrValue, ChunkCacheConfig, DType, DatasetAccessProperties, Group, Layout};
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -17,15 +18,20 @@ const MOST_VARIABLES: usize = 100_000;
 pub(super) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
     guarded(|| {
         let walk = Walk::new(path, names)?;
+        // The first of a name counts.
+        let mut places = HashMap::new();
+        for (place, variable) in walk.variables.iter().enumerate() {
+            places.entry(variable.name.as_str()).or_insert(place);
+        }
         let mut columns = Vec::with_capacity(names.len());
+        let mut allowance = Allowance::new(walk.bytes);
         for name in names {
-            let place = walk.variables.iter().position(|v| v.name == *name);
-            let Some(place) = place else {
-                let real = walk.variables.into_iter().filter(|v| v.what == What::Numbers);
-                let present: Vec<String> = real.map(|v| v.name).collect();
+            let Some(&place) = places.get(name) else {
+                let real = walk.variables.iter().filter(|v| v.what == What::Numbers);
+                let present: Vec<String> = real.map(|v| v.name.clone()).collect();
                 return Err(missing(name, &present));
             };
-            columns.push(walk.column(place)?);
+            columns.push(walk.column(place, &mut allowance)?);
         }
         Ok(columns)
     })
@@ -159,7 +165,7 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    fn column(&self, place: usize) -> Result<Vec<f64>, RecordError> {
+    fn column(&self, place: usize, allowance: &mut Allowance) -> Result<Vec<f64>, RecordError> {
         let variable = &self.variables[place];
         let name = &variable.name;
         let (group, own) = match (&variable.what, &variable.dataset) {
@@ -179,6 +185,7 @@ impl<'a> Walk<'a> {
         let once = DatasetAccessProperties::new().with_chunk_cache(ChunkCacheConfig::disabled());
         let dataset = group.dataset_with_options(own, once).map_err(damaged)?;
         self.check_claim(name, &dataset, length)?;
+        allowance.take(name, length)?;
         let column = dataset.read_f64().map_err(damaged)?;
         if column.len() as u64 != length {
             let problem = format!("its header claims {length} values, the file has {}", column.len());
@@ -213,17 +220,27 @@ impl<'a> Walk<'a> {
         if let Some(other) = dataset.filters().into_iter().find(|id| !matches!(id, 1..=3)) {
             return unsupported(format!("HDF5 filter {other}"), "deflate, shuffle, checksums");
         }
+        // A part is unpacked as a whole, whatever the data set has of it.
+        let most = FREELY.max(self.bytes.saturating_mul(MOST_A_BYTE));
         let chunk = chunk_shape.iter().try_fold(size, |all, n| all.checked_mul(*n));
         // A chunk has at least one entry of 8 bytes in an index, and unpacks to so many times its size at most.
         let chunks = match chunk {
-            Some(chunk) if chunk > 0 && chunk / DEFLATE_RATIO <= self.bytes => claimed.div_ceil(chunk),
+            Some(chunk) if chunk > 0 && chunk <= most => claimed.div_ceil(chunk),
             _ => return Err(too_much()),
         };
         if claimed / DEFLATE_RATIO > self.bytes || chunks > self.bytes / 8 {
             return Err(too_much());
         }
         let stored = dataset.chunks().map_err(damaged)?;
-        let stored: u64 = stored.iter().map(|c| c.storage_size.min(self.bytes)).sum();
+        for c in &stored {
+            let end = c.address.checked_add(c.storage_size);
+            if end.is_none_or(|end| end > self.bytes) {
+                let (size, at, bytes) = (c.storage_size, c.address, self.bytes);
+                let problem = format!("a part of {size} bytes at byte {at}, the file has {bytes} bytes");
+                return Err(malformed(name, &problem));
+            }
+        }
+        let stored: u64 = stored.iter().map(|c| c.storage_size).sum();
         if claimed / DEFLATE_RATIO > stored {
             return Err(too_much());
         }

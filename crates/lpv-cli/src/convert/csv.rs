@@ -56,6 +56,11 @@ pub(super) fn write(e: &Exchange) -> Result<Vec<u8>, PipelineError> {
     out.into_inner().map_err(|e| PipelineError::Format(e.to_string()))
 }
 
+/// `A,,1,1,0` with its end.
+const SHORTEST_LINE: u64 = 9;
+/// More than any model has, its parameters included.
+const MOST_MATRICES: usize = 1000;
+
 /// The matrices of the model; the frozen systems follow from them.
 pub(super) fn read(file: &Path) -> Result<Exchange, String> {
     let mut reader = csv::Reader::from_path(file).map_err(|e| e.to_string())?;
@@ -73,6 +78,8 @@ pub(super) fn read(file: &Path) -> Result<Exchange, String> {
         outputs: Vec::new(),
     };
     let mut whole = false;
+    // Every entry has a line of its own, so that the length of the file bounds what it may claim.
+    let mut room = file.metadata().map_or(0, |m| m.len()) / SHORTEST_LINE;
     for row in reader.records() {
         let row = row.map_err(|e| e.to_string())?;
         let line = row.position().map_or(0, csv::Position::line);
@@ -96,11 +103,18 @@ pub(super) fn read(file: &Path) -> Result<Exchange, String> {
             _ if !p.is_empty() => {}
             _ => match name.strip_prefix("size ") {
                 Some(name) => {
-                    const LARGEST: usize = 1 << 24;
+                    const LARGEST: usize = 1 << 20;
                     let (rows, columns) = (index(&row[2])?, index(&row[3])?);
-                    if rows.saturating_mul(columns) > LARGEST || rows.max(columns) > LARGEST {
+                    if rows.max(columns) > LARGEST || e.blocks.len() == MOST_MATRICES {
                         return Err(at(format!("a matrix of {rows} x {columns} is no model")));
                     }
+                    room = room
+                        .checked_sub((rows as u64).saturating_mul(columns as u64))
+                        .ok_or_else(|| {
+                            at(format!(
+                                "a matrix of {rows} x {columns}, which is more than the file has lines"
+                            ))
+                        })?;
                     e.blocks
                         .push((name.to_owned(), DMatrix::from_element(rows, columns, f64::NAN)));
                 }

@@ -1,5 +1,6 @@
 //! A model taken apart into named matrices: what all foreign formats hold.
 
+use super::grid::{Frozen, frozen_grid};
 use crate::diagnose::{BaseKind, Explanation};
 use crate::encode::word;
 use crate::{ModelFile, PipelineError};
@@ -20,7 +21,7 @@ pub(super) struct Exchange {
     /// Matrices by name, in order.
     pub(super) blocks: Vec<(String, DMatrix<f64>)>,
     /// Frozen systems: scheduling value, A, B, C, D; empty for a time-invariant model.
-    pub(super) grid: Vec<(Vec<f64>, [DMatrix<f64>; 4])>,
+    pub(super) grid: Vec<Frozen>,
     /// What the matrices mean, in words.
     pub(super) note: String,
     /// Names of inputs and outputs, where known.
@@ -234,29 +235,22 @@ impl Exchange {
             .iter()
             .flat_map(|d| [d.parameter as f64 + 1.0, d.repetitions as f64]);
         self.push("deltas", DMatrix::from_row_iterator(m.deltas().len(), 2, deltas));
-        for p in m.range().grid(points) {
-            self.frozen(&m.frozen(&p)?, p);
-        }
+        let sizes = (m.states(), m.outputs(), m.inputs());
+        self.grid = frozen_grid(sizes, m.range(), points, |p| m.frozen(p))?;
         Ok(())
     }
 
     fn lpv<K: Clock>(&mut self, m: &LpvStateSpace<K>, points: usize) -> Result<(), PipelineError> {
         self.kind = "grid".to_owned();
         self.range(m.range());
-        for p in m.range().grid(points) {
-            self.frozen(&m.frozen(&p)?, p);
-        }
+        let sizes = (m.states(), m.outputs(), m.inputs());
+        self.grid = frozen_grid(sizes, m.range(), points, |p| m.frozen(p))?;
         Ok(())
     }
 
     fn range(&mut self, range: &SchedulingRange) {
         let bounds = range.bounds().iter().flatten().copied();
         self.push("range", DMatrix::from_row_iterator(range.parameters(), 2, bounds));
-    }
-
-    fn frozen<K: Clock>(&mut self, s: &StateSpace<K>, p: Vec<f64>) {
-        self.grid
-            .push((p, [s.a().clone(), s.b().clone(), s.c().clone(), s.d().clone()]));
     }
 
     fn block(&self, name: &str) -> Result<DMatrix<f64>, String> {

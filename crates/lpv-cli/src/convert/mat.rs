@@ -64,6 +64,9 @@ const INNOVATION: [&str; 8] = [
 const RIGID_BODY: [&str; 5] = ["A", "B", "C", "D", "axes"];
 const STATE_SPACE: [&str; 4] = ["A", "B", "C", "D"];
 
+/// Rows or columns of an empty matrix cost nothing in a file, and time wherever they are counted.
+const LARGEST: u64 = 1 << 20;
+
 /// The matrices of the first kind of model whose matrices are all there.
 pub(super) fn read(file: &Path) -> Result<Exchange, String> {
     let mut refused = String::new();
@@ -90,6 +93,9 @@ pub(super) fn read(file: &Path) -> Result<Exchange, String> {
                     array.shape
                 ));
             };
+            if rows.max(columns) > LARGEST {
+                return Err(format!("`{name}` of {rows} x {columns} is no matrix of a model"));
+            }
             matrices.push(DMatrix::from_vec(rows as usize, columns as usize, array.data));
         }
         let sample_time = matrices.remove(0);

@@ -9,13 +9,16 @@ use experiment_data::Bundle;
 use frf_estimation::{FrfError, Layout, PeriodicAccumulator, Settling, SkipRule};
 use lpv_core::{Discrete, PeriodBlock, Record};
 
-/// Bytes of files from which they are large together; packed ones are larger in memory.
-const LARGE: u64 = 1 << 26;
+/// Bytes of files from which they are large together, and bytes in memory: packed ones are larger there.
+const LARGE: [u64; 2] = [1 << 26, 1 << 28];
 
-/// Whether the files of these records are large.
+/// Whether these records are large. One that cannot be read tells so when it is.
 pub(crate) fn is_large(bundle: &Bundle, indices: &[usize]) -> bool {
-    let size = |i: &usize| Some(bundle.record_path(*i).ok()?.metadata().ok()?.len());
-    indices.iter().filter_map(size).sum::<u64>() > LARGE
+    let file = |i: &usize| Some(bundle.record_path(*i).ok()?.metadata().ok()?.len());
+    let memory = |i: &usize| bundle.memory(*i).ok();
+    let sum = |sizes: &mut dyn Iterator<Item = u64>| sizes.fold(0, u64::saturating_add);
+    sum(&mut indices.iter().filter_map(file)) > LARGE[0]
+        || sum(&mut indices.iter().filter_map(memory)) > LARGE[1]
 }
 
 /// What the records of one position give. An error comes with the index of the record, or with the largest one where it is one of

@@ -183,7 +183,10 @@ impl NoiseFile {
 }
 
 const MOST_RECORDS: usize = 10_000;
-const MOST_SAMPLES: usize = 1 << 26;
+/// Of a multisine record: two of them with 8 channels of 8 bytes are half a gibibyte.
+const MOST_SAMPLES: usize = 1 << 22;
+/// Of a move, whose integration keeps more beside the record.
+const MOST_MOVED: usize = 1 << 21;
 
 impl MachineFile {
     /// Reads a TOML file; keys that are left out have their defaults.
@@ -301,12 +304,18 @@ impl MachineFile {
             });
         }
         let samples = samples.saturating_mul(self.multisine.periods);
-        let problem = "give at most 67,108,864 samples a record";
         within(
             "multisine.periods times multisine.period",
             samples,
             MOST_SAMPLES,
-            problem,
+            "give at most 4,194,304 samples a record, which is half a gibibyte of memory a position",
+        )?;
+        let least = usize::from(moves > 0);
+        within(
+            "setpoints.samples",
+            (self.setpoints.samples * least).max(1),
+            MOST_MOVED,
+            "give at most 2,097,152 samples a move, which is half a gibibyte of memory",
         )
     }
 }

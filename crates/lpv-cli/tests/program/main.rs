@@ -12,6 +12,7 @@ mod help;
 mod identify;
 mod identify_time;
 mod inspect;
+mod memory;
 mod new;
 mod python;
 mod report;

@@ -1,5 +1,8 @@
 use super::{Row, find, grid_as, one_file, replace};
 use experiment_data::RecordFormat::Npz;
+use npyz::zip::write::FileOptions;
+use npyz::zip::{CompressionMethod, ZipWriter};
+use std::io::{Cursor, Write};
 
 const PLAIN: &[u8] = include_bytes!("../../fixtures/plain.npz");
 
@@ -10,6 +13,22 @@ fn shape(file: &mut [u8], text: &str) {
     let mut header = format!("{text}, }}").into_bytes();
     header.resize(end - at, b' ');
     file[at..end].copy_from_slice(&header);
+}
+
+/// Packed arrays of so many one-byte zeros: a few kilobytes that become eight bytes a number.
+pub(crate) fn zeros(columns: &[&str], numbers: usize) -> Vec<u8> {
+    let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
+    let options = FileOptions::default().compression_method(CompressionMethod::Deflated);
+    let header = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({numbers},), }}\n");
+    let mut array = b"\x93NUMPY\x01\x00".to_vec();
+    array.extend((header.len() as u16).to_le_bytes());
+    array.extend(header.as_bytes());
+    array.resize(array.len() + numbers, 0);
+    for name in columns {
+        archive.start_file(format!("{name}.npy"), options).unwrap();
+        archive.write_all(&array).unwrap();
+    }
+    archive.finish().unwrap().into_inner()
 }
 
 pub(super) const CASES: &[Row] = &[
@@ -67,6 +86,16 @@ pub(super) const CASES: &[Row] = &[
             });
         },
         &["`y1`: 1088 bytes that claim to unpack to 4294967288"],
+    ),
+    (
+        "npz-unpacks",
+        "a few kilobytes that would fill the memory",
+        |d| one_file(d, "x.npz", &zeros(&["y", "u"], 6_000_000), "y", "u"),
+        &[
+            "column `u` claims 6000000 numbers: with it 96 MB of memory would be needed for",
+            "of files, which get 67 MB at most",
+            "save it without compression or cut it into shorter records",
+        ],
     ),
     (
         "npz-stream-short",

@@ -1,6 +1,9 @@
 use super::{Row, find, grid_as, hdf5, one_file, replace};
 use experiment_data::RecordFormat::Mat;
-use hdf5_pure::mat::{MatBuilder, Options};
+use flate2::write::ZlibEncoder;
+use hdf5_pure::LibVer;
+use hdf5_pure::mat::{Compression, MatBuilder, Options};
+use std::io::Write;
 use std::path::Path;
 
 const PLAIN: &[u8] = include_bytes!("../../fixtures/plain.mat");
@@ -17,6 +20,50 @@ fn version73(dir: &Path, change: impl FnOnce(&mut Vec<u8>)) {
     let mut bytes = file.finish().unwrap();
     change(&mut bytes);
     one_file(dir, "x.mat", &bytes, "y", "u");
+}
+
+/// The same packed, with columns of so many one-byte zeros.
+fn packed73(numbers: usize) -> Vec<u8> {
+    let mut options = Options::default();
+    options.compression = Compression::Deflate {
+        level: 6,
+        shuffle: false,
+    };
+    options.libver = LibVer::V110;
+    let mut file = MatBuilder::new(options);
+    for name in ["y", "u"] {
+        file.write_u8(name, &[numbers, 1], &vec![0; numbers]).unwrap();
+    }
+    file.finish().unwrap()
+}
+
+/// A level 5 file with two packed columns of so many one-byte zeros.
+fn packed5(numbers: u32) -> Vec<u8> {
+    let mut file = PACKED[..128].to_vec();
+    for name in ["y", "u"] {
+        let words = |words: &[u32]| words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>();
+        let mut body = words(&[
+            6,
+            8,
+            9,
+            0,
+            5,
+            8,
+            numbers,
+            1,
+            1 << 16 | 1,
+            u32::from(name.as_bytes()[0]),
+        ]);
+        body.extend(words(&[2, numbers]));
+        body.resize(body.len() + (numbers as usize).next_multiple_of(8), 0);
+        let mut packer = ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+        packer.write_all(&words(&[14, body.len() as u32])).unwrap();
+        packer.write_all(&body).unwrap();
+        let packed = packer.finish().unwrap();
+        file.extend(words(&[15, packed.len() as u32]));
+        file.extend(packed);
+    }
+    file
 }
 
 fn plain(dir: &Path, input: &str) {
@@ -82,6 +129,12 @@ pub(super) const CASES: &[Row] = &[
             one_file(d, "x.mat", &file, "y", "u");
         },
         &["damaged MAT file: 19 bytes that claim to unpack to 4294967288 (element at byte 128)"],
+    ),
+    (
+        "mat-unpacks",
+        "a few kilobytes that would fill the memory",
+        |d| one_file(d, "x.mat", &packed5(6_000_000), "y", "u"),
+        &["column `u` claims 6000000 numbers: with it 96 MB of memory would be needed for"],
     ),
     (
         "mat-checksum",
@@ -172,6 +225,24 @@ pub(super) const CASES: &[Row] = &[
             });
         },
         &["`y`: its header claims 1342177280 values of 8 bytes, the file has"],
+    ),
+    (
+        "v73-unpacks",
+        "a few kilobytes of version 7.3 that would fill the memory",
+        |d| one_file(d, "x.mat", &packed73(6_000_000), "y", "u"),
+        &["column `u` claims 6000000 numbers: with it 96 MB of memory would be needed for"],
+    ),
+    (
+        "v73-part",
+        "a part of a column that claims 4 GiB",
+        |d| {
+            let mut file = V73.to_vec();
+            // The size of the first part stands behind the head of the tree that finds the parts.
+            let tree = find(&file, b"TREE\x01");
+            file[tree + 24..tree + 28].copy_from_slice(&0xffff_fff0_u32.to_le_bytes());
+            one_file(d, "v73.mat", &file, "f4", "i2");
+        },
+        &["damaged MAT (version 7.3) file, `f4`: a part of 4294967280 bytes at byte"],
     ),
     (
         "v73-text",

@@ -8,7 +8,7 @@
     reason = "a test that cannot be set up must fail"
 )]
 
-mod arrays;
+pub(crate) mod arrays;
 mod csv;
 mod description;
 pub mod hdf5;

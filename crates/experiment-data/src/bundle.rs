@@ -165,7 +165,6 @@ impl Bundle {
 
     fn expectation<'a>(&'a self, entry: &'a crate::RecordEntry) -> Expectation<'a> {
         Expectation {
-            limit: self.description.controller.as_ref().and_then(|c| c.limit),
             declared_position: entry.position,
             scheduling_scale: Box::new(|| self.scale_of_scheduling()),
         }

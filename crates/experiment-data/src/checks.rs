@@ -6,8 +6,6 @@ use lpv_core::{Record, RecordKind, Signals};
 
 /// What the checks need to know beside the record.
 pub(crate) struct Expectation<'a> {
-    /// Saturation of the controller, which inputs of transient records may reach.
-    pub(crate) limit: Option<f64>,
     /// `position` of the description.
     pub(crate) declared_position: Option<f64>,
     /// Largest |p| of the bundle; asked only in doubt, because it may read other records.
@@ -32,11 +30,12 @@ pub(crate) fn check(record: &Record, expected: &Expectation<'_>) -> Result<Optio
         finite.push(samples);
         finite.finish(name)?;
     }
-    for (signals, limit) in [(&record.outputs, None), (&record.inputs, expected.limit)] {
-        for (name, samples) in named(signals) {
-            constant(name, samples.iter().all(|v| *v == samples[0]), samples[0])?;
-            clipped(name, clipping::transient(samples, limit), samples.len())?;
-        }
+    for (name, samples) in named(&record.outputs).chain(named(&record.inputs)) {
+        constant(name, samples.iter().all(|v| *v == samples[0]), samples[0])?;
+    }
+    // An input at its limit is what acted on the machine; nothing of it is lost.
+    for (name, samples) in named(&record.outputs) {
+        clipped(name, clipping::transient(samples), samples.len())?;
     }
     Ok(expected.declared_position)
 }
@@ -56,11 +55,11 @@ struct Column {
 }
 
 enum What {
-    /// An output or an input, with its first sample and whether all others equal it.
+    /// An output or an input, with its first sample and whether all others equal it; only an output can be clipped.
     Signal {
         first: f64,
         constant: bool,
-        ends: Ends,
+        ends: Option<Ends>,
     },
     Scheduling(Travel),
     Other,
@@ -73,7 +72,7 @@ impl PeriodicCheck {
             0 | 1 => What::Signal {
                 first: f64::NAN,
                 constant: true,
-                ends: Ends::default(),
+                ends: (group == OUTPUTS).then(Ends::default),
             },
             SCHEDULING => What::Scheduling(Travel::default()),
             _ => What::Other,
@@ -108,7 +107,9 @@ impl PeriodicCheck {
                         *first = *v;
                     }
                     *constant &= samples.iter().all(|v| v == first);
-                    ends.push(samples);
+                    if let Some(ends) = ends {
+                        ends.push(samples);
+                    }
                 }
                 What::Scheduling(travel) => travel.push(samples),
                 What::Other => {}
@@ -138,7 +139,11 @@ impl PeriodicCheck {
             } = &column.what
             {
                 constant(&column.name, *all_equal, *first)?;
-                clipped(&column.name, ends.clipped(), column.samples)?;
+                clipped(
+                    &column.name,
+                    ends.as_ref().and_then(Ends::clipped),
+                    column.samples,
+                )?;
             }
         }
         let measured = match means.as_slice() {
@@ -171,7 +176,8 @@ fn clipped(name: &str, found: Option<Clipped>, of: usize) -> Result<(), RecordEr
     }
 }
 
-/// Place of the scheduling among [`groups`].
+/// Places of the outputs and of the scheduling among [`groups`].
+const OUTPUTS: usize = 0;
 const SCHEDULING: usize = 3;
 
 fn groups(record: &Record) -> [&Signals; 6] {

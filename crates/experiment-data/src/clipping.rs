@@ -14,16 +14,20 @@ const LEVELS: usize = 16;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Ends {
     samples: usize,
+    last: Option<f64>,
     /// The first different values, up to [`LEVELS`].
     seen: Vec<f64>,
     ends: [End; 2],
 }
 
-/// The largest value so far and the next one, each with how often it came.
+/// The largest value so far and the next ones, the first two with how often they came.
 #[derive(Debug, Clone, Copy)]
 struct End {
     top: (f64, usize),
     next: (f64, usize),
+    third: f64,
+    /// Steps by which the largest value was reached: their sum and number.
+    entered: (f64, usize),
 }
 
 impl Default for End {
@@ -32,21 +36,40 @@ impl Default for End {
         Self {
             top: none,
             next: none,
+            third: f64::NEG_INFINITY,
+            entered: (0.0, 0),
         }
     }
 }
 
 impl End {
-    fn push(&mut self, v: f64) {
+    fn push(&mut self, before: Option<f64>, v: f64) {
         if v > self.top.0 {
-            (self.next, self.top) = (self.top, (v, 1));
+            (self.third, self.next, self.top) = (self.next.0, self.top, (v, 1));
+            self.entered = (0.0, 0);
         } else if v == self.top.0 {
             self.top.1 += 1;
         } else if v > self.next.0 {
-            self.next = (v, 1);
+            (self.third, self.next) = (self.next.0, (v, 1));
         } else if v == self.next.0 {
             self.next.1 += 1;
+        } else if v > self.third {
+            self.third = v;
         }
+        if let Some(before) = before.filter(|b| v == self.top.0 && *b != v) {
+            self.entered = (self.entered.0 + (v - before), self.entered.1 + 1);
+        }
+    }
+
+    /// Whether a smooth peak through a coarse converter looks like this: its three largest values are whole steps apart, and
+    /// the largest is reached by single ones.
+    fn is_rounded(&self) -> bool {
+        const WHOLE: f64 = 1e-3;
+        const STEPS: f64 = 1.5;
+        let (a, b) = (self.top.0 - self.next.0, self.next.0 - self.third);
+        let ratio = a.max(b) / a.min(b);
+        let coarse = (ratio - ratio.round()).abs() < WHOLE;
+        coarse && self.entered.0 <= STEPS * self.entered.1 as f64 * a.min(b)
     }
 }
 
@@ -61,14 +84,20 @@ impl Ends {
         self.samples += x.len();
         add_levels(&mut self.seen, x);
         for (end, sign) in self.ends.iter_mut().zip(SIGNS) {
-            // Most parts have nothing as large as the two largest: that is seen of many samples at once.
+            // Most parts have nothing as large as the three largest: that is seen of many samples at once.
+            let mut before = self.last;
             for part in x.chunks(PART) {
-                let next = end.next.0;
-                if part.iter().fold(false, |any, v| any | (sign * v >= next)) {
-                    part.iter().for_each(|v| end.push(sign * v));
+                let third = end.third;
+                if part.iter().fold(false, |any, v| any | (sign * v >= third)) {
+                    for v in part {
+                        end.push(before.map(|b| sign * b), sign * v);
+                        before = Some(*v);
+                    }
                 }
+                before = part.last().copied();
             }
         }
+        self.last = x.last().copied().or(self.last);
     }
 
     pub(crate) fn clipped(&self) -> Option<Clipped> {
@@ -78,7 +107,8 @@ impl Ends {
         }
         self.ends.iter().zip(SIGNS).find_map(|(end, sign)| {
             let ((top, count), (_, next)) = (end.top, end.next);
-            let clipped = count >= 5 && count as f64 > SHARE * self.samples as f64 && count > 4 * next;
+            let often = count >= 5 && count as f64 > SHARE * self.samples as f64 && count > 4 * next;
+            let clipped = often && !end.is_rounded();
             clipped.then_some(Clipped {
                 extreme: sign * top,
                 samples: count,
@@ -88,7 +118,7 @@ impl Ends {
 }
 
 /// Clipping of a signal that may rest, by plateaus that are entered and left at speed.
-pub(crate) fn transient(x: &[f64], limit: Option<f64>) -> Option<Clipped> {
+pub(crate) fn transient(x: &[f64]) -> Option<Clipped> {
     const SHARE: f64 = 2e-3;
     const SLOPE: f64 = 0.3;
     if switches(x) || piecewise_linear(x) || held(x) {
@@ -101,10 +131,6 @@ pub(crate) fn transient(x: &[f64], limit: Option<f64>) -> Option<Clipped> {
     let steep = |d: f64| d.abs() > SLOPE * rms && d.abs() > 3.0 * converter_step;
     [1.0, -1.0].into_iter().find_map(|sign| {
         let top = x.iter().map(|v| sign * v).fold(f64::NEG_INFINITY, f64::max);
-        // A saturation that the description declares; the margin covers the scale's rounding.
-        if limit.is_some_and(|limit| top >= 0.999 * limit) {
-            return None;
-        }
         let (mut samples, mut k) = (0, 0);
         while k < x.len() {
             let start = k;
@@ -183,7 +209,7 @@ mod tests {
         let levels: Vec<f64> = (0..210u64)
             .flat_map(|k| [((k * 7919) % 1009) as f64; 7])
             .collect();
-        assert_eq!(transient(&levels, None), None);
+        assert_eq!(transient(&levels), None);
         // Rest, then a swing that is cut, then rest.
         let swing: Vec<f64> = (0..1000)
             .map(|k| match k {
@@ -191,7 +217,7 @@ mod tests {
                 _ => (TAU * f64::from(k - 300) / 40.0).sin().min(0.8),
             })
             .collect();
-        assert!(transient(&swing, None).is_some());
+        assert!(transient(&swing).is_some());
     }
 
     /// In two parts.
@@ -226,6 +252,23 @@ mod tests {
         assert_eq!(periodic(&binary), None);
     }
 
+    /// A smooth peak through a coarse converter stays at its rounded extreme for some samples, in each period alike.
+    #[test]
+    fn a_rounded_extreme_is_not_clipping() {
+        let mut cut_found = 0;
+        for n in 0..200 {
+            let period = 200 + 23 * n;
+            let x: Vec<f64> = multisine(period, period).repeat(6);
+            for steps in [15.0, 40.0, 130.0, 1000.0] {
+                let coarse: Vec<f64> = x.iter().map(|v| (v * steps).round() / steps).collect();
+                assert_eq!(periodic(&coarse), None, "period {period}, {steps} steps a unit");
+            }
+            let cut: Vec<f64> = x.iter().map(|v| v.min(1.3)).collect();
+            cut_found += usize::from(periodic(&cut).is_some());
+        }
+        assert_eq!(cut_found, 200);
+    }
+
     #[test]
     fn rest_is_not_clipping_but_a_cut_motion_is() {
         // Smooth back-and-forth with rests at both ends, through a coarse encoder.
@@ -238,12 +281,10 @@ mod tests {
             x.extend([0.0; 80]);
         }
         let encoder: Vec<f64> = x.iter().map(|v| (v * 1e5).round() / 1e5).collect();
-        assert_eq!(transient(&x, None), None);
-        assert_eq!(transient(&encoder, None), None);
+        assert_eq!(transient(&x), None);
+        assert_eq!(transient(&encoder), None);
         let cut: Vec<f64> = encoder.iter().map(|v| v.min(0.7)).collect();
-        assert_eq!(transient(&cut, None).unwrap().extreme, 0.7);
-        assert_eq!(transient(&cut, Some(0.7)), None);
-        assert_eq!(transient(&cut, Some(7.0)).unwrap().extreme, 0.7);
+        assert_eq!(transient(&cut).unwrap().extreme, 0.7);
     }
 
     #[test]
@@ -252,14 +293,14 @@ mod tests {
         let x: Vec<f64> = (0..2000)
             .map(|k| (profile(k) / 50.0).min(1.0).min((400.0 - profile(k)) / 50.0))
             .collect();
-        assert_eq!(transient(&x, None), None);
+        assert_eq!(transient(&x), None);
     }
 
     proptest! {
         #[test]
-        fn wild_signals_never_panic(x in prop::collection::vec(any::<f64>(), 0..200), limit in prop::option::of(any::<f64>())) {
+        fn wild_signals_never_panic(x in prop::collection::vec(any::<f64>(), 0..200)) {
             let _ = periodic(&x);
-            let _ = transient(&x, limit);
+            let _ = transient(&x);
         }
     }
 }

@@ -184,7 +184,6 @@ impl BundleWriter {
         lists("injection", &record.injection)?;
         let scale = largest(&record.scheduling).max(self.scheduling_scale);
         let expectation = Expectation {
-            limit: self.description.controller.as_ref().and_then(|c| c.limit),
             declared_position: record.position,
             scheduling_scale: Box::new(move || scale),
         };

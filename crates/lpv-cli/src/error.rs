@@ -9,6 +9,14 @@ pub enum PipelineError {
     /// The bundle cannot be used.
     #[error(transparent)]
     Data(#[from] experiment_data::DataError),
+    /// The data contradict themselves, and no model came of them.
+    #[error("{finding}\n(without that: {refused})")]
+    Contradicted {
+        /// What is wrong with the data.
+        finding: Box<crate::Finding>,
+        /// How the identification ended.
+        refused: Box<PipelineError>,
+    },
     /// The frequency responses cannot be estimated.
     #[error("{place}: {source}")]
     Frf {
@@ -222,6 +230,7 @@ impl PipelineError {
             Self::Write { .. } | Self::Report(_) | Self::Format(_) => 1,
             Self::At { source, .. } => source.exit_code(),
             Self::Data(e) if e.is_of_the_machine() => 1,
+            Self::Contradicted { .. } => 3,
             _ => 2,
         }
     }

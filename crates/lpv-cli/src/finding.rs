@@ -3,9 +3,24 @@
 //! Every finding names the record or position, what is wrong, and what to do. [`Severity::Contradiction`] means that no answer from
 //! these data can be trusted: the first line of whatever is said about them must be that.
 
+mod clock;
+mod compare;
+mod dead_time;
+mod held;
+#[cfg(test)]
+mod kit;
+mod loop_only;
+mod periods;
+mod places;
+mod replay;
+mod saturation;
 mod told;
+mod watch;
+mod wrap;
 
+pub(crate) use compare::Voice;
 pub(crate) use told::{contradictions, lines, serialize, told};
+pub(crate) use watch::{Look, Watch, examine, saturations, voices};
 
 use serde::{Deserialize, Serialize};
 
@@ -174,6 +189,243 @@ pub enum Finding {
         /// Where periodic ones are.
         covered: [f64; 2],
     },
+    /// A log that repeats values.
+    #[error(
+        "{record}, column `{column}`: each value stands {samples:.2} samples; {}",
+        if *every { "the log runs faster than what it logs: keep one row of each value, and divide `sample_rate` by as much" }
+        else if *wrong { "the other signals change with each sample: log this one at the full rate, or keep the rows in which it is new and set `sample_rate` to theirs" }
+        else { "right where the actuator holds it; otherwise log it at the full rate" }
+    )]
+    HeldSamples {
+        /// The record.
+        record: String,
+        /// The column.
+        column: String,
+        /// Samples that a value stands, on average.
+        samples: f64,
+        /// Whether inputs and outputs all do.
+        every: bool,
+        /// Whether no machine does that.
+        wrong: bool,
+    },
+    /// A counter that runs over.
+    #[error(
+        "{record}, column `{column}`: jumps by {modulus} {times} time(s), first in row {row}: a counter that runs over; add or subtract {modulus} from there on (unwrap), and read the record again"
+    )]
+    CounterWraps {
+        /// The record.
+        record: String,
+        /// The output.
+        column: String,
+        /// Range of the counter, in the unit of the column.
+        modulus: f64,
+        /// How often it ran over.
+        times: usize,
+        /// First row behind the first jump, from 1.
+        row: usize,
+    },
+    /// Missing samples.
+    #[error(
+        "{record}, column `{column}`: {samples} sample(s) are missing, the first behind row {row}; cut the record there, or measure again without loss"
+    )]
+    LostSamples {
+        /// The record.
+        record: String,
+        /// The column of times or numbers.
+        column: String,
+        /// How many.
+        samples: usize,
+        /// Row before the first gap, from 1.
+        row: usize,
+    },
+    /// Times that stand still or go back.
+    #[error(
+        "{record}, column `{column}`: stands still or goes back {times} time(s), first behind row {row}; leave out the rows that are there twice, or sort them"
+    )]
+    DoubleSamples {
+        /// The record.
+        record: String,
+        /// The column of times or numbers.
+        column: String,
+        /// How often.
+        times: usize,
+        /// Row before the first of them, from 1.
+        row: usize,
+    },
+    /// A controller that does not give the logged inputs.
+    #[error(
+        "{record}, column `{column}`: [controller] does not give the logged commands: {percent:.0} % of them are left when it is replayed; {}",
+        factors.map_or("check its coefficients, their sign, the units of y and r, and whether an injection was logged".to_owned(), |f| f.to_string())
+    )]
+    ControllerMismatch {
+        /// The record.
+        record: String,
+        /// The input.
+        column: String,
+        /// What is left of the input, percent of it.
+        percent: f64,
+        /// Factors on both paths with which it fits.
+        factors: Option<Paths>,
+    },
+    /// Closed loop without excitation.
+    #[error(
+        "{record}: `{input}` follows from `{output}` exactly, as only a controller makes it: a closed loop without excitation tells the controller and nothing of the machine; move the reference or inject a signal, and log it"
+    )]
+    FeedbackOnly {
+        /// The record.
+        record: String,
+        /// The input.
+        input: String,
+        /// The output.
+        output: String,
+    },
+    /// A period that is not that of the excitation.
+    #[error(
+        "{record}, column `{column}`: the excitation has a period of {period:.4} samples, not the one declared, and drifts against the sample clock (by {turn:.2} rad over the record); take both from one clock, or resample to a whole number of samples a period"
+    )]
+    PeriodDrifts {
+        /// The record.
+        record: String,
+        /// The column that shows it best.
+        column: String,
+        /// The true period, samples.
+        period: f64,
+        /// Turn of the phase over the record, rad.
+        turn: f64,
+        /// Whether no answer can be trusted.
+        grave: bool,
+    },
+    /// A level that drifts.
+    #[error(
+        "{record}, column `{column}`: the level drifts by {rise:.3e} a period ({percent:.1} % of the motion); a straight drift is taken out of the response: look after the sensor"
+    )]
+    LevelDrifts {
+        /// The record.
+        record: String,
+        /// The column.
+        column: String,
+        /// Rise over a period, in its unit.
+        rise: f64,
+        /// The same over the rms of the motion, percent.
+        percent: f64,
+    },
+    /// A command that the machine did not follow.
+    #[error(
+        "{record}, column `{column}`: the machine does not follow the command beyond {level:.4}: cut there, the response is smooth ({smooth_percent:.2} % from line to line instead of {percent:.1} %), so the amplifier saturates; log what acts behind it, cut the column at that level, or lower the amplitude"
+    )]
+    CommandSaturates {
+        /// The record.
+        record: String,
+        /// The input.
+        column: String,
+        /// Where it saturates, in the unit of the input.
+        level: f64,
+        /// Median jump of the response from line to line, percent.
+        percent: f64,
+        /// The same with the command cut.
+        smooth_percent: f64,
+    },
+    /// A reference that is the input.
+    #[error(
+        "{record}, column `{column}`: the reference is the input itself and tells nothing beside it; it is not used as one"
+    )]
+    ReferenceIsInput {
+        /// The record.
+        record: String,
+        /// The reference.
+        column: String,
+    },
+    /// An output that follows late.
+    #[error(
+        "{record}, column `{column}`: follows the input {samples} samples late; a model holds a dead time as as many states: shift the column forward by as many rows, and add the delay to the model"
+    )]
+    DeadTime {
+        /// The record.
+        record: String,
+        /// The output.
+        column: String,
+        /// How late.
+        samples: usize,
+    },
+    /// An output that drifts.
+    #[error(
+        "{record}, column `{column}`: the level drifts by {rise:.3e} over the record, whatever the inputs do; take the straight line out of the column, or the model explains it by a slow mode"
+    )]
+    Trend {
+        /// The record.
+        record: String,
+        /// The output.
+        column: String,
+        /// Rise over the record, in its unit.
+        rise: f64,
+    },
+    /// A response that stands out at few of its lines.
+    #[error(
+        "{place}: the response stands out of its noise at {good} of {lines} lines only, {:.4} to {:.4}; what is said of the others counts for little",
+        band[0], band[1]
+    )]
+    FewGoodLines {
+        /// Position or records.
+        place: String,
+        /// Lines where it does.
+        good: usize,
+        /// Lines that are excited.
+        lines: usize,
+        /// Lowest and highest of the good lines, cycles per unit of time.
+        band: [f64; 2],
+    },
+    /// One record of several with another sign or unit.
+    #[error(
+        "{record}, column `{column}`{}: {} those of the other records; {}",
+        if *sure { "" } else { " or the input" },
+        if *factor == -1.0 { "has the opposite sign of".to_owned() } else { format!("is {factor:.4} times") },
+        if *records == 2 { "one of the two has another sign or unit: scale its column before reading" }
+        else { "another sign or unit: divide the column by this in this record" }
+    )]
+    RecordStandsApart {
+        /// The record.
+        record: String,
+        /// The column.
+        column: String,
+        /// How it stands to the others.
+        factor: f64,
+        /// Records compared.
+        records: usize,
+        /// Whether references tell that it is this column; else it may be an input.
+        sure: bool,
+    },
+    /// Records of one place that are not of one machine.
+    #[error(
+        "{place}: {records} records are taken as one place and their responses disagree by {percent:.0} % (noise {noise_percent:.1} %), {record} most: name the position's column in [channels.scheduling] if they were measured at different places; else the amplitude (friction, backlash), a sign, a unit or the machine has changed between them"
+    )]
+    RecordsDisagree {
+        /// Position or records.
+        place: String,
+        /// The record that differs most.
+        record: String,
+        /// How many there are.
+        records: usize,
+        /// Difference, percent of the response.
+        percent: f64,
+        /// What noise makes, percent.
+        noise_percent: f64,
+    },
+    /// One position in another unit.
+    #[error(
+        "{record}: its position {position:.6} lies far outside that of all others, {:.6} to {:.6}{}",
+        others[0], others[1],
+        factor.map_or("; correct its scheduling column".to_owned(), |f| format!("; in their unit it would be {:.6}: multiply its scheduling column by {f}", position * f))
+    )]
+    PositionStandsApart {
+        /// The record.
+        record: String,
+        /// Middle of its scheduling.
+        position: f64,
+        /// Range of the others.
+        others: [f64; 2],
+        /// Factor that brings it among them.
+        factor: Option<f64>,
+    },
     /// A gap between positions.
     #[error(
         "a gap of {gap:.4} between neighbouring positions, {ratio:.1} times the mean; measure in between"
@@ -186,11 +438,52 @@ pub enum Finding {
     },
 }
 
+/// Factors on the two paths of a controller.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Paths {
+    /// From the reference.
+    pub reference: Option<f64>,
+    /// From the output.
+    pub output: f64,
+}
+
+impl std::fmt::Display for Paths {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let reference = self.reference.unwrap_or(self.output);
+        let alike = (reference / self.output - 1.0).abs() < 0.1;
+        match alike {
+            true => write!(f, "with {:.4} times its gain it would fit", self.output),
+            false => write!(
+                f,
+                "it would fit with {:.4} times the output and {reference:.4} times the reference: check the sign of feedback_numerator and the units of y and r",
+                self.output
+            ),
+        }
+    }
+}
+
 impl Finding {
     /// How much it matters.
     pub fn severity(&self) -> Severity {
         match self {
-            Self::NothingHeldOut | Self::NoController | Self::CrestFactor { .. } => Severity::Note,
+            Self::NothingHeldOut
+            | Self::NoController
+            | Self::CrestFactor { .. }
+            | Self::ReferenceIsInput { .. }
+            | Self::FewGoodLines { .. } => Severity::Note,
+            Self::HeldSamples { wrong, .. } if !wrong => Severity::Note,
+            Self::PeriodDrifts { grave, .. } if !grave => Severity::Warning,
+            Self::HeldSamples { .. }
+            | Self::CounterWraps { .. }
+            | Self::LostSamples { .. }
+            | Self::DoubleSamples { .. }
+            | Self::ControllerMismatch { .. }
+            | Self::FeedbackOnly { .. }
+            | Self::PeriodDrifts { .. }
+            | Self::CommandSaturates { .. }
+            | Self::RecordStandsApart { .. }
+            | Self::RecordsDisagree { .. }
+            | Self::PositionStandsApart { .. } => Severity::Contradiction,
             _ => Severity::Warning,
         }
     }
@@ -204,16 +497,54 @@ impl Finding {
             | Self::LongTransient { place, .. }
             | Self::DependentInputs { place, .. }
             | Self::BiasedLoop { place }
-            | Self::Distortion { place, .. } => place,
+            | Self::Distortion { place, .. }
+            | Self::FewGoodLines { place, .. }
+            | Self::RecordsDisagree { place, .. } => place,
             Self::CrestFactor { record, .. }
             | Self::NearNyquist { record, .. }
             | Self::CoarseSensor { record, .. }
-            | Self::Unexplained { record, .. } => record,
+            | Self::Unexplained { record, .. }
+            | Self::HeldSamples { record, .. }
+            | Self::CounterWraps { record, .. }
+            | Self::LostSamples { record, .. }
+            | Self::DoubleSamples { record, .. }
+            | Self::ControllerMismatch { record, .. }
+            | Self::FeedbackOnly { record, .. }
+            | Self::PeriodDrifts { record, .. }
+            | Self::LevelDrifts { record, .. }
+            | Self::CommandSaturates { record, .. }
+            | Self::ReferenceIsInput { record, .. }
+            | Self::DeadTime { record, .. }
+            | Self::Trend { record, .. }
+            | Self::RecordStandsApart { record, .. }
+            | Self::PositionStandsApart { record, .. } => record,
             Self::NothingHeldOut
             | Self::NoController
             | Self::OnePosition
             | Self::BeyondPositions { .. }
             | Self::PositionGap { .. } => "",
+        }
+    }
+
+    /// The column that it is about, where there is one.
+    pub fn column(&self) -> Option<&str> {
+        match self {
+            Self::CrestFactor { column, .. }
+            | Self::NearNyquist { column, .. }
+            | Self::CoarseSensor { column, .. }
+            | Self::HeldSamples { column, .. }
+            | Self::CounterWraps { column, .. }
+            | Self::LostSamples { column, .. }
+            | Self::DoubleSamples { column, .. }
+            | Self::ControllerMismatch { column, .. }
+            | Self::PeriodDrifts { column, .. }
+            | Self::LevelDrifts { column, .. }
+            | Self::CommandSaturates { column, .. }
+            | Self::ReferenceIsInput { column, .. }
+            | Self::DeadTime { column, .. }
+            | Self::Trend { column, .. }
+            | Self::RecordStandsApart { column, .. } => Some(column),
+            _ => None,
         }
     }
 }

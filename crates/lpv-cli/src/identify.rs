@@ -2,11 +2,12 @@
 
 use crate::deviation::FrozenDeviation;
 use crate::diagnose::{self, Explanation};
-use crate::finding;
+use crate::finding::{self, Severity};
+use crate::inspect::inspect;
 use crate::moves::Moves;
 use crate::pipeline::{Identified, identify};
-use crate::progress::Progress;
-use crate::responses::{estimate_bundle, estimate_local, load_records};
+use crate::progress::{Progress, silent};
+use crate::responses::{estimate_bundle, estimate_local, examine_records, load_records};
 use crate::signal::fit_percent;
 use crate::summary::{AxisSummary, HeldOut, OrderRow, Summary, TimeSummary};
 use crate::validation::{Known, Scope, validate_knowing};
@@ -69,16 +70,32 @@ pub fn identify_bundle(
         .iter()
         .any(|e| e.purpose == Purpose::Estimation && e.is_periodic());
     let scheduled = !bundle.description().channels.scheduling.is_empty();
-    match config.structure {
-        Some(Structure::RigidBody) => judged(axes(bundle, config, progress)?, bundle, config, None, progress),
-        Some(Structure::XyTable) => judged(table(bundle, progress)?, bundle, config, None, progress),
-        Some(Structure::Lti) if !periodic => {
-            judged(in_time(bundle, config, progress)?, bundle, config, None, progress)
-        }
-        None if !periodic && !scheduled => {
-            judged(in_time(bundle, config, progress)?, bundle, config, None, progress)
-        }
+    let judge = |outcome: Outcome| judged(outcome, bundle, config, None, progress);
+    let outcome = match config.structure {
+        Some(Structure::RigidBody) => axes(bundle, config, progress).and_then(judge),
+        Some(Structure::XyTable) => table(bundle, progress).and_then(judge),
+        Some(Structure::Lti) if !periodic => in_time(bundle, config, progress).and_then(judge),
+        None if !periodic && !scheduled => in_time(bundle, config, progress).and_then(judge),
         structure => in_frequency(bundle, structure, config, progress),
+    };
+    outcome.map_err(|refused| with_cause(refused, bundle))
+}
+
+/// A refusal with what is wrong with the data behind it, where they contradict themselves.
+fn with_cause(refused: PipelineError, bundle: &Bundle) -> PipelineError {
+    if matches!(refused, PipelineError::Data(_)) {
+        return refused;
+    }
+    let found = inspect(bundle, &silent).map_or_else(|_| Vec::new(), |found| found.findings);
+    match found
+        .into_iter()
+        .find(|f| f.severity() == Severity::Contradiction)
+    {
+        Some(finding) => PipelineError::Contradicted {
+            finding: Box::new(finding),
+            refused: Box::new(refused),
+        },
+        None => refused,
     }
 }
 
@@ -184,6 +201,7 @@ fn in_time(
 ) -> Result<Outcome, PipelineError> {
     let clock = bundle.clock()?;
     let (records, fitted) = estimation_records(bundle, config, progress)?;
+    let findings = examine_records(bundle, &records);
     let orders: Vec<usize> = match config.order {
         Some(order) => vec![order],
         None => ORDERS.collect(),
@@ -261,7 +279,8 @@ fn in_time(
     reasons.push(order_reason(&rows, chosen.order, config));
     let held_out = held_out(chosen, &records, &fitted)?;
     let model = Model::InnovationStateSpace(chosen.model.clone());
-    let summary = Summary::of_time(&model, TimeSummary::new(chosen, rows, held_out)?, reasons);
+    let mut summary = Summary::of_time(&model, TimeSummary::new(chosen, rows, held_out)?, reasons);
+    summary.findings = findings;
     Ok(Outcome {
         model,
         summary,
@@ -388,6 +407,7 @@ fn append_errors(errors: &mut [Vec<f64>], measured: &DMatrix<f64>, run: &DMatrix
 fn axes(bundle: &Bundle, config: &IdentifyConfig, progress: Progress<'_>) -> Result<Outcome, PipelineError> {
     let clock = bundle.clock()?;
     let (records, fitted) = estimation_records(bundle, config, progress)?;
+    let findings = examine_records(bundle, &records);
     let segments: Vec<Segment<'_>> = records
         .iter()
         .zip(&fitted)
@@ -420,8 +440,10 @@ fn axes(bundle: &Bundle, config: &IdentifyConfig, progress: Progress<'_>) -> Res
         .chain(axes.iter().filter_map(AxisSummary::warning))
         .collect();
     let model = Model::RigidBody(found.model.clone());
+    let mut summary = Summary::of_axes(&model, axes, reasons);
+    summary.findings = findings;
     Ok(Outcome {
-        summary: Summary::of_axes(&model, axes, reasons),
+        summary,
         model,
         deviation: None,
         explanation: None,

@@ -11,9 +11,9 @@ pub use record::{ChannelStats, RecordInfo};
 pub(crate) use warnings::of_experiment;
 
 use crate::PipelineError;
-use crate::finding::{self, Finding};
+use crate::finding::{self, Finding, Look};
 use crate::progress::{Counter, Progress};
-use crate::responses::{is_large, periodic_responses};
+use crate::responses::{is_large, look_at, periodic_responses};
 use experiment_data::{Bundle, DataError};
 use lpv_core::Purpose;
 use rayon::prelude::*;
@@ -75,20 +75,29 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
     let description = bundle.description();
     let counter = Counter::new(progress, "reading records", bundle.len());
     // Records are dropped once their figures are known, so that long ones are never in memory together.
-    let read: Vec<Result<RecordInfo, DataError>> = (0..bundle.len())
+    let read: Vec<Result<(RecordInfo, Option<Look>), DataError>> = (0..bundle.len())
         .into_par_iter()
         .map(|i| {
-            let file = &description.records[i].file;
-            let info = if description.records[i].is_periodic() && is_large(bundle, &[i]) {
-                record::describe_large(bundle, i, file)?
+            let entry = &description.records[i];
+            let told = if entry.is_periodic() && is_large(bundle, &[i]) {
+                (record::describe_large(bundle, i, &entry.file)?, None)
             } else {
-                record::describe(&bundle.load(i)?, file, description.sample_rate_hz)
+                let record = bundle.load(i)?;
+                // Periodic records are looked at with their responses.
+                let look = (!entry.is_periodic()).then(|| look_at(bundle, &record));
+                (
+                    record::describe(&record, &entry.file, description.sample_rate_hz),
+                    look,
+                )
             };
             counter.one();
-            Ok(info)
+            Ok(told)
         })
         .collect();
-    let infos: Vec<RecordInfo> = read.into_iter().collect::<Result<_, _>>()?;
+    let read: Vec<(RecordInfo, Option<Look>)> = read.into_iter().collect::<Result<_, _>>()?;
+    let (infos, looks): (Vec<RecordInfo>, Vec<Option<Look>>) = read.into_iter().unzip();
+    let mut looks: Vec<Look> = looks.into_iter().flatten().collect();
+    let mut voices = Vec::new();
     let mut coverage = coverage(&infos);
     let mut experiments = Vec::new();
     let entries = &description.records;
@@ -98,7 +107,11 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
     ] {
         let wanted = |i: usize| entries[i].purpose == purpose && entries[i].is_periodic();
         let found = periodic_responses(bundle, wanted, None, progress)?;
-        experiments.extend(found.iter().map(|f| experiment::describe(name, f)));
+        for at in found {
+            experiments.push(experiment::describe(name, &at));
+            looks.extend(at.looks);
+            voices.extend(at.voices);
+        }
     }
     if let Some(coverage) = &mut coverage {
         coverage.positions = experiments
@@ -144,10 +157,9 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
         warnings: Vec::new(),
     };
     let of_experiment = |e| warnings::of_experiment(e, inspection.controller);
-    inspection.findings = inspection
-        .experiments
-        .iter()
-        .flat_map(of_experiment)
+    inspection.findings = finding::examine(bundle, looks.iter(), &voices)
+        .into_iter()
+        .chain(inspection.experiments.iter().flat_map(of_experiment))
         .chain(inspection.records.iter().flat_map(warnings::of_record))
         .chain(warnings::of_bundle(&inspection))
         .collect();

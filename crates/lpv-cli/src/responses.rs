@@ -5,7 +5,7 @@ mod large;
 pub(crate) use large::is_large;
 
 use crate::PipelineError;
-use crate::finding::Finding;
+use crate::finding::{self, Finding, Look, Voice, Watch};
 use crate::inspect::{describe_responses, of_experiment};
 use crate::period_noise::period_noise;
 use crate::progress::{Counter, Progress};
@@ -83,13 +83,17 @@ pub fn estimate_bundle(
         let figures = found.iter().map(|at| describe_responses("estimation", at));
         return Ok(Responses {
             clock,
-            findings: figures.flat_map(|e| of_experiment(&e, controller)).collect(),
+            findings: findings(bundle, &found)
+                .into_iter()
+                .chain(figures.flat_map(|e| of_experiment(&e, controller)))
+                .collect(),
             noise: Some(sample_noise(&found)),
             estimates: found.into_iter().map(|f| f.estimate.estimate).collect(),
             reasons: Vec::new(),
         });
     }
     let mut records = load_records(bundle, fitted, progress)?;
+    let findings = examine_records(bundle, &records);
     records.iter_mut().for_each(rest_position);
     if !bundle.description().channels.scheduling.is_empty() {
         records.retain(|r| r.position.is_some());
@@ -105,7 +109,7 @@ pub fn estimate_bundle(
         estimates,
         noise: None,
         reasons: vec![reason],
-        findings: Vec::new(),
+        findings,
     })
 }
 
@@ -116,6 +120,50 @@ pub(crate) struct AtPosition {
     pub(crate) noise: Vec<f64>,
     /// Names of the records.
     pub(crate) records: Vec<String>,
+    /// What each of them told while it was read, and what it says at some lines.
+    pub(crate) looks: Vec<Look>,
+    pub(crate) voices: Vec<Voice>,
+}
+
+impl AtPosition {
+    pub(crate) fn new(
+        bundle: &Bundle,
+        estimate: PeriodicEstimate,
+        noise: Vec<f64>,
+        mut looks: Vec<Look>,
+    ) -> Self {
+        let saturations = finding::saturations(bundle, &looks, &estimate);
+        // Those of one place say it alike: the first does for all.
+        if let (Some(found), Some(look)) = (saturations.into_iter().next(), looks.first_mut()) {
+            look.findings.push(found);
+        }
+        Self {
+            voices: finding::voices(&looks, &estimate),
+            records: looks.iter().map(|l| l.record.clone()).collect(),
+            estimate,
+            noise,
+            looks,
+        }
+    }
+}
+
+/// One look at a whole record.
+pub(crate) fn look_at(bundle: &Bundle, record: &Record) -> Look {
+    let mut watch = Watch::new(bundle);
+    watch.push(record);
+    watch.finish()
+}
+
+/// What records of any kind say, each by itself and their positions together.
+pub(crate) fn examine_records(bundle: &Bundle, records: &[Record]) -> Vec<Finding> {
+    let looks: Vec<Look> = records.par_iter().map(|r| look_at(bundle, r)).collect();
+    finding::examine(bundle, looks.iter(), &[])
+}
+
+/// What periodic records say, each by itself and against each other.
+fn findings(bundle: &Bundle, found: &[AtPosition]) -> Vec<Finding> {
+    let voices: Vec<Voice> = found.iter().flat_map(|at| at.voices.iter().cloned()).collect();
+    finding::examine(bundle, found.iter().flat_map(|at| &at.looks), &voices)
 }
 
 /// The median of the noise over positions, by output.
@@ -157,19 +205,20 @@ pub(crate) fn periodic_responses(
                 return large::evaluate(bundle, &indices, position, (clock, skip), &counter);
             }
             let mut records = Vec::with_capacity(run.len());
+            let mut looks = Vec::with_capacity(run.len());
             for i in indices {
-                let record = bundle.load(i).map_err(|e| (i, e.into()))?;
+                let mut record = bundle.load(i).map_err(|e| (i, e.into()))?;
+                let look = look_at(bundle, &record);
+                look.level(&mut record, 0);
+                looks.push(look);
                 records.push(Record { position, ..record });
                 counter.one();
             }
             let settings = periodic_settings(skip).map_err(|e| (usize::MAX, e))?;
             let estimate = at_position(&records, |group| estimate_records(group, clock, &settings))
                 .map_err(|e| (usize::MAX, e))?;
-            Ok(AtPosition {
-                noise: period_noise(&records, estimate.periods_skipped),
-                records: records.into_iter().map(|r| r.name).collect(),
-                estimate,
-            })
+            let noise = period_noise(&records, estimate.periods_skipped);
+            Ok(AtPosition::new(bundle, estimate, noise, looks))
         })
         .collect();
     let mut all = Vec::with_capacity(found.len());

@@ -83,12 +83,55 @@ pub enum LtiIdentError {
     },
     /// Least squares gave an inertia that no mass has.
     #[error(
-        "axis {axis}: inertia {inertia} is not above zero; the axis does not accelerate enough, or input {axis} does not drive output {axis}"
+        "input `{input}` and output `{output}`: inertia {inertia:e} (standard deviation {deviation:.1e}) is not above zero; the axis does not accelerate enough, or this input does not drive this output"
     )]
     Inertia {
-        /// Index of the axis, from 0.
-        axis: usize,
+        /// The input.
+        input: String,
+        /// The output.
+        output: String,
         /// The estimate.
         inertia: f64,
+        /// Its standard deviation.
+        deviation: f64,
+    },
+    /// An input that drives the axis backwards.
+    #[error(
+        "input `{input}` and output `{output}` have opposite signs: a positive input accelerates the output backwards (inertia {inertia:.4e}, standard deviation {deviation:.1e}); set scale = [-1.0] in [channels.input], -1.0 at the place of `{input}`"
+    )]
+    OppositeSigns {
+        /// The input.
+        input: String,
+        /// The output.
+        output: String,
+        /// The estimate, below zero.
+        inertia: f64,
+        /// Its standard deviation.
+        deviation: f64,
+    },
+    /// An output that follows the force as a speed does.
+    #[error(
+        "output `{output}` looks like a speed and not like a position: J v' + F v explains {speed_percent:.0} % of the force of `{input}`, J q'' + F q' only {position_percent:.0} %; give the position (integrate the speed), or identify without --structure rigid-body"
+    )]
+    SpeedOutput {
+        /// The input.
+        input: String,
+        /// The output.
+        output: String,
+        /// Part of the force that a speed explains, percent.
+        speed_percent: f64,
+        /// Part that a position explains, percent.
+        position_percent: f64,
+    },
+    /// Rigid-body axes of a machine with other numbers of inputs and outputs.
+    #[error(
+        "a rigid-body axis needs one output for each input; the bundle has {} input(s) ({}) and {} output(s) ({}): name as many outputs as inputs in [channels]",
+        inputs.len(), inputs.join(", "), outputs.len(), outputs.join(", ")
+    )]
+    Axes {
+        /// Names of the inputs.
+        inputs: Vec<String>,
+        /// Names of the outputs.
+        outputs: Vec<String>,
     },
 }

@@ -52,6 +52,8 @@ pub struct AxisAccount {
     pub relative_force_error_percent: f64,
     /// How the equations were solved; not [`Estimator::Automatic`].
     pub estimator: Estimator,
+    /// Frequency below which the force has its power, constant and drift left out.
+    pub force_band_hz: f64,
     /// Rows that count once the colour of the residual is taken into account.
     pub effective_rows: f64,
 }
@@ -186,19 +188,20 @@ pub fn identify(
     crate::segment::check(segments)?;
     let axes = segments.first().map_or(0, |s| s.record.outputs.channels());
     for (segment, s) in segments.iter().enumerate() {
-        let references = match settings.get().estimator {
-            Estimator::ReferenceInstruments => s.record.references.channels(),
-            Estimator::Automatic | Estimator::LeastSquares => axes,
-        };
-        for (what, found) in [("inputs", s.record.inputs.channels()), ("references", references)] {
-            if found != axes {
-                return Err(LtiIdentError::Channels {
-                    segment,
-                    what,
-                    expected: axes,
-                    found,
-                });
-            }
+        if s.record.inputs.channels() != axes {
+            return Err(LtiIdentError::Axes {
+                inputs: s.record.inputs.names.clone(),
+                outputs: s.record.outputs.names.clone(),
+            });
+        }
+        let found = s.record.references.channels();
+        if settings.get().estimator == Estimator::ReferenceInstruments && found != axes {
+            return Err(LtiIdentError::Channels {
+                segment,
+                what: "references",
+                expected: axes,
+                found,
+            });
         }
     }
     let fits: Result<Vec<_>, LtiIdentError> = (0..axes)
@@ -240,8 +243,9 @@ fn identify_axis(
         }
         Ok(columns)
     };
-    let with_references = settings.estimator != Estimator::LeastSquares
-        && segments.iter().all(|s| s.record.references.channels() > axis);
+    let asked = settings.estimator == Estimator::ReferenceInstruments;
+    let told = |s: &Segment| s.record.references.channels() > axis && (asked || !is_input(s.record, axis));
+    let with_references = settings.estimator != Estimator::LeastSquares && segments.iter().all(told);
     let (mut force, mut regressors, mut instruments) = (Vec::new(), Vec::new(), Vec::new());
     for (s, position) in segments.iter().zip(&positions) {
         regressors.push(columns(position)?);
@@ -262,8 +266,54 @@ fn identify_axis(
         [solution.theta[0], solution.theta[1], solution.theta[2]],
         solution.deviations,
     );
-    if !(inertia > 0.0 && inertia.is_finite()) {
-        return Err(LtiIdentError::Inertia { axis, inertia });
+    let names = |signals: &Signals| signals.names.get(axis).cloned().unwrap_or_default();
+    let (input, output) = segments.first().map_or_else(Default::default, |s| {
+        (names(&s.record.inputs), names(&s.record.outputs))
+    });
+    let moves_as_told = inertia > 0.0 && inertia.is_finite();
+    let left = solution.relative_error_percent;
+    let motion = |position: &[f64]| Motion::new(position, clock, position_cutoff_hz);
+    if !moves_as_told || left > SPEED_DOUBTED {
+        let of_speed = |m: &Motion| Ok(vec![reduced(&m.velocity)?, reduced(&m.position)?]);
+        let speed = on_others(segments, axis, &motion, &of_speed, &rows.force)?;
+        let certain = |s: &Solution| s.theta[0] > SIGN_CERTAIN * s.deviations[0];
+        if let Some(speed) = speed.filter(certain)
+            && speed.relative_error_percent < SPEED_BETTER * left
+        {
+            return Err(LtiIdentError::SpeedOutput {
+                input,
+                output,
+                speed_percent: explained(speed.relative_error_percent),
+                position_percent: explained(left),
+            });
+        }
+    }
+    if !moves_as_told {
+        // Below its resonance a spring makes an inertia negative too; beside it only a sign does.
+        let with_spring = |m: &Motion| {
+            let columns = [&m.acceleration, &m.velocity, &m.position];
+            columns.into_iter().map(|c| reduced(c)).collect()
+        };
+        let spring = on_others(segments, axis, &motion, &with_spring, &rows.force)?;
+        let certain = |theta: f64, deviation: f64| theta < -SIGN_CERTAIN * deviation;
+        let opposite = certain(inertia, deviations[0])
+            && left < 100.0
+            && spring.is_some_and(|s| certain(s.theta[0], s.deviations[0]));
+        let deviation = deviations[0];
+        return Err(match opposite {
+            true => LtiIdentError::OppositeSigns {
+                input,
+                output,
+                inertia,
+                deviation,
+            },
+            false => LtiIdentError::Inertia {
+                input,
+                output,
+                inertia,
+                deviation,
+            },
+        });
     }
     let body = RigidBodyAxis {
         inertia,
@@ -273,6 +323,9 @@ fn identify_axis(
         viscous_deviation: deviations[1],
         offset_deviation: deviations[2],
     };
+    let forces: Vec<Vec<f64>> = segments.iter().map(|s| channel(s, |r| &r.inputs)).collect();
+    let runs: Vec<&[f64]> = forces.iter().map(Vec::as_slice).collect();
+    let force_band_hz = cutoff::band_hz(&runs, clock);
     let account = AxisAccount {
         position_cutoff_hz,
         regression_cutoff_hz,
@@ -281,9 +334,54 @@ fn identify_axis(
         condition_number: solution.condition_number,
         relative_force_error_percent: solution.relative_error_percent,
         estimator,
+        force_band_hz,
         effective_rows: solution.effective_rows,
     };
     Ok((body, account))
+}
+
+/// Standard deviations below zero from which the sign of an inertia is certain.
+const SIGN_CERTAIN: f64 = 4.0;
+/// Force error in percent from which an output is tried as a speed, and what that must leave of it.
+const SPEED_DOUBTED: f64 = 70.0;
+const SPEED_BETTER: f64 = 0.6;
+
+/// The part of the power, percent, where this much of the amplitude is left, percent.
+fn explained(left: f64) -> f64 {
+    (100.0 - 0.01 * left * left).clamp(0.0, 100.0)
+}
+
+/// Whether the reference is the input itself, up to a factor: it then says nothing beside it.
+fn is_input(record: &Record, axis: usize) -> bool {
+    let (r, u) = (&record.references.columns[axis], &record.inputs.columns[axis]);
+    let product: f64 = r.iter().zip(u).map(|(r, u)| r * u).sum();
+    let factor = product / u.iter().map(|u| u * u).sum::<f64>();
+    let left: f64 = r.iter().zip(u).map(|(r, u)| (r - factor * u).powi(2)).sum();
+    left <= 1e-12 * r.iter().map(|r| r * r).sum::<f64>()
+}
+
+/// Regressors of one segment.
+type Columns = Vec<Vec<f64>>;
+
+/// Least squares of the force on other functions of the motion, a constant beside them.
+fn on_others(
+    segments: &[Segment],
+    axis: usize,
+    motion: &dyn Fn(&[f64]) -> Result<Motion, LtiIdentError>,
+    others: &dyn Fn(&Motion) -> Result<Columns, LtiIdentError>,
+    force: &DVector<f64>,
+) -> Result<Option<Solution>, LtiIdentError> {
+    let mut regressors = Vec::with_capacity(segments.len());
+    for s in segments {
+        let mut columns = others(&motion(&s.record.outputs.columns[axis][s.range.clone()])?)?;
+        columns.push(vec![1.0; columns.first().map_or(0, Vec::len)]);
+        regressors.push(columns);
+    }
+    let rows = Rows {
+        regressors: stacked(&regressors),
+        force: force.clone(),
+    };
+    Ok(regression::solve(&rows, &rows.regressors).ok())
 }
 
 /// Instruments win where they were asked for, or where they do not lose much: references that do not move the axis say
@@ -300,7 +398,10 @@ fn solution(
     }
     let plain = regression::solve(rows, &rows.regressors)?;
     match by_instruments {
-        Some(Ok(found)) if found.deviations[0] <= LARGEST_LOSS * plain.deviations[0] => {
+        Some(Ok(found))
+            if found.deviations[0] <= LARGEST_LOSS * plain.deviations[0]
+                && (found.relative_error_percent < 100.0 || plain.relative_error_percent >= 100.0) =>
+        {
             Ok((Estimator::ReferenceInstruments, found))
         }
         _ => Ok((Estimator::LeastSquares, plain)),

@@ -22,7 +22,7 @@ pub enum TraceError {
     },
     /// The base model leaves all numbers along a record.
     #[error(
-        "record {record}: the base model diverges in closed loop; check the signs in [controller] and [geometry]"
+        "record {record}: the base model diverges in closed loop; check signs and units of its inputs and outputs, and of [controller] and [geometry] where the bundle has them"
     )]
     Diverges {
         /// Its name.

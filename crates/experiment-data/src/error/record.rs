@@ -238,16 +238,17 @@ pub enum RecordError {
         /// Its value.
         value: f64,
     },
-    /// An output or input that stays at its extreme value.
+    /// An output that stays at its extreme value. An input at its limit is what acted on the machine, and is taken as it is.
     ///
     /// Not judged: signals with fewer than 16 different values (switching signals).
     ///
     /// - Periodic records: clipped if more than 0.1 % of the samples, and at least 5, equal the extreme exactly, and more
-    ///   than four times as many as equal the next value (a coarse but unclipped converter fills both alike).
+    ///   than four times as many as equal the next value (a coarse but unclipped converter fills both alike), and is reached by steps
+    ///   larger than from there to the next value (a rounded peak is reached by single steps of the rounding).
     /// - Transient records rest at their ends and in between, so only plateaus of three samples or more that are entered
     ///   and left at speed count (slope on both sides above 0.3 times the rms slope, and above three converter steps);
     ///   clipped if there are such samples in more than 0.2 % of the record, and at least 5. Piecewise linear profiles
-    ///   (trapezoids) and signals that jump between held levels are not judged. An input at or above the controller's `limit` is a legitimate saturation.
+    ///   (trapezoids) and signals that jump between held levels are not judged.
     #[error(
         "column `{column}` is clipped: {samples} of {of} samples stay at its extreme value {extreme}; lower the amplitude or change the range, and measure again"
     )]

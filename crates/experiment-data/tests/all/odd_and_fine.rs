@@ -87,8 +87,9 @@ fn positions_may_be_declared() {
     assert_eq!(small.open().unwrap().load(1).unwrap().position, Some(0.25));
 }
 
+/// An input at its limit is what acted on the machine, in periodic and in other records, whether the limit is declared or not.
 #[test]
-fn a_saturation_that_is_declared_is_not_clipping() {
+fn an_input_at_its_limit_is_not_clipping() {
     let small = Small::new();
     let slow = |k: usize| 5.0 * (std::f64::consts::TAU * k as f64 / common::ROWS as f64).sin();
     let cut = |c: &str, k, v: f64| {
@@ -99,9 +100,12 @@ fn a_saturation_that_is_declared_is_not_clipping() {
         }
     };
     small.put("records/move.csv", csv_with(|c, k, v| cut(c, k, v).to_string()));
-    assert!(small.open().unwrap().load(1).is_err());
+    assert!(small.open().unwrap().load(1).is_ok());
     small.edit("limit = 100.0", "limit = 2.0");
     assert!(small.open().unwrap().load(1).is_ok());
+    let low = |c: &str, v: f64| if c == "u2" { v.max(-1.0) } else { v };
+    small.put("records/grid.csv", csv_with(|c, _, v| low(c, v).to_string()));
+    assert!(small.open().unwrap().load(0).is_ok());
 }
 
 #[test]

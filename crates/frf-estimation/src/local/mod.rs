@@ -12,7 +12,7 @@ use crate::FrfError;
 use crate::gain::{GainKernel, residual_covariance, response};
 use crate::lanes::{ComplexLanes, write_lines};
 use crate::periodic::{Condition, worst};
-use data::LocalData;
+use data::{LocalData, Shape};
 use fit::{LocalFit, Window};
 use lpv_core::{Discrete, Frf, FrfEstimate, Record};
 use nalgebra::DMatrix;
@@ -92,6 +92,53 @@ fn run(
         LocalLines::List(list) => list.clone(),
     };
     crate::settings::check_lines(&lines, data.lines)?;
+    let all = at_lines(&data, settings, &shape, &lines, fit);
+    match (&settings.lines, all) {
+        // Outside the band of the excitation there is nothing to estimate.
+        (LocalLines::All, Err(FrfError::LocalRank { line, .. })) => {
+            let band = excited_band(&data, shape.half_width);
+            if band.is_empty() || band.contains(&line) {
+                return at_lines(&data, settings, &shape, &lines, fit);
+            }
+            at_lines(&data, settings, &shape, &band, fit)
+        }
+        (_, all) => all,
+    }
+}
+
+/// Power of a regressor in a window, over its largest one, below which a line is not excited: leakage and rounding.
+const QUIET: f64 = 1e-7;
+
+/// The lines at which all regressors are excited.
+fn excited_band(data: &LocalData, half_width: usize) -> Vec<usize> {
+    let window = |k: usize| k.saturating_sub(half_width).max(1)..=(k + half_width).min(data.lines);
+    let power = |j: usize, k: usize| -> f64 {
+        let records = |line| (0..data.records).map(move |e| data.x(e, j, line).norm_sqr());
+        window(k).flat_map(records).sum::<f64>() / window(k).count() as f64
+    };
+    let powers: Vec<Vec<f64>> = (0..data.regressors)
+        .map(|j| (1..=data.lines).map(|k| power(j, k)).collect())
+        .collect();
+    let largest: Vec<f64> = powers
+        .iter()
+        .map(|p| p.iter().copied().fold(0.0, f64::max))
+        .collect();
+    let excited = |k: &usize| {
+        powers
+            .iter()
+            .zip(&largest)
+            .all(|(p, most)| p[k - 1] > QUIET * most)
+    };
+    (1..=data.lines).filter(excited).collect()
+}
+
+fn at_lines(
+    data: &LocalData,
+    settings: &LocalSettings,
+    shape: &Shape,
+    lines: &[usize],
+    fit: fn(&Window<'_>, &LocalSettings) -> Result<LocalFit, f64>,
+) -> Result<LocalEstimate, FrfError> {
     let (ny, nu) = (data.outputs, data.inputs);
     let frequencies_hz: Vec<f64> = lines.iter().map(|&k| k as f64 * data.resolution_hz).collect();
     let mut values = Vec::with_capacity(lines.len() * ny * nu);
@@ -107,7 +154,7 @@ fn run(
             frequency_hz: frequencies_hz[l],
             condition,
         };
-        let window = Window::new(&data, k, shape.half_width, settings.degree);
+        let window = Window::new(data, k, shape.half_width, settings.degree);
         let local = fit(&window, settings).map_err(rank)?;
         by_line.push(local.condition);
         let c_line = &mut c_v[l * ny * ny..(l + 1) * ny * ny];
@@ -145,9 +192,9 @@ fn run(
     }
     let frf = Frf::new(frequencies_hz, ny, nu, values)?;
     Ok(LocalEstimate {
-        condition: worst(&by_line, &lines, frf.frequencies_hz()),
+        condition: worst(&by_line, lines, frf.frequencies_hz()),
         estimate: FrfEstimate::new(frf, c_v, s, shape.degrees_of_freedom, data.position)?,
-        lines,
+        lines: lines.to_vec(),
         window: 2 * shape.half_width + 1,
         equations: shape.equations,
         unknowns: shape.unknowns,

@@ -57,6 +57,11 @@ pub(super) fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagno
             [part(false), part(true)]
         }
     };
+    let [fitted, judged] = [("fitted", fitted), ("held-out", judged)].map(|(what, e)| {
+        let (kept, reason) = standing_out(what, e);
+        reasons.extend(reason);
+        kept
+    });
     if noise_of(&judged).iter().any(|n| *n > MOSTLY) {
         return Err(PipelineError::Structure {
             problem: "the held-out response is mostly noise: check `period` and the channels, or record more periods",
@@ -96,6 +101,21 @@ pub(super) fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagno
         errors: figure(bundle, &steps, &judged),
         diagnosis,
     })
+}
+
+/// The lines that stand out of their noise, where most do not and some do: the others were hardly excited.
+fn standing_out(what: &str, estimate: FrfEstimate) -> (FrfEstimate, Option<String>) {
+    /// Noise of a line that stands out, and how many make a response.
+    const GOOD: (f64, usize) = (0.3, 20);
+    let good = |k: usize| estimate.relative_deviation(k) < GOOD.0;
+    let lines = estimate.frf().len();
+    let count = (0..lines).filter(|k| good(*k)).count();
+    if count < GOOD.1 || !noise_of(&estimate).iter().any(|n| *n > MOSTLY) {
+        return (estimate, None);
+    }
+    let reason =
+        format!("of the {what} response, the {count} of {lines} lines count that stand out of their noise");
+    (estimate.select(|k, _| good(k)), Some(reason))
 }
 
 /// What the lines that were not excited show.

@@ -24,6 +24,8 @@ pub(super) fn of_bundle(i: &Inspection) -> Vec<Finding> {
 pub(crate) fn of_experiment(e: &ExperimentInfo, controller: bool) -> Vec<Finding> {
     /// Noise of the response below which an uncertain covariance does not matter, and the periods that make it certain.
     const KNOWN: (f64, usize) = (1e-3, 4);
+    /// Noise of a line that stands out, and how many of them make a band.
+    const GOOD: (f64, usize) = (0.3, 20);
     let mut found = Vec::new();
     let place = match e.position {
         Some(p) => format!("position {p:.4}"),
@@ -32,6 +34,21 @@ pub(crate) fn of_experiment(e: &ExperimentInfo, controller: bool) -> Vec<Finding
     let noise = e.frf_deviation.median;
     let low = |l: &&super::LineInfo| l.output_snr_db.iter().any(|s| *s < LOW_SNR_DB);
     let low = e.lines.iter().filter(low).count();
+    let good = || e.lines.iter().filter(|l| l.frf_deviation < GOOD.0);
+    if noise > GOOD.0 && good().count() >= GOOD.1 {
+        // A band that stands out is what counts, and the rest was hardly excited.
+        let frequencies = || good().map(|l| l.frequency_hz);
+        found.push(Finding::FewGoodLines {
+            place: place.clone(),
+            good: good().count(),
+            lines: e.lines.len(),
+            band: [
+                frequencies().fold(f64::INFINITY, f64::min),
+                frequencies().fold(0.0, f64::max),
+            ],
+        });
+        return found;
+    }
     if low * 20 > e.lines.len() {
         found.push(Finding::LowSignal {
             place: place.clone(),

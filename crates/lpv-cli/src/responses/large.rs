@@ -3,6 +3,7 @@
 
 use super::{AtPosition, periodic_settings, place};
 use crate::PipelineError;
+use crate::finding::{Look, Watch};
 use crate::period_noise::PeriodNoise;
 use crate::progress::Counter;
 use experiment_data::Bundle;
@@ -36,10 +37,21 @@ pub(super) fn evaluate(
             .map_err(|e| (i, PipelineError::from(e)))
     };
     let mut last: Vec<Record> = Vec::with_capacity(indices.len());
+    let mut looks: Vec<Look> = Vec::with_capacity(indices.len());
     for &i in indices {
-        let mut period = None;
-        read(i, &mut |record| period = Some(record))?;
+        let (mut period, mut periods) = (None, 0);
+        let mut watch = Watch::new(bundle);
+        read(i, &mut |record| {
+            watch.push(&record);
+            periods += 1;
+            period = Some(record);
+        })?;
+        let look = watch.finish();
+        if let Some(period) = &mut period {
+            look.level(period, periods - 1);
+        }
         last.extend(period);
+        looks.push(look);
     }
     let names: Vec<String> = last.iter().map(|r| r.name.clone()).collect();
     let failed = |source: FrfError| {
@@ -70,9 +82,14 @@ pub(super) fn evaluate(
         SkipRule::Fixed(skip) => skip,
         SkipRule::Auto => {
             let mut most = 0;
-            for (&i, last) in indices.iter().zip(&last) {
+            for ((&i, last), look) in indices.iter().zip(&last).zip(&looks) {
                 let mut settling = Settling::new(signals(last).map(<[f64]>::to_vec).collect());
-                read(i, &mut |record| settling.push(signals(&record)))?;
+                let mut period = 0;
+                read(i, &mut |mut record| {
+                    look.level(&mut record, period);
+                    settling.push(signals(&record));
+                    period += 1;
+                })?;
                 most = most.max(settling.unsettled());
             }
             most
@@ -83,7 +100,8 @@ pub(super) fn evaluate(
     let mut noise = PeriodNoise::new(layout.outputs, layout.period);
     for (experiment, &i) in indices.iter().enumerate() {
         let (mut period, mut outcome) = (0, Ok(()));
-        read(i, &mut |record| {
+        read(i, &mut |mut record| {
+            looks[experiment].level(&mut record, period);
             if outcome.is_ok() {
                 outcome = sums.push(&PeriodBlock {
                     experiment,
@@ -102,11 +120,8 @@ pub(super) fn evaluate(
         noise.end_record();
         counter.one();
     }
-    Ok(AtPosition {
-        estimate: sums.finish().map_err(failed)?,
-        noise: noise.deviations(),
-        records: names.clone(),
-    })
+    let estimate = sums.finish().map_err(failed)?;
+    Ok(AtPosition::new(bundle, estimate, noise.deviations(), looks))
 }
 
 /// Outputs and inputs.

@@ -72,6 +72,9 @@ pub struct AxisSummary {
     pub position_cutoff_hz: f64,
     /// Condition number of the regression.
     pub condition_number: f64,
+    /// Cut-off of the filter of the equations, and the frequency below which the force has its power.
+    #[serde(default)]
+    pub bands_hz: Option<[f64; 2]>,
 }
 
 impl AxisSummary {
@@ -93,12 +96,26 @@ impl AxisSummary {
             relative_force_error_percent: account.relative_force_error_percent,
             position_cutoff_hz: account.position_cutoff_hz,
             condition_number: account.condition_number,
+            bands_hz: Some([
+                finite(account.regression_cutoff_hz),
+                finite(account.force_band_hz),
+            ]),
         }
     }
 
     /// In words, where the axis does not move like a mass.
     pub(crate) fn warning(&self) -> Option<String> {
         const MISSED_PERCENT: f64 = 50.0;
+        const FAR_BELOW: f64 = 10.0;
+        if let Some([equations, force]) = self.bands_hz
+            && self.relative_force_error_percent > 0.5 * MISSED_PERCENT
+            && equations > FAR_BELOW * force
+        {
+            return Some(format!(
+                "warning: axis {} -> {}: the {} is not to be trusted, its deviation neither: the force has its power below {force:.3} cycles per unit of time, the equations are kept up to {equations:.3}, where the position shows noise, and noise makes it too small; excite with more and higher frequencies (relative force error {:.0} %)",
+                self.input, self.output, self.kind, self.relative_force_error_percent
+            ));
+        }
         let brakes = self.viscous[0] > -2.0 * self.viscous[1];
         (self.relative_force_error_percent > MISSED_PERCENT || !brakes).then(|| {
             format!(

@@ -8,6 +8,7 @@ mod common;
 mod convert;
 mod diagnose;
 mod foreign_text;
+mod findings;
 mod help;
 mod identify;
 mod identify_time;

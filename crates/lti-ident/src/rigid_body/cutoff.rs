@@ -56,6 +56,23 @@ pub(super) fn cutoffs(runs: &[&[f64]], clock: Discrete) -> Cutoffs {
     }
 }
 
+/// Frequency below which a force has its power.
+pub(super) fn band_hz(runs: &[&[f64]], clock: Discrete) -> f64 {
+    let power = spectrum(runs);
+    let last = (power.len().max(2) - 1) as f64;
+    let own = |k: usize| {
+        let angle = std::f64::consts::PI * k as f64 / last;
+        power[k] / (2.0 - 2.0 * angle.cos()).powi(2).max(f64::MIN_POSITIVE)
+    };
+    let total: f64 = (1..power.len()).map(own).sum();
+    let mut sum = 0.0;
+    let most = (1..power.len()).find(|&k| {
+        sum += own(k);
+        sum >= KEPT * total
+    });
+    clock.nyquist_hz() * most.unwrap_or(0) as f64 / last
+}
+
 /// Averaged periodogram of second differences, Hann window, halves overlap; any scale.
 fn spectrum(runs: &[&[f64]]) -> Vec<f64> {
     let longest = runs.iter().map(|r| r.len().saturating_sub(2)).max().unwrap_or(0);

@@ -148,12 +148,7 @@ fn refusals_name_the_facts() {
     let unequal = record(&two, &one);
     assert!(matches!(
         identify(&[Segment::whole(&unequal)], clock, &settings),
-        Err(LtiIdentError::Channels {
-            what: "inputs",
-            expected: 1,
-            found: 2,
-            ..
-        })
+        Err(LtiIdentError::Axes { inputs, outputs }) if inputs.len() == 2 && outputs.len() == 1
     ));
     let plain = record(&one, &one);
     let instruments = RigidBodySettings::new()
@@ -170,7 +165,7 @@ fn refusals_name_the_facts() {
     // Force along the position: a spring with a negative inertia.
     assert!(matches!(
         identify(&[Segment::whole(&plain)], clock, &settings),
-        Err(LtiIdentError::Inertia { axis: 0, .. })
+        Err(LtiIdentError::Inertia { .. })
     ));
     let still = record(&one, &DMatrix::zeros(1, 2000));
     assert!(matches!(
@@ -196,4 +191,61 @@ fn refusals_name_the_facts() {
             .check()
             .is_err()
     );
+}
+
+/// Mass, friction and force of an axis over three decades, driven by the waves above.
+fn axis(k: u32) -> (Record, f64) {
+    let n = 10_000;
+    let inertia = 10f64.powf(f64::from(k) - 2.0);
+    let q = DMatrix::from_fn(1, n, |_, k| waves(k as f64)[0]);
+    let e = normal(1, n, u64::from(k) + 3);
+    let u = DMatrix::from_fn(1, n, |_, k| {
+        let [_, v, a] = waves(k as f64 + 0.5);
+        inertia * (a + 4.0 * v + 0.02 * e[k])
+    });
+    (record(&u, &q), inertia)
+}
+
+#[test]
+fn what_is_wrong_with_the_channels_is_named() {
+    let clock = Discrete::new(T).unwrap();
+    let settings = RigidBodySettings::new().check().unwrap();
+    let of = |r: &Record| identify(&[Segment::whole(r)], clock, &settings);
+    for k in 0..5 {
+        let (right, inertia) = axis(k);
+        let found = of(&right).unwrap().model.axes()[0].inertia;
+        assert!((found / inertia - 1.0).abs() < 0.05, "{found}, {inertia}");
+        let mut turned = right.clone();
+        turned.inputs.columns[0].iter_mut().for_each(|u| *u = -*u);
+        assert!(
+            matches!(of(&turned), Err(LtiIdentError::OppositeSigns { .. })),
+            "{:?}",
+            of(&turned)
+        );
+        // A spring that is stronger than the inertia below its resonance is no other sign.
+        let mut sprung = right.clone();
+        let q = sprung.outputs.columns[0].clone();
+        sprung.inputs.columns[0]
+            .iter_mut()
+            .zip(&q)
+            .for_each(|(u, q)| *u += 4000.0 * inertia * q);
+        assert!(
+            !matches!(of(&sprung), Err(LtiIdentError::OppositeSigns { .. })),
+            "{:?}",
+            of(&sprung)
+        );
+        let mut speed = right.clone();
+        speed.outputs.columns[0] = (0..right.len()).map(|k| waves(k as f64)[1]).collect();
+        assert!(
+            matches!(of(&speed), Err(LtiIdentError::SpeedOutput { .. })),
+            "{:?}",
+            of(&speed)
+        );
+        // A reference that is the input is no instrument.
+        let mut same = right.clone();
+        same.references = same.inputs.clone();
+        let fit = of(&same).unwrap();
+        assert_eq!(fit.axes[0].estimator, Estimator::LeastSquares);
+        assert!((fit.model.axes()[0].inertia / found - 1.0).abs() < 1e-9);
+    }
 }

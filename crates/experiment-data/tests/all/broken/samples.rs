@@ -99,18 +99,12 @@ pub(super) const CASES: &[Row] = &[
         &["column `y1` is clipped", "extreme value 0.5"],
     ),
     (
-        "input-clipped",
-        "an input beyond its range",
-        |d| grid_column(d, "u2", |_, v| v.max(-1.0)),
-        &["column `u2` is clipped", "of 120 samples", "extreme value -1"],
-    ),
-    (
         "transient-clipped",
         "a motion that runs into a limit",
         |d| {
             let slow = |k: usize| 5.0 * (std::f64::consts::TAU * k as f64 / ROWS as f64).sin();
             let cut = |c: &str, k, v: f64| {
-                if c == "u1" {
+                if c == "y1" {
                     (slow(k) + 0.3 * v).min(2.0)
                 } else {
                     v
@@ -123,7 +117,7 @@ pub(super) const CASES: &[Row] = &[
                 csv_with(|c, k, v| cut(c, k, v).to_string()),
             );
         },
-        &["move.csv (records[1]): column `u1` is clipped"],
+        &["move.csv (records[1]): column `y1` is clipped"],
     ),
     (
         "transient-dead",

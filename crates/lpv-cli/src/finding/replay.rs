@@ -1,0 +1,213 @@
+//! Does the controller of the description give the inputs that were logged? One filter run over references and outputs tells.
+
+use experiment_data::Controller;
+use lpv_core::Record;
+use lpv_core::nalgebra::{DMatrix, DVector};
+
+/// Samples that are replayed.
+const SAMPLES: usize = 20_000;
+/// Part of the inputs that may be left: sensors of the log that are not those of the controller.
+const LEFT: f64 = 0.25;
+/// Factor by which other gains must lower what is left to be named as the cause, and the part that they may leave then.
+const BETTER: f64 = 3.0;
+const EXPLAINED: f64 = 0.2;
+/// A controller whose replay grows by more than this is not judged: it is unstable by itself.
+const GROWS: f64 = 1e9;
+
+/// One loop whose controller does not give the logged input.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Mismatch {
+    /// The loop, from 0.
+    pub(super) input: usize,
+    /// What is left of the input about the replayed one, over the input.
+    pub(super) left: f64,
+    /// Factors on the reference's and the output's path that would make it fit, and what they leave.
+    pub(super) factors: Option<[f64; 2]>,
+}
+
+/// Compares the logged inputs with those of the controller, whatever its state at the start; samples at the limit do not count.
+pub(super) fn mismatches(record: &Record, controller: &Controller) -> Vec<Mismatch> {
+    let samples = record.len().min(SAMPLES);
+    let loops = controller
+        .loops()
+        .min(record.inputs.channels())
+        .min(record.outputs.channels());
+    (0..loops)
+        .filter_map(|i| {
+            let reference = record.references.columns.get(i).map(|r| &r[..samples]);
+            let output = &record.outputs.columns[i][..samples];
+            let injection = record.injection.columns.get(i);
+            let logged: Vec<f64> = (0..samples)
+                .map(|k| record.inputs.columns[i][k] - injection.map_or(0.0, |d| d[k]))
+                .collect();
+            one(controller, i, reference, output, &logged)
+        })
+        .collect()
+}
+
+fn one(controller: &Controller, i: usize, r: Option<&[f64]>, y: &[f64], u: &[f64]) -> Option<Mismatch> {
+    let a = &controller.denominator[i];
+    let order = a.len() - 1;
+    let by_output: Vec<f64> = filtered(&controller.feedback_numerator[i], a, y)
+        .iter()
+        .map(|v| -v)
+        .collect();
+    let by_reference = r.map(|r| filtered(&controller.reference_numerator[i], a, r));
+    let mut columns: Vec<Vec<f64>> = by_reference.into_iter().chain([by_output]).collect();
+    let paths = columns.len();
+    // What the state at the start does: the responses of the denominator to an impulse, delayed.
+    for delay in 0..order {
+        let impulse: Vec<f64> = (0..u.len()).map(|k| f64::from(u8::from(k == delay))).collect();
+        columns.push(filtered(&[1.0], a, &impulse));
+    }
+    let limit = controller.limit.map_or(f64::INFINITY, |limit| 0.999 * limit);
+    let rows: Vec<usize> = (0..u.len()).filter(|k| u[*k].abs() < limit).collect();
+    let size = rows.iter().map(|k| u[*k] * u[*k]).sum::<f64>().sqrt();
+    let largest = columns.iter().flatten().map(|v| v.abs()).fold(0.0, f64::max);
+    let scale = (size / (rows.len() as f64).sqrt()).max(f64::MIN_POSITIVE);
+    if rows.len() < 20 + 4 * columns.len() || size == 0.0 || !largest.is_finite() {
+        return None;
+    }
+    let free = columns.split_off(paths);
+    if free.iter().flatten().any(|v| v.abs() > GROWS) {
+        return None;
+    }
+    let target = DVector::from_iterator(rows.len(), rows.iter().map(|k| u[*k] / scale));
+    let told = DVector::from_iterator(
+        rows.len(),
+        rows.iter()
+            .map(|k| columns.iter().map(|c| c[*k]).sum::<f64>() / scale),
+    );
+    let left = |columns: &[Vec<f64>], target: DVector<f64>| -> Option<(Vec<f64>, f64)> {
+        if columns.is_empty() {
+            return Some((Vec::new(), target.norm() * scale / size));
+        }
+        let norms: Vec<f64> = columns
+            .iter()
+            .map(|c| {
+                rows.iter()
+                    .map(|k| c[*k] * c[*k])
+                    .sum::<f64>()
+                    .sqrt()
+                    .max(f64::MIN_POSITIVE)
+            })
+            .collect();
+        let matrix = DMatrix::from_fn(rows.len(), columns.len(), |k, j| columns[j][rows[k]] / norms[j]);
+        let solution = (matrix.transpose() * &matrix).svd(true, true);
+        let solution = solution.solve(&(matrix.transpose() * &target), 1e-13).ok()?;
+        let rest = (target - matrix * &solution).norm() * scale / size;
+        let values = solution.iter().zip(&norms).map(|(v, n)| v * scale / n).collect();
+        Some((values, rest))
+    };
+    let (_, as_described) = left(&free, target.clone() - told)?;
+    if as_described.is_nan() || as_described < LEFT {
+        return None;
+    }
+    columns.extend(free);
+    let (values, rest) = left(&columns, target)?;
+    let factors = match paths {
+        2 => [values[0], values[1]],
+        _ => [f64::NAN, values[0]],
+    };
+    let named = rest < EXPLAINED && BETTER * rest < as_described;
+    Some(Mismatch {
+        input: i,
+        left: crate::signal::finite(as_described),
+        factors: named.then_some(factors),
+    })
+}
+
+/// `b / a x`, at rest before the first sample.
+fn filtered(b: &[f64], a: &[f64], x: &[f64]) -> Vec<f64> {
+    let mut out: Vec<f64> = Vec::with_capacity(x.len());
+    for k in 0..x.len() {
+        let forced: f64 = b.iter().take(k + 1).enumerate().map(|(i, b)| b * x[k - i]).sum();
+        let own: f64 = a
+            .iter()
+            .enumerate()
+            .skip(1)
+            .take(k)
+            .map(|(i, a)| a * out[k - i])
+            .sum();
+        out.push((forced - own) / a[0]);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kit::{Plant, Random, record};
+    use super::*;
+
+    /// A loop of its own size, rate and noise with lead or lead-lag control: record and controller, from a random sample on.
+    fn servo(random: &mut Random) -> (Record, Controller) {
+        let frequency = random.between(0.05, 0.2);
+        let gain = random.decades(3.0);
+        let plant = Plant::machine(frequency, random.between(0.005, 0.1), [1.0, 1.0], gain);
+        // A lead far below the mode, with the integrator of half of them.
+        let w = 0.03 * frequency * std::f64::consts::TAU;
+        let k = 0.5 * w * w / gain;
+        let pole = (-5.0 * w).exp();
+        let zero = (-0.3 * w).exp();
+        let lead = k * (1.0 - pole) / (1.0 - zero);
+        let integral = if random.unit() < 0.5 { 0.05 * w } else { 0.0 };
+        let b = vec![
+            lead * (1.0 + integral),
+            -lead * (zero * (1.0 + integral) + 1.0),
+            lead * zero,
+        ];
+        let a = vec![1.0, -1.0 - pole, pole];
+        let samples = 4000;
+        let mut aim = 0.0;
+        let r: Vec<f64> = (0..samples)
+            .map(|t| {
+                if t % 400 == 0 {
+                    aim = random.normal();
+                }
+                aim
+            })
+            .collect();
+        let size = 10f64.powf(random.between(-6.0, -1.0));
+        let e = random.noise(samples, size);
+        // The reference enters through the same controller.
+        let through = filtered(&b, &a, &r);
+        let [u, y] = plant.in_loop(&[b.clone(), a.clone()], &through, &e);
+        assert!(y.iter().all(|v| v.abs() < 100.0), "the loop is stable");
+        let from = random.between(0.0, 1000.0) as usize;
+        let record = record(None, &r[from..], &u[from..], &y[from..]);
+        let controller = Controller {
+            reference_numerator: vec![b.clone()],
+            feedback_numerator: vec![b],
+            denominator: vec![a],
+            limit: None,
+        };
+        (record, controller)
+    }
+
+    #[test]
+    fn a_wrong_gain_sign_or_unit_is_named() {
+        for seed in 0..40 {
+            let mut random = Random::new(seed);
+            let (record, controller) = servo(&mut random);
+            for factor in [3.0, -1.0, 1e-3, 1e3, 57.3] {
+                let mut wrong = controller.clone();
+                wrong.feedback_numerator[0].iter_mut().for_each(|b| *b /= factor);
+                let found = mismatches(&record, &wrong);
+                let [alpha, beta] = found[0].factors.unwrap_or([f64::NAN; 2]);
+                assert!((beta / factor - 1.0).abs() < 0.05, "{seed}, {factor}: {found:?}");
+                assert!((alpha - 1.0).abs() < 0.05, "{seed}, {factor}: {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_right_controller_gives_what_was_logged() {
+        let mut alarms = 0;
+        for seed in 0..200 {
+            let mut random = Random::new(300 + seed);
+            let (record, controller) = servo(&mut random);
+            alarms += usize::from(!mismatches(&record, &controller).is_empty());
+        }
+        assert!(alarms <= 2, "{alarms} of 200");
+    }
+}

@@ -1,0 +1,448 @@
+//! One look at a record while it is read, whole or a period at a time, and what all looks say together.
+
+use super::clock::{Uneven, is_clock, uneven};
+use super::compare::{Names, Voice, compare};
+use super::dead_time::{dead_time, trend};
+use super::held::held;
+use super::loop_only::is_feedback_only;
+use super::periods::Periods;
+use super::places::places;
+use super::replay::mismatches;
+use super::saturation::saturation;
+use super::wrap::wrap;
+use super::{Finding, Paths};
+use experiment_data::{Bundle, Controller};
+use frf_estimation::PeriodicEstimate;
+use lpv_core::num_complex::Complex;
+use lpv_core::{Record, RecordKind, Signals};
+use realfft::RealFftPlanner;
+
+/// Samples of a record that are looked at for patterns within it.
+const HEAD: usize = 50_000;
+/// Parts of a record that comes in parts whose samples are looked at.
+const PARTS: usize = 2;
+/// Lines of a response that are compared between records.
+const LINES: usize = 256;
+
+/// Looks at a record.
+#[derive(Debug, Clone)]
+pub(crate) struct Watch<'a> {
+    controller: Option<&'a Controller>,
+    parts: usize,
+    record: String,
+    findings: Vec<Finding>,
+    /// Outputs, inputs, references.
+    groups: [Group; 3],
+    scheduling: [f64; 2],
+}
+
+#[derive(Debug, Clone, Default)]
+struct Group {
+    names: Vec<String>,
+    periods: Vec<Periods>,
+    /// Sums of the periods but the first, and their number.
+    sums: Vec<Vec<f64>>,
+    count: usize,
+}
+
+/// What is known of a record once it was read.
+#[derive(Debug, Clone)]
+pub(crate) struct Look {
+    pub(crate) record: String,
+    pub(crate) findings: Vec<Finding>,
+    /// Smallest and largest value of the first scheduling signal.
+    pub(crate) scheduling: Option<[f64; 2]>,
+    /// Rise over a period of the outputs and of the inputs, where it matters; else zero.
+    pub(crate) rises: [Vec<f64>; 2],
+    /// Mean periods of outputs, inputs, references; empty for a transient record.
+    means: [Vec<Vec<f64>>; 3],
+}
+
+impl<'a> Watch<'a> {
+    pub(crate) fn new(bundle: &'a Bundle) -> Self {
+        Self::with(bundle.description().controller.as_ref())
+    }
+
+    pub(super) fn with(controller: Option<&'a Controller>) -> Self {
+        Self {
+            controller,
+            parts: 0,
+            record: String::new(),
+            findings: Vec::new(),
+            groups: Default::default(),
+            scheduling: [f64::INFINITY, f64::NEG_INFINITY],
+        }
+    }
+
+    /// Takes the whole record, or the next of its parts: a period.
+    pub(crate) fn push(&mut self, part: &Record) {
+        if self.parts == 0 {
+            self.record.clone_from(&part.name);
+        }
+        if self.parts < PARTS {
+            self.samples(part);
+        }
+        self.parts += 1;
+        for p in part.scheduling.columns.first().into_iter().flatten() {
+            self.scheduling = [self.scheduling[0].min(*p), self.scheduling[1].max(*p)];
+        }
+        if let RecordKind::Periodic { period } = part.kind {
+            let signals = [&part.outputs, &part.inputs, &part.references];
+            for (group, signals) in self.groups.iter_mut().zip(signals) {
+                group.push(signals, period);
+            }
+        }
+    }
+
+    fn add(&mut self, finding: Finding) {
+        let same = |f: &Finding| {
+            std::mem::discriminant(f) == std::mem::discriminant(&finding) && f.column() == finding.column()
+        };
+        if !self.findings.iter().any(same) {
+            self.findings.push(finding);
+        }
+    }
+
+    fn samples(&mut self, part: &Record) {
+        let record = part.name.clone();
+        self.repeats(part);
+        for (name, x) in named(&part.outputs) {
+            if let Some(found) = wrap(x) {
+                self.add(Finding::CounterWraps {
+                    record: record.clone(),
+                    column: name.to_owned(),
+                    modulus: found.modulus,
+                    times: found.times,
+                    row: found.sample + 1,
+                });
+            }
+        }
+        for (name, t) in named(&part.auxiliary).filter(|(name, _)| is_clock(name)) {
+            let (record, column) = (record.clone(), name.to_owned());
+            match uneven(t) {
+                Some(Uneven::Lost { samples, behind }) => self.add(Finding::LostSamples {
+                    record,
+                    column,
+                    samples,
+                    row: behind + 1,
+                }),
+                Some(Uneven::Back { times, behind }) => self.add(Finding::DoubleSamples {
+                    record,
+                    column,
+                    times,
+                    row: behind + 1,
+                }),
+                None => {}
+            }
+        }
+        let moves = |signals: &Signals| signals.columns.iter().any(|c| c.iter().any(|v| *v != c[0]));
+        if let (Some(controller), true) = (self.controller, moves(&part.references)) {
+            for found in mismatches(part, controller) {
+                self.add(Finding::ControllerMismatch {
+                    record: record.clone(),
+                    column: part.inputs.names.get(found.input).cloned().unwrap_or_default(),
+                    percent: 100.0 * found.left,
+                    factors: found.factors.map(|[reference, output]| Paths {
+                        reference: Some(reference).filter(|r| r.is_finite()),
+                        output,
+                    }),
+                });
+            }
+        }
+        for ((name, r), u) in named(&part.references).zip(&part.inputs.columns) {
+            if proportional(r, u) {
+                self.add(Finding::ReferenceIsInput {
+                    record: record.clone(),
+                    column: name.to_owned(),
+                });
+            }
+        }
+        if part.kind == RecordKind::Transient {
+            self.transient(part);
+        }
+        if part.kind == RecordKind::Transient
+            && !moves(&part.references)
+            && !moves(&part.injection)
+            && is_feedback_only(part)
+        {
+            self.add(Finding::FeedbackOnly {
+                record,
+                input: part.inputs.names.first().cloned().unwrap_or_default(),
+                output: part.outputs.names.first().cloned().unwrap_or_default(),
+            });
+        }
+    }
+
+    /// Dead time and drift, where no reference moves the machine.
+    fn transient(&mut self, part: &Record) {
+        let rests = |signals: &Signals| signals.columns.iter().all(|c| c.iter().all(|v| *v == c[0]));
+        for (name, y) in named(&part.outputs) {
+            let (record, column) = (part.name.clone(), name.to_owned());
+            if let [u] = part.inputs.columns.as_slice()
+                && let Some(samples) = dead_time(u, y)
+            {
+                self.add(Finding::DeadTime {
+                    record: record.clone(),
+                    column: column.clone(),
+                    samples,
+                });
+            }
+            if rests(&part.references)
+                && rests(&part.injection)
+                && let Some(rise) = trend(&part.inputs.columns, y)
+            {
+                self.add(Finding::Trend { record, column, rise });
+            }
+        }
+    }
+
+    /// Values that repeat: all of them, those of the outputs, or of the inputs alone.
+    fn repeats(&mut self, part: &Record) {
+        let of = |signals: &Signals| -> Vec<Option<f64>> {
+            signals
+                .columns
+                .iter()
+                .map(|x| held(&x[..x.len().min(HEAD)]))
+                .collect()
+        };
+        let (y, u, r) = (of(&part.outputs), of(&part.inputs), of(&part.references));
+        let all = |of: &[Option<f64>]| !of.is_empty() && of.iter().all(Option::is_some);
+        let every = all(&y) && all(&u);
+        let driven = !r.is_empty() && r.iter().all(Option::is_none);
+        let groups = [(&part.outputs, &y, true), (&part.inputs, &u, driven)];
+        for (signals, found, wrong) in groups {
+            for (name, samples) in signals.names.iter().zip(found) {
+                if let Some(samples) = samples {
+                    self.add(Finding::HeldSamples {
+                        record: part.name.clone(),
+                        column: name.clone(),
+                        samples: *samples,
+                        every,
+                        wrong: wrong || every,
+                    });
+                }
+            }
+        }
+    }
+
+    /// What the record has told.
+    pub(crate) fn finish(mut self) -> Look {
+        let groups = std::mem::take(&mut self.groups);
+        let shifts: Vec<_> = groups
+            .iter()
+            .flat_map(|g| g.names.iter().zip(&g.periods))
+            .filter_map(|(name, p)| Some((name, p.shift()?)))
+            .collect();
+        // The excitation is in all signals; the one that shows it best says it.
+        if let Some((column, shift)) = shifts.iter().max_by(|a, b| a.1.turn.total_cmp(&b.1.turn)) {
+            self.add(Finding::PeriodDrifts {
+                record: self.record.clone(),
+                column: (*column).clone(),
+                period: shift.period,
+                turn: shift.turn,
+                grave: shift.grave,
+            });
+        }
+        let mut rises = [Vec::new(), Vec::new()];
+        for (rises, group) in rises.iter_mut().zip(&groups) {
+            for (name, periods) in group.names.iter().zip(&group.periods) {
+                let found = periods.drift();
+                rises.push(found.map_or(0.0, |[rise, _]| rise));
+                if let Some([rise, part]) = found {
+                    self.add(Finding::LevelDrifts {
+                        record: self.record.clone(),
+                        column: name.clone(),
+                        rise,
+                        percent: crate::signal::finite(100.0 * part),
+                    });
+                }
+            }
+        }
+        let mut means = groups.map(Group::means);
+        for (means, rises) in means.iter_mut().zip(&rises) {
+            for (mean, rise) in means.iter_mut().zip(rises) {
+                take_out(mean, *rise, 0);
+            }
+        }
+        Look {
+            record: self.record,
+            findings: self.findings,
+            scheduling: (self.scheduling[0] <= self.scheduling[1]).then_some(self.scheduling),
+            rises,
+            means,
+        }
+    }
+}
+
+impl Group {
+    fn push(&mut self, signals: &Signals, period: usize) {
+        if self.names.is_empty() {
+            self.names.clone_from(&signals.names);
+            self.periods = vec![Periods::default(); signals.channels()];
+            self.sums = vec![Vec::new(); signals.channels()];
+        }
+        let columns = self.periods.iter_mut().zip(&mut self.sums).zip(&signals.columns);
+        let before = self.count;
+        for ((periods, sums), x) in columns {
+            for (m, x) in x.chunks_exact(period.max(1)).enumerate() {
+                periods.push(x);
+                match before + m {
+                    0 | 1 => x.clone_into(sums),
+                    _ => sums.iter_mut().zip(x).for_each(|(s, x)| *s += x),
+                }
+            }
+        }
+        self.count += signals.len() / period.max(1);
+    }
+
+    fn means(self) -> Vec<Vec<f64>> {
+        let count = self.count.saturating_sub(1).max(1) as f64;
+        let mean = |sums: Vec<f64>| sums.into_iter().map(|s| s / count).collect();
+        self.sums.into_iter().map(mean).collect()
+    }
+}
+
+impl Look {
+    /// Takes the drift of the level out of periods of the record, the first of them with this number.
+    pub(crate) fn level(&self, part: &mut Record, first: usize) {
+        let groups = [&mut part.outputs, &mut part.inputs];
+        for (signals, rises) in groups.into_iter().zip(&self.rises) {
+            for (x, rise) in signals.columns.iter_mut().zip(rises) {
+                if let RecordKind::Periodic { period } = part.kind {
+                    for (m, x) in x.chunks_mut(period.max(1)).enumerate() {
+                        take_out(x, *rise, first + m);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A ramp of this rise over a period, in the period of this number.
+fn take_out(x: &mut [f64], rise: f64, number: usize) {
+    if rise != 0.0 {
+        let n = x.len() as f64;
+        x.iter_mut()
+            .enumerate()
+            .for_each(|(t, v)| *v -= rise * (number as f64 + t as f64 / n));
+    }
+}
+
+/// Whether a signal is another one, up to a factor and rounding.
+fn proportional(r: &[f64], u: &[f64]) -> bool {
+    let power: f64 = u.iter().map(|u| u * u).sum();
+    let factor = r.iter().zip(u).map(|(r, u)| r * u).sum::<f64>() / power;
+    let left: f64 = r.iter().zip(u).map(|(r, u)| (r - factor * u).powi(2)).sum();
+    let size: f64 = r.iter().map(|r| r * r).sum();
+    size > 0.0 && left <= 1e-18 * size
+}
+
+fn named(signals: &Signals) -> impl Iterator<Item = (&str, &[f64])> {
+    let names = signals.names.iter().map(String::as_str);
+    names.zip(signals.columns.iter().map(Vec::as_slice))
+}
+
+/// Commands that an amplifier clips, of the records of one place.
+pub(crate) fn saturations(bundle: &Bundle, looks: &[Look], estimate: &PeriodicEstimate) -> Vec<Finding> {
+    let names = &bundle.description().channels.input.columns;
+    let of = |look: &Look| {
+        let [outputs, inputs, _] = &look.means;
+        let [u] = inputs.as_slice() else { return None };
+        let found = outputs
+            .iter()
+            .find_map(|y| saturation(u, y, &estimate.excited_lines))?;
+        Some(Finding::CommandSaturates {
+            record: look.record.clone(),
+            column: names.first()?.clone(),
+            level: found.level,
+            percent: found.percent[0],
+            smooth_percent: found.percent[1],
+        })
+    };
+    looks.iter().filter_map(of).collect()
+}
+
+/// What the records of one place say at some of the lines of their response.
+pub(crate) fn voices(looks: &[Look], estimate: &PeriodicEstimate) -> Vec<Voice> {
+    let frf = estimate.estimate.frf();
+    let count = frf.len();
+    let chosen: Vec<usize> = (0..count).step_by(count.div_ceil(LINES).max(1)).collect();
+    let (ny, nu) = (frf.outputs(), frf.inputs());
+    let at = |x: &Vec<f64>| -> Vec<Complex<f64>> {
+        let plan = RealFftPlanner::<f64>::new().plan_fft_forward(x.len());
+        let (mut input, mut spectrum) = (x.clone(), plan.make_output_vec());
+        if plan.process(&mut input, &mut spectrum).is_err() {
+            return Vec::new();
+        }
+        let lines = chosen.iter().map(|k| estimate.excited_lines[*k]);
+        lines.filter_map(|line| spectrum.get(line).copied()).collect()
+    };
+    let spectra: Vec<[Vec<Vec<Complex<f64>>>; 3]> = looks
+        .iter()
+        .map(|look| look.means.each_ref().map(|group| group.iter().map(at).collect()))
+        .collect();
+    let response: Vec<Complex<f64>> = chosen
+        .iter()
+        .flat_map(|k| {
+            let line = frf.line(*k);
+            (0..ny)
+                .flat_map(|i| (0..nu).map(|j| line[(i, j)]).collect::<Vec<_>>())
+                .collect::<Vec<_>>()
+        })
+        .collect();
+    // Noise in the mean of one record: the same in all of them.
+    let noise: Vec<Vec<f64>> = (0..ny)
+        .map(|i| {
+            let of = |(l, k): (usize, &usize)| {
+                let power = spectra
+                    .iter()
+                    .filter_map(|s| Some(s[0].get(i)?.get(l)?.norm_sqr()))
+                    .sum::<f64>();
+                let inputs = (0..nu)
+                    .map(|j| 1.0 / estimate.input_snr[k * nu + j])
+                    .fold(0.0, f64::max);
+                (power / looks.len() as f64 * (1.0 / estimate.output_snr[k * ny + i] + inputs)).sqrt()
+            };
+            chosen.iter().enumerate().map(of).collect()
+        })
+        .collect();
+    looks
+        .iter()
+        .zip(spectra)
+        .map(|(look, [outputs, inputs, references])| Voice {
+            record: look.record.clone(),
+            position: estimate.estimate.position(),
+            frequencies_hz: chosen.iter().map(|k| frf.frequencies_hz()[*k]).collect(),
+            references: if references.len() == nu {
+                references
+            } else {
+                Vec::new()
+            },
+            outputs,
+            inputs,
+            response: response.clone(),
+            noise: noise.clone(),
+        })
+        .collect()
+}
+
+/// What all records say, each by itself and against each other.
+pub(crate) fn examine<'b>(
+    bundle: &Bundle,
+    looks: impl Iterator<Item = &'b Look>,
+    voices: &[Voice],
+) -> Vec<Finding> {
+    let looks: Vec<&Look> = looks.collect();
+    let channels = &bundle.description().channels;
+    let names = Names {
+        outputs: &channels.output.columns,
+        inputs: &channels.input.columns,
+    };
+    let mut found: Vec<Finding> = looks.iter().flat_map(|l| l.findings.iter().cloned()).collect();
+    let at = looks
+        .iter()
+        .filter_map(|l| Some((l.record.as_str(), l.scheduling?)));
+    found.extend(places(&at.collect::<Vec<_>>()));
+    found.extend(compare(voices, &names));
+    found
+}

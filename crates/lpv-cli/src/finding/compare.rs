@@ -107,18 +107,28 @@ fn odd_ones(voices: &[Voice], names: &Names<'_>) -> Vec<Finding> {
     }
     let mut found = Vec::new();
     for i in 0..ny {
-        let standings = voices
-            .iter()
-            .map(|v| standing(&v.outputs[i], &predicted(&voices, v, i, nu, Others::Middle)?));
+        // The middle one of three is not that of the odd one, whether it is among them or not.
+        let of_all = (voices.len() > 2).then(|| responses(&voices, i, nu, &middle));
+        let by_middle = |v: &Voice| match &of_all {
+            Some(all) => Some(through(v, nu, all)),
+            None => {
+                let others = others(&voices, v, nu);
+                (!others.is_empty()).then(|| through(v, nu, &responses(&others, i, nu, &middle)))
+            }
+        };
+        let standings = voices.iter().map(|v| standing(&v.outputs[i], &by_middle(v)?));
         let Some(all) = standings.collect::<Option<Vec<_>>>() else {
             continue;
         };
         for (e, odd) in odd(&all) {
             let voice = voices[e];
             // A lever arm changes size and sign with the place: a line over the other places then says the same.
-            let by_middle = predicted(&voices, voice, i, nu, Others::Middle);
-            let by_line = predicted(&voices, voice, i, nu, Others::Line);
-            let lever = by_middle
+            let others = others(&voices, voice, nu);
+            let by_line = line_weights(&others, voice).map(|weights| {
+                let on_line = |values: &[C64]| values.iter().zip(&weights).map(|(v, w)| v * w).sum();
+                through(voice, nu, &responses(&others, i, nu, &on_line))
+            });
+            let lever = by_middle(voice)
                 .zip(by_line.as_ref())
                 .and_then(|(middle, line)| standing(line, &middle));
             if lever.is_some_and(|s| apart(&s)) {
@@ -148,17 +158,8 @@ fn odd_ones(voices: &[Voice], names: &Names<'_>) -> Vec<Finding> {
     found
 }
 
-/// How the responses of the others say what the one of a record should be.
-#[derive(Debug, Clone, Copy)]
-enum Others {
-    /// The middle one at each line.
-    Middle,
-    /// A straight line over their positions.
-    Line,
-}
-
 /// Weights of the others in the value of a straight line through them at the place of a record; none for less than three places.
-fn line_weights(others: &[&&Voice], voice: &Voice) -> Option<Vec<f64>> {
+fn line_weights(others: &[&Voice], voice: &Voice) -> Option<Vec<f64>> {
     let places = others.iter().map(|v| v.position).collect::<Option<Vec<f64>>>()?;
     let (at, count) = (voice.position?, places.len() as f64);
     let mut different = places.clone();
@@ -170,36 +171,34 @@ fn line_weights(others: &[&&Voice], voice: &Voice) -> Option<Vec<f64>> {
     (different.len() >= 3).then(|| places.iter().map(weight).collect())
 }
 
-/// Output `i` of a record as its inputs give it by the responses of the others.
-fn predicted(voices: &[&Voice], voice: &Voice, i: usize, nu: usize, by: Others) -> Option<Vec<C64>> {
-    let lines = voice.frequencies_hz.len();
-    // The middle of three is not that of the odd one, whether it is among them or not.
-    let itself = matches!(by, Others::Middle) && voices.len() > 2;
-    let others =
-        |v: &&&Voice| itself || !std::ptr::eq(**v, voice) && (nu == 1 || v.position != voice.position);
-    let others: Vec<&&Voice> = voices.iter().filter(others).collect();
-    if others.is_empty() {
-        return None;
-    }
-    let weights = match by {
-        Others::Middle => None,
-        Others::Line => Some(line_weights(&others, voice)?),
-    };
-    let at = (0..lines).map(|k| {
-        let through = |j: usize| -> C64 {
-            let own = |v: &&&Voice| match nu {
+/// The records that say something about one: all others, and with several inputs those of other places.
+fn others<'a>(voices: &[&'a Voice], voice: &Voice, nu: usize) -> Vec<&'a Voice> {
+    let other = |v: &&&Voice| !std::ptr::eq(**v, voice) && (nu == 1 || v.position != voice.position);
+    voices.iter().filter(other).copied().collect()
+}
+
+/// What these records together say of the response of output `i`, by line, then by input.
+fn responses(of: &[&Voice], i: usize, nu: usize, together: &dyn Fn(&[C64]) -> C64) -> Vec<C64> {
+    let lines = of.first().map_or(0, |v| v.frequencies_hz.len());
+    let mut out = Vec::with_capacity(lines * nu);
+    for k in 0..lines {
+        for j in 0..nu {
+            let own = |v: &&Voice| match nu {
                 1 => v.outputs[i][k] / v.inputs[0][k],
                 _ => v.response[(k * v.outputs.len() + i) * nu + j],
             };
-            let values: Vec<C64> = others.iter().map(own).collect();
-            match &weights {
-                Some(weights) => values.iter().zip(weights).map(|(v, w)| v * w).sum(),
-                None => middle(&values),
-            }
-        };
-        (0..nu).map(|j| through(j) * voice.inputs[j][k]).sum()
-    });
-    Some(at.collect())
+            out.push(together(&of.iter().map(own).collect::<Vec<_>>()));
+        }
+    }
+    out
+}
+
+/// What the inputs of a record give through a response of one output.
+fn through(voice: &Voice, nu: usize, response: &[C64]) -> Vec<C64> {
+    let lines = response.chunks_exact(nu).enumerate();
+    lines
+        .map(|(k, row)| row.iter().zip(&voice.inputs).map(|(g, u)| g * u[k]).sum())
+        .collect()
 }
 
 /// The input over the reference against that of the others; none without references.
@@ -301,24 +300,26 @@ fn disagreements(voices: &[Voice]) -> Vec<Finding> {
 /// The record whose response differs most from those of the others at one place, by how much of the response, and the noise of it.
 fn worst(here: &[&Voice], i: usize) -> Option<(String, f64, f64)> {
     let response = |v: &Voice, k: usize| v.outputs[i][k] / v.inputs[0][k];
+    let lines = 0..here.first().map_or(0, |v| v.frequencies_hz.len());
+    let sums: Vec<C64> = lines
+        .clone()
+        .map(|k| here.iter().map(|v| response(v, k)).sum())
+        .collect();
+    let weakest = |k: usize| {
+        here.iter()
+            .map(|v| v.outputs[i][k].norm())
+            .fold(f64::INFINITY, f64::min)
+    };
+    let weakest: Vec<f64> = lines.map(weakest).collect();
     let judged = here.iter().filter_map(|voice| {
-        let (mut squares, mut noise, mut lines) = (0.0, 0.0, 0.0);
+        let (mut squares, mut noise, mut lines) = (0.0_f64, 0.0_f64, 0.0_f64);
         for k in 0..voice.frequencies_hz.len() {
-            let others: Vec<C64> = here
-                .iter()
-                .filter(|v| !std::ptr::eq(**v, *voice))
-                .map(|v| response(v, k))
-                .collect();
-            let other = others.iter().sum::<C64>() / others.len() as f64;
             let own = response(voice, k);
+            let other = (sums[k] - own) / (here.len() - 1) as f64;
             let size = 0.5 * (own.norm() + other.norm());
-            let weakest = here
-                .iter()
-                .map(|v| v.outputs[i][k].norm())
-                .fold(f64::INFINITY, f64::min);
             let (a, b) = (
                 ((own - other) / size).norm_sqr(),
-                2.0 * (voice.noise[i][k] / weakest).powi(2),
+                2.0 * (voice.noise[i][k] / weakest[k]).powi(2),
             );
             if a.is_finite() && b.is_finite() && b < 1.0 {
                 squares += a.min(1.0);

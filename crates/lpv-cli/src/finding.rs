@@ -20,7 +20,7 @@ mod wrap;
 
 pub(crate) use compare::Voice;
 pub(crate) use told::{contradictions, lines, serialize, told};
-pub(crate) use watch::{Look, Watch, examine, saturations, voices};
+pub(crate) use watch::{Look, Watch, clocks, examine, saturations, voices};
 
 use serde::{Deserialize, Serialize};
 
@@ -473,6 +473,12 @@ impl Finding {
             | Self::FewGoodLines { .. } => Severity::Note,
             Self::HeldSamples { wrong, .. } if !wrong => Severity::Note,
             Self::PeriodDrifts { grave, .. } if !grave => Severity::Warning,
+            // Less may be a sensor of the log that is not the controller's.
+            Self::ControllerMismatch {
+                percent,
+                factors: None,
+                ..
+            } if *percent < 100.0 => Severity::Warning,
             Self::HeldSamples { .. }
             | Self::CounterWraps { .. }
             | Self::LostSamples { .. }

@@ -159,6 +159,7 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
     let of_experiment = |e| warnings::of_experiment(e, inspection.controller);
     inspection.findings = finding::examine(bundle, looks.iter(), &voices)
         .into_iter()
+        .chain(finding::clocks(bundle, |_| true))
         .chain(inspection.experiments.iter().flat_map(of_experiment))
         .chain(inspection.records.iter().flat_map(warnings::of_record))
         .chain(warnings::of_bundle(&inspection))

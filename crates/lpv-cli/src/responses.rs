@@ -17,6 +17,7 @@ use frf_estimation::{
 };
 use lpv_core::{Discrete, FrfEstimate, Purpose, Record};
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 
 /// Frequency responses at every position of a bundle, in order of position.
 #[derive(Debug)]
@@ -85,6 +86,7 @@ pub fn estimate_bundle(
             clock,
             findings: findings(bundle, &found)
                 .into_iter()
+                .chain(finding::clocks(bundle, |i| fitted(i) && periodic(i)))
                 .chain(figures.flat_map(|e| of_experiment(&e, controller)))
                 .collect(),
             noise: Some(sample_noise(&found)),
@@ -157,7 +159,12 @@ pub(crate) fn look_at(bundle: &Bundle, record: &Record) -> Look {
 /// What records of any kind say, each by itself and their positions together.
 pub(crate) fn examine_records(bundle: &Bundle, records: &[Record]) -> Vec<Finding> {
     let looks: Vec<Look> = records.par_iter().map(|r| look_at(bundle, r)).collect();
-    finding::examine(bundle, looks.iter(), &[])
+    let mut found = finding::examine(bundle, looks.iter(), &[]);
+    let names: BTreeSet<&str> = records.iter().map(|r| r.name.as_str()).collect();
+    found.extend(finding::clocks(bundle, |i| {
+        bundle.record_name(i).is_ok_and(|n| names.contains(n))
+    }));
+    found
 }
 
 /// What periodic records say, each by itself and against each other.

@@ -73,9 +73,19 @@ pub(super) fn trend(inputs: &[Vec<f64>], y: &[f64]) -> Option<f64> {
     let y_means = means(y);
     let middle = 0.5 * (PARTS as f64 - 1.0);
     let mut columns = vec![vec![1.0; PARTS], (0..PARTS).map(|b| b as f64 - middle).collect()];
+    // What an input does to a machine that rests, that runs and that accelerates under it: the last two drift too.
     for u in inputs {
-        let size = crate::signal::deviation(u).max(f64::MIN_POSITIVE);
-        columns.push(means(u).iter().map(|v| v / size).collect());
+        let mut moved = u.clone();
+        for _ in 0..3 {
+            let own = means(&moved);
+            let size = own.iter().map(|v| v.abs()).fold(f64::MIN_POSITIVE, f64::max);
+            columns.push(own.iter().map(|v| v / size).collect());
+            let mut sum = 0.0;
+            moved.iter_mut().for_each(|v| {
+                sum += *v;
+                *v = sum;
+            });
+        }
     }
     let matrix = DMatrix::from_fn(PARTS, columns.len(), |b, j| columns[j][b]);
     let target = DVector::from_vec(y_means);

@@ -11,7 +11,7 @@ const LONGEST: usize = 200;
 const QUANTA: f64 = 8.0;
 const USUAL: f64 = 0.1;
 /// Part of the moving samples that repeat: more than this and than chance on a grid makes, by a factor.
-const SHARE: f64 = 0.02;
+const SHARE: f64 = 0.05;
 const CHANCE: f64 = 5.0;
 
 /// Samples that each new value stands, where a signal in motion repeats its values; a sensor with steps does not count, nor a

@@ -37,11 +37,12 @@ impl Periods {
     pub(super) fn push(&mut self, x: &[f64]) {
         let n = x.len();
         let mean = crate::signal::mean(x);
-        if self.last.len() == n && n > 3 {
+        if self.last.len() == n && n > 4 {
             let level = mean - self.means.last().copied().unwrap_or(mean);
             let mut sums = [0.0; 3];
             for t in 0..n {
-                let slope = 0.5 * (self.last[(t + 1) % n] - self.last[(t + n - 1) % n]);
+                let at = |k: usize| self.last[(t + n + k - 2) % n];
+                let slope = (8.0 * (at(3) - at(1)) - (at(4) - at(0))) / 12.0;
                 let change = x[t] - self.last[t] - level;
                 sums[0] += change * slope;
                 sums[1] += slope * slope;

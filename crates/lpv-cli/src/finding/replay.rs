@@ -52,69 +52,91 @@ fn one(controller: &Controller, i: usize, r: Option<&[f64]>, y: &[f64], u: &[f64
         .iter()
         .map(|v| -v)
         .collect();
-    let by_reference = r.map(|r| filtered(&controller.reference_numerator[i], a, r));
-    let mut columns: Vec<Vec<f64>> = by_reference.into_iter().chain([by_output]).collect();
-    let paths = columns.len();
+    // A reference is a setpoint before the controller, or an excitation behind it.
+    let references: Vec<Vec<f64>> = r.map_or_else(Vec::new, |r| {
+        vec![filtered(&controller.reference_numerator[i], a, r), r.to_vec()]
+    });
     // What the state at the start does: the responses of the denominator to an impulse, delayed.
-    for delay in 0..order {
-        let impulse: Vec<f64> = (0..u.len()).map(|k| f64::from(u8::from(k == delay))).collect();
-        columns.push(filtered(&[1.0], a, &impulse));
-    }
+    let free: Vec<Vec<f64>> = (0..order)
+        .map(|delay| {
+            let impulse: Vec<f64> = (0..u.len()).map(|k| f64::from(u8::from(k == delay))).collect();
+            filtered(&[1.0], a, &impulse)
+        })
+        .collect();
     let limit = controller.limit.map_or(f64::INFINITY, |limit| 0.999 * limit);
     let rows: Vec<usize> = (0..u.len()).filter(|k| u[*k].abs() < limit).collect();
     let size = rows.iter().map(|k| u[*k] * u[*k]).sum::<f64>().sqrt();
-    let largest = columns.iter().flatten().map(|v| v.abs()).fold(0.0, f64::max);
-    let scale = (size / (rows.len() as f64).sqrt()).max(f64::MIN_POSITIVE);
-    if rows.len() < 20 + 4 * columns.len() || size == 0.0 || !largest.is_finite() {
+    let finite = |c: &Vec<f64>| c.iter().all(|v| v.abs() < f64::MAX);
+    if rows.len() < 20 + 4 * (order + 2)
+        || size == 0.0
+        || !references.iter().chain([&by_output]).all(finite)
+        || free.iter().flatten().any(|v| v.is_nan() || v.abs() > GROWS)
+    {
         return None;
     }
-    let free = columns.split_off(paths);
-    if free.iter().flatten().any(|v| v.abs() > GROWS) {
-        return None;
-    }
-    let target = DVector::from_iterator(rows.len(), rows.iter().map(|k| u[*k] / scale));
-    let told = DVector::from_iterator(
-        rows.len(),
-        rows.iter()
-            .map(|k| columns.iter().map(|c| c[*k]).sum::<f64>() / scale),
-    );
-    let left = |columns: &[Vec<f64>], target: DVector<f64>| -> Option<(Vec<f64>, f64)> {
-        if columns.is_empty() {
-            return Some((Vec::new(), target.norm() * scale / size));
-        }
-        let norms: Vec<f64> = columns
-            .iter()
-            .map(|c| {
-                rows.iter()
-                    .map(|k| c[*k] * c[*k])
-                    .sum::<f64>()
-                    .sqrt()
-                    .max(f64::MIN_POSITIVE)
-            })
-            .collect();
-        let matrix = DMatrix::from_fn(rows.len(), columns.len(), |k, j| columns[j][rows[k]] / norms[j]);
-        let solution = (matrix.transpose() * &matrix).svd(true, true);
-        let solution = solution.solve(&(matrix.transpose() * &target), 1e-13).ok()?;
-        let rest = (target - matrix * &solution).norm() * scale / size;
-        let values = solution.iter().zip(&norms).map(|(v, n)| v * scale / n).collect();
-        Some((values, rest))
+    let fit = Fit {
+        rows: &rows,
+        free: &free,
+        size,
     };
-    let (_, as_described) = left(&free, target.clone() - told)?;
+    let inputs = |r: Option<&Vec<f64>>, factors: [f64; 2]| -> Vec<f64> {
+        let through = |k: usize| r.map_or(0.0, |r| factors[0] * r[k]) + factors[1] * by_output[k];
+        (0..u.len()).map(|k| u[k] - through(k)).collect()
+    };
+    let paths: Vec<Option<&Vec<f64>>> = match references.as_slice() {
+        [] => vec![None],
+        some => some.iter().map(Some).collect(),
+    };
+    let as_described = paths
+        .iter()
+        .filter_map(|r| Some(fit.left(&[], &inputs(*r, [1.0; 2]))?.1));
+    let as_described = as_described.min_by(f64::total_cmp)?;
     if as_described.is_nan() || as_described < LEFT {
         return None;
     }
-    columns.extend(free);
-    let (values, rest) = left(&columns, target)?;
-    let factors = match paths {
-        2 => [values[0], values[1]],
-        _ => [f64::NAN, values[0]],
-    };
-    let named = rest < EXPLAINED && BETTER * rest < as_described;
+    let other = paths.iter().filter_map(|r| {
+        let columns: Vec<&Vec<f64>> = r.iter().copied().chain([&by_output]).collect();
+        let (values, left) = fit.left(&columns, u)?;
+        let factors = match values[..] {
+            [reference, output] => [reference, output],
+            _ => [f64::NAN, values[0]],
+        };
+        Some((factors, left))
+    });
+    let (factors, left) = other.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let named = left < EXPLAINED && BETTER * left < as_described;
     Some(Mismatch {
         input: i,
         left: crate::signal::finite(as_described),
         factors: named.then_some(factors),
     })
+}
+
+/// Least squares on the rows that count, any state at the start beside the columns.
+struct Fit<'a> {
+    rows: &'a [usize],
+    free: &'a [Vec<f64>],
+    /// Norm of the inputs.
+    size: f64,
+}
+
+impl Fit<'_> {
+    /// Factors of the columns, and the norm of what is left over that of the inputs.
+    fn left(&self, columns: &[&Vec<f64>], target: &[f64]) -> Option<(Vec<f64>, f64)> {
+        let all: Vec<&Vec<f64>> = columns.iter().copied().chain(self.free).collect();
+        let norm = |c: &[f64]| self.rows.iter().map(|k| c[*k] * c[*k]).sum::<f64>().sqrt();
+        let norms: Vec<f64> = all.iter().map(|c| norm(c).max(f64::MIN_POSITIVE)).collect();
+        let right = DVector::from_iterator(self.rows.len(), self.rows.iter().map(|k| target[*k] / self.size));
+        if all.is_empty() {
+            return Some((Vec::new(), right.norm()));
+        }
+        let matrix = DMatrix::from_fn(self.rows.len(), all.len(), |k, j| all[j][self.rows[k]] / norms[j]);
+        let solution = matrix.tr_mul(&matrix).svd(true, true);
+        let solution = solution.solve(&matrix.tr_mul(&right), 1e-13).ok()?;
+        let left = (right - matrix * &solution).norm();
+        let values = solution.iter().zip(&norms).map(|(v, n)| v * self.size / n);
+        Some((values.take(columns.len()).collect(), left))
+    }
 }
 
 /// `b / a x`, at rest before the first sample.
@@ -169,8 +191,12 @@ mod tests {
             .collect();
         let size = 10f64.powf(random.between(-6.0, -1.0));
         let e = random.noise(samples, size);
-        // The reference enters through the same controller.
+        // The reference enters through the same controller, or behind it, then as small as its commands.
         let through = filtered(&b, &a, &r);
+        let (r, through) = match random.unit() < 0.5 {
+            true => (r, through),
+            false => (through.clone(), through),
+        };
         let [u, y] = plant.in_loop(&[b.clone(), a.clone()], &through, &e);
         assert!(y.iter().all(|v| v.abs() < 100.0), "the loop is stable");
         let from = random.between(0.0, 1000.0) as usize;

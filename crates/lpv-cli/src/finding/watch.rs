@@ -15,6 +15,7 @@ use experiment_data::{Bundle, Controller};
 use frf_estimation::PeriodicEstimate;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Record, RecordKind, Signals};
+use rayon::prelude::*;
 use realfft::RealFftPlanner;
 
 /// Samples of a record that are looked at for patterns within it.
@@ -118,25 +119,14 @@ impl<'a> Watch<'a> {
             }
         }
         for (name, t) in named(&part.auxiliary).filter(|(name, _)| is_clock(name)) {
-            let (record, column) = (record.clone(), name.to_owned());
-            match uneven(t) {
-                Some(Uneven::Lost { samples, behind }) => self.add(Finding::LostSamples {
-                    record,
-                    column,
-                    samples,
-                    row: behind + 1,
-                }),
-                Some(Uneven::Back { times, behind }) => self.add(Finding::DoubleSamples {
-                    record,
-                    column,
-                    times,
-                    row: behind + 1,
-                }),
-                None => {}
+            if let Some(found) = clock_finding(record.clone(), name.to_owned(), t) {
+                self.add(found);
             }
         }
         let moves = |signals: &Signals| signals.columns.iter().any(|c| c.iter().any(|v| *v != c[0]));
-        if let (Some(controller), true) = (self.controller, moves(&part.references)) {
+        // What is wrong with the signals themselves is wrong in the controller's too.
+        let whole = self.findings.is_empty();
+        if let (Some(controller), true, true) = (self.controller, moves(&part.references), whole) {
             for found in mismatches(part, controller) {
                 self.add(Finding::ControllerMismatch {
                     record: record.clone(),
@@ -443,6 +433,56 @@ pub(crate) fn examine<'b>(
         .iter()
         .filter_map(|l| Some((l.record.as_str(), l.scheduling?)));
     found.extend(places(&at.collect::<Vec<_>>()));
-    found.extend(compare(voices, &names));
+    for other in compare(voices, &names) {
+        // The cause goes before what it does to the controller.
+        let follows =
+            |f: &Finding| matches!(f, Finding::ControllerMismatch { record, .. } if record == other.place());
+        found.retain(|f| !follows(f));
+        found.push(other);
+    }
     found
+}
+
+/// Files up to this size are searched for a column of times that the description does not name.
+const SMALL: u64 = 1 << 26;
+
+/// What columns of times say that are in the files and not in the description.
+pub(crate) fn clocks(bundle: &Bundle, wanted: impl Fn(usize) -> bool + Sync) -> Vec<Finding> {
+    let c = &bundle.description().channels;
+    let groups = [&c.output, &c.input, &c.reference, &c.scheduling, &c.auxiliary];
+    let named = |column: &str| groups.iter().any(|g| g.columns.iter().any(|c| c == column));
+    let of = |index: usize| -> Option<Finding> {
+        let path = bundle.record_path(index).ok()?;
+        let kind = path.extension()?.to_str()?.to_lowercase();
+        if !matches!(kind.as_str(), "csv" | "npz") || path.metadata().ok()?.len() > SMALL {
+            return None;
+        }
+        let columns = experiment_data::list_columns(&path).ok()?;
+        let clock = columns
+            .into_iter()
+            .map(|c| c.name)
+            .find(|c| is_clock(c) && !named(c))?;
+        let samples = experiment_data::read_columns(&path, &[clock.as_str()]).ok()?;
+        let record = bundle.record_name(index).ok()?.to_owned();
+        clock_finding(record, clock, samples.first()?)
+    };
+    let indices: Vec<usize> = (0..bundle.len()).filter(|i| wanted(*i)).collect();
+    indices.into_par_iter().filter_map(of).collect()
+}
+
+fn clock_finding(record: String, column: String, t: &[f64]) -> Option<Finding> {
+    Some(match uneven(t)? {
+        Uneven::Lost { samples, behind } => Finding::LostSamples {
+            record,
+            column,
+            samples,
+            row: behind + 1,
+        },
+        Uneven::Back { times, behind } => Finding::DoubleSamples {
+            record,
+            column,
+            times,
+            row: behind + 1,
+        },
+    })
 }

@@ -21,8 +21,9 @@ pub use left::{Characterisation, LeftTest, LeftTests};
 pub(crate) use places::placed;
 pub(crate) use responses::is_traced_on_responses;
 
+use crate::finding;
 use crate::progress::Progress;
-use crate::responses::{load_records, rests};
+use crate::responses::{examine_records, load_records, rests};
 use crate::summary::Summary;
 use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
 use base::Start;
@@ -82,6 +83,7 @@ pub fn diagnose(
     };
     let transient = |i: usize| !description.records[i].is_periodic();
     let records = load_records(bundle, transient, progress)?;
+    let contradictions = finding::contradictions(&examine_records(bundle, &records));
     let mut reasons = Vec::new();
     let (fit_records, judge_records) = split(records, &mut reasons)?;
     let Start {
@@ -136,7 +138,8 @@ pub fn diagnose(
     let diagnosis = Diagnosis {
         axis,
         ..Diagnosis::new(bundle, &found, &judged, reasons)
-    };
+    }
+    .in_view_of(contradictions);
     let moved = [&fit_records, &judge_records].into_iter().flatten();
     let mut positions: Vec<f64> = moved
         .filter_map(|r| r.scheduling.columns.first())
@@ -182,8 +185,10 @@ impl Diagnosed {
     /// # Errors
     /// None for a bundle that could be diagnosed.
     pub fn model_file(&self, bundle: &Bundle, output: &Path) -> Result<ModelFile, PipelineError> {
+        let verdict = std::iter::once(self.diagnosis.verdict_in_words.clone());
+        let reasons = verdict.chain(self.explanation.lines()).collect();
         let outcome = Outcome {
-            summary: Summary::of_axes(&self.model, Vec::new(), self.explanation.lines()),
+            summary: Summary::of_axes(&self.model, Vec::new(), reasons),
             model: self.model.clone(),
             deviation: None,
             explanation: Some(self.explanation.clone()),

@@ -291,8 +291,12 @@ fn run_diagnose(a: &Diagnose) -> Result<Done, PipelineError> {
         (&page, html.as_bytes()),
         (&saved, model.as_bytes()),
     ])?;
-    told(a.json, &found.diagnosis, names(&bundle), || {
+    let said = told(a.json, &found.diagnosis, names(&bundle), || {
         format!("{}\nwritten to {}", found.diagnosis.text(), shown(&a.output))
+    })?;
+    Ok(Done {
+        usable: found.diagnosis.contradictions.is_empty(),
+        ..said
     })
 }
 

@@ -19,8 +19,11 @@ pub struct Diagnosis {
     pub base_model: String,
     /// `explained`, `partly-explained`, `unexplained`, `nothing-missing`.
     pub verdict: String,
-    /// The first line: what was found, and what is left.
+    /// The first line: what was found, and what is left; before it what makes the records worthless, if anything does.
     pub verdict_in_words: String,
+    /// What makes these records worthless: each contradicts another, itself or its description.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub contradictions: Vec<String>,
     /// What was added, in order.
     pub effects: Vec<FoundEffect>,
     /// Deviation of the noise of one sample as it leaves the loop, by output.
@@ -272,6 +275,7 @@ impl Diagnosis {
             base_model: found.model.base.name().to_owned(),
             verdict: found.verdict.name().to_owned(),
             verdict_in_words: in_words(found.verdict.name(), &effects, &before, &after),
+            contradictions: Vec::new(),
             effects,
             noise_floor: noise.into_iter().collect(),
             before,
@@ -303,6 +307,22 @@ impl Diagnosis {
             axis: Vec::new(),
             responses: Vec::new(),
             reasons,
+        }
+    }
+
+    /// The same in view of data that contradict themselves, told in words; unchanged without.
+    pub(super) fn in_view_of(self, contradictions: Vec<String>) -> Self {
+        if contradictions.is_empty() {
+            return self;
+        }
+        Self {
+            verdict_in_words: format!(
+                "do not use: the data contradict themselves: {}; with them: {}",
+                contradictions.join("; "),
+                self.verdict_in_words
+            ),
+            contradictions,
+            ..self
         }
     }
 

@@ -1,6 +1,6 @@
 //! The page of a diagnosis.
 
-use super::{Diagnosed, LeftTests, OutputError};
+use super::{Diagnosed, Diagnosis, LeftTests, OutputError};
 use lpv_report::{Cell, Format, Page, Section, Table, Tone};
 
 /// Gain, dB, that stands for a machine that leaves all bounds.
@@ -12,7 +12,7 @@ impl Diagnosed {
         let d = &self.diagnosis;
         let mut page = Page::new(format!("Diagnosis of {}", d.bundle))
             .subtitle(self.summary())
-            .section(Section::new("Verdict").judgement(tone(&d.verdict), d.verdict_in_words.clone()))
+            .section(Section::new("Verdict").judgement(tone(d), d.verdict_in_words.clone()))
             .fact("verdict", d.verdict.as_str())
             .fact("base model", d.base_model.clone());
         if !d.effects.is_empty() {
@@ -148,8 +148,9 @@ impl Diagnosed {
     }
 }
 
-fn tone(verdict: &str) -> Tone {
-    match verdict {
+fn tone(d: &Diagnosis) -> Tone {
+    match d.verdict.as_str() {
+        _ if !d.contradictions.is_empty() => Tone::Bad,
         "nothing-missing" | "explained" => Tone::Good,
         "partly-explained" => Tone::Caution,
         _ => Tone::Bad,

@@ -228,6 +228,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
             .to_owned(),
         verdict: verdict.to_owned(),
         verdict_in_words: in_words(verdict, &effects, &before, &after),
+        contradictions: Vec::new(),
         effects,
         noise_floor: by_output(bundle, &noise),
         before,

@@ -10,8 +10,9 @@ use super::residual::{CrossCorrelation, Whiteness};
 use super::rigid::AxisCheck;
 use super::simulate::{Frozen, Run};
 use crate::diagnose::{is_traced_on_responses, placed};
+use crate::finding::{self, Finding};
 use crate::progress::{Counter, Progress};
-use crate::responses::load_records;
+use crate::responses::{examine_records, load_records};
 use crate::signal::fit_percent;
 use crate::verdict::{Stability, Verdict};
 use crate::{ModelFile, PipelineError};
@@ -36,6 +37,9 @@ pub struct Validation {
     pub stability: Stability,
     /// Along the transient records.
     pub records: Vec<RecordCheck>,
+    /// What was seen in these records themselves.
+    #[serde(serialize_with = "finding::serialize")]
+    pub findings: Vec<Finding>,
     /// What was not done, and why.
     pub notes: Vec<String>,
 }
@@ -307,8 +311,11 @@ pub(crate) fn validate_knowing(
     let centre = machine.range().map_or_else(Vec::new, |r| r.centre());
     let stability = stability(&machine.at(&centre)?.poles()?, longest.unwrap_or(WITHOUT_RECORDS));
     let closed_loop = description.controller.is_some() || under_feedback(&runs);
+    let findings = examine_records(bundle, &transient);
+    let verdict = Verdict::of(frozen.as_ref(), &records, stability, closed_loop, &notes);
     let validation = Validation {
-        verdict: Verdict::of(frozen.as_ref(), &records, stability, closed_loop, &notes),
+        verdict: verdict.in_view_of(finding::contradictions(&findings)),
+        findings,
         model: crate::convert::describe(&file.model),
         frozen,
         noise,

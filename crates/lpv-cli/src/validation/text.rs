@@ -65,6 +65,9 @@ impl Validation {
             out += &axes(r);
             out += &residuals(r);
         }
+        for line in crate::finding::lines(&self.findings) {
+            let _ = writeln!(out, "{line}");
+        }
         for n in &self.notes {
             let _ = writeln!(out, "note: {n}");
         }

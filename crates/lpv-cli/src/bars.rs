@@ -20,6 +20,9 @@ pub(crate) fn tell(step: &str, done: usize, of: usize) {
     }
     if let Some((_, _, bar)) = current.as_ref() {
         bar.set_position(done as u64);
+        if of == 0 && done > 0 {
+            bar.set_message(format!("{}: {done}", visible(step)));
+        }
     }
 }
 

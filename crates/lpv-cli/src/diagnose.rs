@@ -22,7 +22,7 @@ pub(crate) use places::placed;
 pub(crate) use responses::is_traced_on_responses;
 
 use crate::finding;
-use crate::progress::Progress;
+use crate::progress::{Progress, begin};
 use crate::responses::{examine_records, load_records, rests};
 use crate::summary::Summary;
 use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
@@ -34,6 +34,7 @@ use lpv_report::Figure;
 use noise::{roughness, unrepeated};
 use residual_trace::{Base, Case, Explained, Trace, Track, equivalent_force, sensor_noise, trace};
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A diagnosis with what its page shows.
 #[derive(Debug, Clone)]
@@ -121,7 +122,15 @@ pub fn diagnose(
         }
         (position, left) => sensor_noise(&base, &start, &fitted[0], position, &left)?,
     };
-    progress("competition of effects", 0, 1);
+    let fits = AtomicUsize::new(0);
+    let on_fit = || {
+        progress(
+            "competition of effects, fits",
+            fits.fetch_add(1, Ordering::Relaxed) + 1,
+            0,
+        )
+    };
+    begin(progress, "competition of effects");
     let found = trace(&Case {
         base: &base,
         prior: prior.as_ref(),
@@ -130,8 +139,8 @@ pub fn diagnose(
         noise,
         fitted: &fitted,
         judged: &judged,
+        on_fit: &on_fit,
     })?;
-    progress("competition of effects", 1, 1);
     reasons.extend(doubt::doubts(&found, bundle));
     let mut axis = axis::errors(&found, &start, clock, &fit_records, &fitted)?;
     axis.extend(axis::errors(&found, &start, clock, &judge_records, &judged)?);

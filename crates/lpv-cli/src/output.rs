@@ -7,7 +7,7 @@ mod kind;
 mod spare;
 
 pub use kind::Kind;
-pub use spare::{Unfinished, abandon, place_all};
+pub use spare::{Unfinished, abandon, place_all, yield_to_end};
 
 use crate::PipelineError;
 use experiment_data::Bundle;
@@ -192,7 +192,7 @@ impl Place {
                 return Err(refuse(PlaceProblem::Protected));
             }
         }
-        spare::probe(target, found.is_some()).map_err(|source| place.refused(source))?;
+        spare::probe(target).map_err(|source| place.refused(source))?;
         Ok(place)
     }
 

@@ -8,7 +8,7 @@ use crate::{bars, stop};
 use clap::CommandFactory;
 use experiment_data::{Bundle, RecordFormat};
 use lpv_cli::convert::Target;
-use lpv_cli::output::{Inputs, Kind, Overwrite, Place, write_all};
+use lpv_cli::output::{Inputs, Kind, Overwrite, Place, write_all, yield_to_end};
 use lpv_cli::validation::{Scope, validate};
 use lpv_cli::{
     IdentifyConfig, ModelFile, PipelineError, Structure, convert, diagnose, encode, identify_bundle, inspect,
@@ -34,6 +34,7 @@ pub(crate) fn run(command: Command) -> Result<Done, PipelineError> {
     stop::on_signals();
     stop::after(command.time_limit());
     let done = answer(command);
+    yield_to_end();
     bars::clear();
     done
 }

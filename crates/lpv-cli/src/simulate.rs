@@ -121,7 +121,7 @@ pub fn simulate(
             account.integration_error = account.integration_error.max(simulated.error);
             for mut record in simulated.records {
                 setup.add_second_signal(&mut record);
-                writer.write(&record)?;
+                unfinished.add(|| writer.write(&record))?;
                 account.records += 1;
                 account.samples += record.len();
                 progress(account.records, records);

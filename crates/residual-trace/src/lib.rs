@@ -108,6 +108,7 @@
 //!     noise: [1e-5, 0.0],
 //!     fitted: &fitted,
 //!     judged: &judged,
+//!     on_fit: &|| {},
 //! })?;
 //! assert_eq!(found.added[0].effect.name, "coulomb-friction");
 //! let (level, deviation) = found.added[0].values[0];

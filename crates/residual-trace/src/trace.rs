@@ -39,6 +39,8 @@ pub struct Case<'a> {
     pub fitted: &'a [Track],
     /// Records to judge by.
     pub judged: &'a [Track],
+    /// Hears of every fit of an effect together with the machine, which takes most of the time; how many there are, nobody knows before.
+    pub on_fit: &'a (dyn Fn() + Sync),
 }
 
 /// Lengths of description, in units of the likelihood's logarithm, within which two effects are equals.

@@ -42,6 +42,12 @@ impl Unfinished {
         all.extend(paths.iter().cloned());
         Ok((made, Self(paths)))
     }
+
+    /// Adds to what was begun: [`abandon`] waits for the end of it, and after that nothing is added any more.
+    pub fn add<T>(&self, work: impl FnOnce() -> T) -> T {
+        let _all = locked(&UNFINISHED);
+        work()
+    }
 }
 
 impl Drop for Unfinished {
@@ -92,6 +98,11 @@ pub fn abandon() -> bool {
     true
 }
 
+/// Waits for ever if the process is about to end by [`abandon`], whose last word is the only one.
+pub fn yield_to_end() {
+    drop(locked(&PLACING));
+}
+
 fn is_spare(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     name.starts_with(PREFIX) && name.ends_with(SUFFIX)
@@ -105,12 +116,12 @@ fn folder_of(target: &Path) -> &Path {
 }
 
 /// Tries to write there, and leaves everything as it was.
-pub(super) fn probe(target: &Path, exists: bool) -> io::Result<()> {
+pub(super) fn probe(target: &Path) -> io::Result<()> {
     /// Another process may remove a folder that it made on the way to the same place.
     const TRIES: usize = 3;
     let mut result = Ok(());
     for _ in 0..TRIES {
-        result = probe_once(target, exists);
+        result = probe_once(target);
         if !matches!(&result, Err(e) if e.kind() == ErrorKind::NotFound) {
             break;
         }
@@ -118,12 +129,14 @@ pub(super) fn probe(target: &Path, exists: bool) -> io::Result<()> {
     result
 }
 
-fn probe_once(target: &Path, exists: bool) -> io::Result<()> {
+fn probe_once(target: &Path) -> io::Result<()> {
     let mut made = Vec::new();
     let tried = make_folders(folder_of(target), &mut made).and_then(|()| {
-        // The name itself tells whether it is too long; a file that exists has a good one.
-        if !exists {
-            File::create_new(target).and_then(|_| fs::remove_file(target))?;
+        // A name that is too long is refused by a look already; nothing is made there, since somebody else may write it now.
+        if let Err(e) = fs::symlink_metadata(target)
+            && e.kind() != ErrorKind::NotFound
+        {
+            return Err(e);
         }
         tempfile::Builder::new()
             .prefix(PREFIX)

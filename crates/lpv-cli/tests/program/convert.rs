@@ -138,7 +138,7 @@ fn a_model_is_not_written_over_itself() {
     ] {
         let message = desk.refused(&format!("convert {line}"));
         assert!(
-            message.contains("over itself") && message.contains("--output"),
+            message.contains("never replaced") && message.contains("--output"),
             "{message}"
         );
     }

@@ -122,6 +122,7 @@ impl<'a> Bench<'a> {
             .iter()
             .filter_map(|start| {
                 let fit = self.problem().fit(start, FIRST, Some(now)).ok()?;
+                (self.case.on_fit)();
                 Some((start.effects.last()?.0, fit))
             })
             .collect();
@@ -130,6 +131,7 @@ impl<'a> Bench<'a> {
         let near = best + BEHIND * (now.objective - best).max(0.0) + 30.0;
         for (_, fit) in all.iter_mut().take(LEADERS).filter(|(_, f)| f.objective <= near) {
             let better = self.problem().fit(&fit.model, ITERATIONS, Some(&*fit));
+            (self.case.on_fit)();
             if let Ok(better) = better {
                 *fit = better;
             }

@@ -240,7 +240,6 @@ impl MachineFile {
         let wanted = match field {
             "fraction of the stroke" => "stroke-fraction".to_owned(),
             "moves" => "moves.estimation".to_owned(),
-            "multisine.periods times multisine.period" => "multisine.period".to_owned(),
             field => field.replace('_', "-"),
         };
         let mut all = Vec::new();
@@ -303,13 +302,15 @@ impl MachineFile {
                 problem: "give 2 or more periods",
             });
         }
-        let samples = samples.saturating_mul(self.multisine.periods);
-        within(
-            "multisine.periods times multisine.period",
-            samples,
-            MOST_SAMPLES,
-            "give at most 4,194,304 samples a record, which is half a gibibyte of memory a position",
-        )?;
+        // The plant refuses a period of less than two samples.
+        if samples.saturating_mul(self.multisine.periods) > MOST_SAMPLES {
+            return Err(PlantError::Setting {
+                field: "multisine.periods",
+                value: self.multisine.periods as f64,
+                problem: "with `period` these are more than 4,194,304 samples a record, which are half a gibibyte of memory a \
+                          position; give fewer periods or shorter ones",
+            });
+        }
         let least = usize::from(moves > 0);
         within(
             "setpoints.samples",

@@ -108,7 +108,7 @@ fn a_simulation_that_does_not_fit_is_refused_before_anything_is_written() {
     );
     let text = refused(&desk, "simulate --machine long.toml -o out");
     assert!(
-        text.contains("multisine.periods times multisine.period") && text.contains("4,194,304"),
+        text.contains("long.toml:6:1: [multisine] periods = 100000") && text.contains("4,194,304"),
         "{text}"
     );
     desk.write(
@@ -117,7 +117,7 @@ fn a_simulation_that_does_not_fit_is_refused_before_anything_is_written() {
     );
     let text = refused(&desk, "simulate --machine moves.toml -o out");
     assert!(
-        text.contains("setpoints.samples") && text.contains("2,097,152"),
+        text.contains("moves.toml:11:1: [setpoints] samples = 2097153") && text.contains("2,097,152"),
         "{text}"
     );
     assert!(!desk.path("out").exists());

@@ -1,11 +1,10 @@
 //! One period into the accumulator, and the estimate from its sums.
-#![allow(missing_docs)] // The entry points that the harness generates have no documentation.
-#![allow(clippy::unwrap_used)] // An input that cannot be made ends the bench.
 
-use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{BatchSize, Criterion, Throughput};
 use frf_estimation::PeriodicAccumulator;
 use lpv_benches::{Bench, accumulator};
 use lpv_core::PeriodBlock;
+use std::cell::LazyCell;
 use xytable_plant::{Experiment, ExperimentSettings, MultisineSettings, PlantError};
 
 const PERIOD: usize = 1 << 15;
@@ -59,9 +58,9 @@ fn push(accumulator: &mut PeriodicAccumulator, signals: &Period, period: usize) 
     accumulator.push(&block).unwrap();
 }
 
-fn frf(c: &mut Criterion) {
+pub(crate) fn frf(c: &mut Criterion) {
     let bench = Bench::new().unwrap();
-    let periods = periods(&bench);
+    let periods = LazyCell::new(|| periods(&bench));
     let mut group = c.benchmark_group("FRF, period 32768, two inputs and outputs");
     group.throughput(Throughput::Elements(PERIOD as u64));
     let mut filling = accumulator(PERIOD, 2, Some(0.2)).unwrap();
@@ -75,7 +74,7 @@ fn frf(c: &mut Criterion) {
     group.bench_function("finish", |b| {
         let filled = || {
             let mut full = accumulator(PERIOD, 2, Some(0.2)).unwrap();
-            for signals in &periods {
+            for signals in &*periods {
                 push(&mut full, signals, signals.index);
             }
             full
@@ -84,10 +83,3 @@ fn frf(c: &mut Criterion) {
     });
     group.finish();
 }
-
-criterion_group! {
-    name = benches;
-    config = lpv_benches::short();
-    targets = frf
-}
-criterion_main!(benches);

@@ -1,17 +1,16 @@
 //! The regression of (13), the interpolations and leave-one-out.
-#![allow(missing_docs)] // The entry points that the harness generates have no documentation.
-#![allow(clippy::unwrap_used)] // An input that cannot be made ends the bench.
 
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{BenchmarkId, Criterion, Throughput};
 use lpv_benches::Bench;
 use lpv_ident::{Interpolation, RegressionSettings, regress};
 use rayon::ThreadPoolBuilder;
 use std::hint::black_box;
+use std::sync::LazyLock;
 
 const FUNCTIONS: usize = 16;
 const POSITIONS: usize = 21;
 
-fn regression(c: &mut Criterion) {
+pub(crate) fn regression(c: &mut Criterion) {
     let bench = Bench::new().unwrap();
     let basis = bench.basis(FUNCTIONS).unwrap();
     let settings = RegressionSettings::new().diagonal_rigid_body(2).check().unwrap();
@@ -34,7 +33,8 @@ fn regression(c: &mut Criterion) {
     group.bench_function("31 lines: elimination and back-substitution", |b| {
         pool(1).install(|| b.iter(|| regress(black_box(&few), &basis, &settings).unwrap()));
     });
-    let estimates = bench.estimates(POSITIONS, (1 << 14) - 1).unwrap();
+    // Made when it is measured: a list of the benches takes no time.
+    let estimates = LazyLock::new(|| bench.estimates(POSITIONS, (1 << 14) - 1).unwrap());
     for threads in [1, 2] {
         group.bench_function(BenchmarkId::new("16383 lines, threads", threads), |b| {
             pool(threads).install(|| b.iter(|| regress(black_box(&estimates), &basis, &settings).unwrap()));
@@ -63,10 +63,3 @@ fn regression(c: &mut Criterion) {
         b.iter(|| fits.leave_one_out(black_box(&candidates)).unwrap())
     });
 }
-
-criterion_group! {
-    name = benches;
-    config = lpv_benches::short();
-    targets = regression
-}
-criterion_main!(benches);

@@ -1,8 +1,6 @@
 //! Frequency responses and simulations.
-#![allow(missing_docs)] // The entry points that the harness generates have no documentation.
-#![allow(clippy::unwrap_used)] // An input that cannot be made ends the bench.
 
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{BenchmarkId, Criterion, Throughput};
 use lpv_benches::Bench;
 use lpv_core::Purpose;
 use std::hint::black_box;
@@ -11,7 +9,7 @@ use xytable_plant::{
     PlantError, Profile, Setpoint, Setpoints,
 };
 
-fn frequency_response(c: &mut Criterion) {
+pub(crate) fn frequency_response(c: &mut Criterion) {
     let bench = Bench::new().unwrap();
     let lines = bench.lines_hz(2000);
     let mut group = c.benchmark_group("frequency response, 2000 lines");
@@ -25,7 +23,7 @@ fn frequency_response(c: &mut Criterion) {
     group.finish();
 }
 
-fn simulation(c: &mut Criterion) {
+pub(crate) fn simulation(c: &mut Criterion) {
     let bench = Bench::new().unwrap();
     let multisine = MultisineSettings {
         crest_iterations: 2,
@@ -80,10 +78,3 @@ fn simulation(c: &mut Criterion) {
     });
     group.finish();
 }
-
-criterion_group! {
-    name = benches;
-    config = lpv_benches::short();
-    targets = frequency_response, simulation
-}
-criterion_main!(benches);

@@ -16,6 +16,7 @@ mod size;
 mod small;
 mod small_page;
 mod time;
+mod trust;
 
 use clap::{Parser, Subcommand};
 use std::path::PathBuf;
@@ -46,6 +47,9 @@ enum Task {
     /// Hide every effect of the catalogue in the default machine, and write docs/effects.md with a picture of each.
     #[command(after_help = "Example:\n  cargo xtask effects")]
     Effects(Effects),
+    /// Make inputs of every kind that has misled the program, hold what it says against the truth, and write docs/trust.md.
+    #[command(after_help = "Example:\n  cargo xtask trust --quick")]
+    Trust(trust::Options),
     /// Count the instructions of the hot kernels under valgrind.
     #[command(after_help = "Example:\n  cargo xtask bench --check")]
     Bench(Bench),
@@ -184,6 +188,7 @@ fn main() -> ExitCode {
         Task::Measured(options) => run_measured(&options).map(|()| true),
         Task::Small(options) => run_small(&options).map(|()| true),
         Task::Blind(options) => run_blind(&options),
+        Task::Trust(options) => trust::run(&options),
         Task::Bench(options) => run_instructions(&options),
         Task::Effects(options) => {
             let folder = if options.bless {

@@ -349,7 +349,7 @@ pub enum Finding {
     },
     /// An output that drifts.
     #[error(
-        "{record}, column `{column}`: the level drifts by {rise:.3e} over the record, whatever the inputs do; take the straight line out of the column, or the model explains it by a slow mode"
+        "{record}, column `{column}`: the level moves by {rise:.3e} over the record in a straight line, whatever the inputs do; if that is the sensor and no axis that runs free, take the line out of the column, or the model explains it by a slow mode"
     )]
     Trend {
         /// The record.
@@ -470,6 +470,7 @@ impl Finding {
             | Self::NoController
             | Self::CrestFactor { .. }
             | Self::ReferenceIsInput { .. }
+            | Self::Trend { .. }
             | Self::FewGoodLines { .. } => Severity::Note,
             Self::HeldSamples { wrong, .. } if !wrong => Severity::Note,
             Self::PeriodDrifts { grave, .. } if !grave => Severity::Warning,

@@ -277,8 +277,13 @@ fn identify_axis(
         let of_speed = |m: &Motion| Ok(vec![reduced(&m.velocity)?, reduced(&m.position)?]);
         let speed = on_others(segments, axis, &motion, &of_speed, &rows.force)?;
         let certain = |s: &Solution| s.theta[0] > SIGN_CERTAIN * s.deviations[0];
+        let better = if moves_as_told {
+            SPEED_BETTER
+        } else {
+            SPEED_AS_GOOD
+        };
         if let Some(speed) = speed.filter(certain)
-            && speed.relative_error_percent < SPEED_BETTER * left
+            && speed.relative_error_percent < better * left
         {
             return Err(LtiIdentError::SpeedOutput {
                 input,
@@ -296,7 +301,9 @@ fn identify_axis(
         };
         let spring = on_others(segments, axis, &motion, &with_spring, &rows.force)?;
         let certain = |theta: f64, deviation: f64| theta < -SIGN_CERTAIN * deviation;
+        // Friction turns its sign with the inertia; where it does not, something else is wrong.
         let opposite = certain(inertia, deviations[0])
+            && viscous < deviations[1]
             && left < 100.0
             && spring.is_some_and(|s| certain(s.theta[0], s.deviations[0]));
         let deviation = deviations[0];
@@ -345,6 +352,8 @@ const SIGN_CERTAIN: f64 = 4.0;
 /// Force error in percent from which an output is tried as a speed, and what that must leave of it.
 const SPEED_DOUBTED: f64 = 70.0;
 const SPEED_BETTER: f64 = 0.6;
+/// The same where the inertia is not above zero.
+const SPEED_AS_GOOD: f64 = 0.95;
 
 /// The part of the power, percent, where this much of the amplitude is left, percent.
 fn explained(left: f64) -> f64 {

@@ -10,8 +10,9 @@ const ORDER: usize = 4;
 const INPUTS: usize = 3;
 /// Rows of the fit.
 const ROWS: usize = 4000;
-/// What the right dead time must leave of the error without one.
-const BETTER: f64 = 0.5;
+/// Part of what the past outputs leave that the late inputs must explain, and the part of that that early ones may.
+const EXPLAINED: f64 = 0.03;
+const EARLY: f64 = 0.1;
 
 /// Samples by which the output follows the input late, where a law with this dead time foretells the output much better.
 pub(super) fn dead_time(u: &[f64], y: &[f64]) -> Option<usize> {
@@ -49,7 +50,9 @@ pub(super) fn dead_time(u: &[f64], y: &[f64]) -> Option<usize> {
     let first = (SHORTEST..=delay)
         .find(|d| left(*d).is_some_and(|l| l < 1.02 * best))
         .unwrap_or(delay);
-    (best < BETTER * early).then_some(first)
+    let explained = |left: f64| 1.0 - (left / own.norm()).powi(2);
+    let late = explained(best);
+    (late > EXPLAINED && explained(early) < EARLY * late).then_some(first)
 }
 
 /// Parts of a record whose means tell a drift.
@@ -116,14 +119,14 @@ mod tests {
         let size = random.decades(3.0);
         let u = random.noise(samples, size);
         let mut y = plant.open(&u);
-        let noise = crate::signal::deviation(&y) * 10f64.powf(random.between(-6.0, -4.0));
+        let noise = crate::signal::deviation(&y) * 10f64.powf(random.between(-6.0, -2.5));
         y.iter_mut().for_each(|y| *y += noise * random.normal());
         [u, y]
     }
 
     #[test]
     fn dead_times_and_drifts_are_told_and_machines_without_are_not() {
-        let mut alarms = 0;
+        let (mut alarms, mut drifts) = (0, 0);
         for seed in 0..60 {
             let mut random = Random::new(seed);
             let [u, y] = machine(&mut random, 3000);
@@ -139,9 +142,13 @@ mod tests {
                 .enumerate()
                 .map(|(k, y)| y + rise * k as f64 / 3000.0)
                 .collect();
-            let told = trend(&[u], &drifting).unwrap_or(0.0);
-            assert!((told / rise - 1.0).abs() < 0.1, "{seed}: {told} for {rise}");
+            // What the inputs may have moved is left open, and makes the rise less certain.
+            if let Some(told) = trend(&[u], &drifting) {
+                assert!((told / rise - 1.0).abs() < 0.3, "{seed}: {told} for {rise}");
+                drifts += 1;
+            }
         }
+        assert!(drifts >= 50, "{drifts} of 60");
         assert!(alarms <= 1, "{alarms} of 60");
     }
 }

@@ -83,7 +83,7 @@ pub enum LtiIdentError {
     },
     /// Least squares gave an inertia that no mass has.
     #[error(
-        "input `{input}` and output `{output}`: inertia {inertia:e} (standard deviation {deviation:.1e}) is not above zero; the axis does not accelerate enough, or this input does not drive this output"
+        "input `{input}` and output `{output}`: inertia {inertia:e} (standard deviation {deviation:.1e}) is not above zero; the axis does not accelerate enough, this input does not drive this output, or the output is a speed: a rigid-body axis needs its position"
     )]
     Inertia {
         /// The input.

@@ -1,44 +1,58 @@
 //! From continuous to discrete time and back: exact zero-order hold; and Tustin.
 
-use crate::linalg::from_blocks;
+use crate::linalg::{balanced, from_blocks};
 use crate::{Continuous, CoreError, Discrete, StateSpace};
 use nalgebra::DMatrix;
 
-/// Beyond this norm of `[A B; 0 0] T` the exponential has lost its digits to the squarings.
+/// Beyond this norm of the balanced `A T` the exponential has lost its digits to the squarings.
 const LARGEST_EXPONENT: f64 = 1e6;
 
 impl StateSpace<Continuous> {
-    /// The sampled system when the input is held between samples; exact, by one matrix exponential.
+    /// The sampled system when the input is held between samples; exact, by one matrix exponential. Units of inputs, outputs and
+    /// states do not matter: inputs and states are scaled by powers of two, which rounds nothing.
     ///
     /// # Errors
-    /// [`CoreError::TooStiff`] if the matrices times the sample time exceed 1e6; [`CoreError::NotFinite`] if the
+    /// [`CoreError::TooStiff`] if the balanced A times the sample time exceeds 1e6; [`CoreError::NotFinite`] if the
     /// exponential overflows (an unstable pole much faster than the clock).
     pub fn zero_order_hold(&self, clock: Discrete) -> Result<StateSpace<Discrete>, CoreError> {
         let (n, m) = (self.states(), self.inputs());
         let t = clock.sample_time();
-        let generator = from_blocks(&[
-            &[&(self.a() * t), &(self.b() * t)],
-            &[&DMatrix::zeros(m, n), &DMatrix::zeros(m, m)],
-        ])?;
-        let norm = generator.norm();
+        let mut a = self.a() * t;
+        let states = balanced(&mut a);
+        let norm = a.norm();
         if norm > LARGEST_EXPONENT {
             return Err(CoreError::TooStiff {
                 norm,
                 largest: LARGEST_EXPONENT,
             });
         }
+        let mut b = self.b() * t;
+        scale_rows(&mut b, &states, f64::recip);
+        // Each input in a unit in which its column is no larger than A, or 1: B must not set the squarings.
+        let inputs: Vec<f64> = b
+            .column_iter()
+            .map(|c| power_of_two(c.norm() / norm.max(1.0)))
+            .collect();
+        for (mut column, unit) in b.column_iter_mut().zip(&inputs) {
+            column /= *unit;
+        }
+        let generator = from_blocks(&[&[&a, &b], &[&DMatrix::zeros(m, n), &DMatrix::zeros(m, m)]])?;
         let e = if generator.is_empty() {
             generator
         } else {
             generator.exp()
         };
-        StateSpace::new(
-            e.view((0, 0), (n, n)).into_owned(),
-            e.view((0, n), (n, m)).into_owned(),
-            self.c().clone(),
-            self.d().clone(),
-            clock,
-        )
+        let mut a = e.view((0, 0), (n, n)).into_owned();
+        let mut b = e.view((0, n), (n, m)).into_owned();
+        scale_rows(&mut a, &states, |s| s);
+        scale_rows(&mut b, &states, |s| s);
+        for (mut column, unit) in a.column_iter_mut().zip(&states) {
+            column /= *unit;
+        }
+        for (mut column, unit) in b.column_iter_mut().zip(&inputs) {
+            column *= *unit;
+        }
+        StateSpace::new(a, b, self.c().clone(), self.d().clone(), clock)
     }
 
     /// The bilinear map `s = (2 / T) (z - 1) / (z + 1)`.
@@ -58,6 +72,21 @@ impl StateSpace<Continuous> {
         let c = self.c() * &inverse;
         let d = self.d() + self.c() * &b * 0.5;
         StateSpace::new(a, b, c, d, clock)
+    }
+}
+
+fn scale_rows(m: &mut DMatrix<f64>, units: &[f64], factor: impl Fn(f64) -> f64) {
+    for (mut row, unit) in m.row_iter_mut().zip(units) {
+        row *= factor(*unit);
+    }
+}
+
+/// The power of two next below a size; 1 for zero.
+fn power_of_two(size: f64) -> f64 {
+    if size.is_normal() {
+        size.log2().floor().clamp(-1000.0, 1000.0).exp2()
+    } else {
+        1.0
     }
 }
 
@@ -143,7 +172,7 @@ fn root(x: DMatrix<f64>) -> Option<DMatrix<f64>> {
 #[cfg(test)]
 mod tests {
     use crate::{Continuous, CoreError, Discrete, StateSpace};
-    use nalgebra::dmatrix;
+    use nalgebra::{DMatrix, DVector, dmatrix, dvector};
 
     #[test]
     fn what_is_sampled_comes_back() -> Result<(), CoreError> {
@@ -160,6 +189,41 @@ mod tests {
             .undo_zero_order_hold()?;
         assert!((back.a() - plant.a()).amax() < 1e-9, "{}", back.a());
         assert!((back.b() - plant.b()).amax() < 1e-9, "{}", back.b());
+        Ok(())
+    }
+
+    /// A double integrator and a mode in any units of time, input and states: the same samples.
+    #[test]
+    fn units_do_not_matter_to_what_is_sampled() -> Result<(), CoreError> {
+        let random = |k: usize| 24.0 * (((k * 7919 + 13) % 101) as f64 / 100.0 - 0.5);
+        let a = dmatrix![0.0, 1.0, 0.0, 0.0; 0.0, 0.0, 0.0, 0.0; 0.0, 0.0, 0.0, 1.0; 0.0, 0.0, -39.0, -0.2];
+        let b = dmatrix![0.0, 0.0; 2.0, 0.5; 0.0, 0.0; 1.0, -3.0];
+        let c = dmatrix![1.0, 0.0, 1.0, 0.0];
+        let d = DMatrix::zeros(1, 2);
+        let plain = StateSpace::new(a.clone(), b.clone(), c.clone(), d.clone(), Continuous)?;
+        let plain = plain.zero_order_hold(Discrete::new(0.2)?)?;
+        for trial in 0..40 {
+            let power = |k: usize| 10f64.powf(random(8 * trial + k));
+            let time = power(0);
+            let states = DMatrix::from_diagonal(&DVector::from_fn(4, |i, _| power(1 + i)));
+            let back = DMatrix::from_diagonal(&states.diagonal().map(f64::recip));
+            let inputs = DMatrix::from_diagonal(&dvector![power(5), power(6)]);
+            let scaled = StateSpace::new(
+                &states * (&a / time) * &back,
+                &states * (&b / time) * &inputs,
+                &c * &back,
+                &d * &inputs,
+                Continuous,
+            )?;
+            let scaled = scaled.zero_order_hold(Discrete::new(0.2 * time)?)?;
+            for k in 0..6 {
+                let markov = |m: &StateSpace<Discrete>| m.c() * m.a().pow(k) * m.b();
+                let (expected, found) = (markov(&plain) * &inputs, markov(&scaled));
+                for (e, f) in expected.iter().zip(&found) {
+                    assert!((e - f).abs() < 1e-11 * e.abs(), "trial {trial}, {k}: {e} {f}");
+                }
+            }
+        }
         Ok(())
     }
 

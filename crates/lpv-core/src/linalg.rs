@@ -1,9 +1,11 @@
 //! The few matrix routines that the models need: Schur form, eigenvalues with balancing, Gramians, finite checks.
 
+mod balance;
 mod order;
 mod schur;
 
 use crate::CoreError;
+pub use balance::balanced;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
 pub(crate) use order::Order;

@@ -8,6 +8,7 @@ use crate::checks::{self, Expectation, PeriodicCheck};
 use crate::description::{ChannelGroup, Description};
 use crate::description_check::fault;
 use crate::key_path::KeyPath;
+use crate::rest::{RestingPlace, Travel};
 use crate::{DataError, DescriptionError, RecordError, RecordPlace, columns, paths, toml_file};
 use lpv_core::{Discrete, Record, RecordKind, Signals};
 use std::collections::hash_map::Entry;
@@ -25,8 +26,8 @@ pub struct Bundle {
     text: String,
     description: Description,
     names: Vec<String>,
-    /// Largest |p| of the bundle; computed only when a record is in doubt.
-    scheduling_scale: OnceLock<f64>,
+    /// Range of each scheduling column over the bundle; computed only when a record is in doubt.
+    scheduling_ranges: OnceLock<Vec<f64>>,
 }
 
 impl Bundle {
@@ -65,7 +66,7 @@ impl Bundle {
             file,
             text,
             description,
-            scheduling_scale: OnceLock::new(),
+            scheduling_ranges: OnceLock::new(),
         };
         bundle.check_files()?;
         Ok(bundle)
@@ -166,7 +167,7 @@ impl Bundle {
     fn expectation<'a>(&'a self, entry: &'a crate::RecordEntry) -> Expectation<'a> {
         Expectation {
             declared_position: entry.position,
-            scheduling_scale: Box::new(|| self.scale_of_scheduling()),
+            scheduling_range: Box::new(|column| self.scheduling_range(column)),
         }
     }
 
@@ -179,31 +180,47 @@ impl Bundle {
         Ok(&self.names[index])
     }
 
-    /// The position that [`Bundle::load`] gives a record, from its scheduling alone.
+    /// The position that [`Bundle::load`] gives a record, from its scheduling alone, with its resolution.
     ///
     /// # Errors
     /// As [`Bundle::load`].
-    pub fn position(&self, index: usize) -> Result<Option<f64>, DataError> {
+    pub fn place(&self, index: usize) -> Result<Option<RestingPlace>, DataError> {
         let entry = self.entry(index)?;
+        if let Some(declared) = entry.position {
+            return Ok(Some(RestingPlace::declared(declared)));
+        }
+        let scheduling = self.description.channels.scheduling.len();
+        if scheduling != 1 || !entry.is_periodic() {
+            return Ok(None);
+        }
+        let travels = self.travels(index)?;
+        match travels.first() {
+            Some(travel) if travel.mean().is_finite() => Ok(Some(RestingPlace::measured(travel))),
+            // What is wrong with it, the record tells best.
+            _ => Ok(self.each_period(index, |_| ())?.map(RestingPlace::declared)),
+        }
+    }
+
+    /// Where each scheduling signal of a record has been.
+    ///
+    /// # Errors
+    /// As [`Bundle::load`].
+    pub fn travels(&self, index: usize) -> Result<Vec<Travel>, DataError> {
+        self.entry(index)?;
         let group = &self.description.channels.scheduling;
-        let told = match (entry.position, entry.record_kind(), group.columns.as_slice()) {
-            (Some(declared), ..) => return Ok(Some(declared)),
-            (None, RecordKind::Periodic { .. }, [column]) => column,
-            _ => return Ok(None),
-        };
-        let scale = group.scale.first().copied().unwrap_or(1.0);
-        let mut travel = checks::Travel::default();
-        let read = columns::each_block(&self.record_path(index)?, &[told.as_str()], BLOCK, &mut |block| {
-            for column in block {
+        let names: Vec<&str> = group.columns.iter().map(String::as_str).collect();
+        let mut travels = vec![Travel::default(); names.len()];
+        let read = columns::each_block(&self.record_path(index)?, &names, BLOCK, &mut |block| {
+            for (k, (travel, column)) in travels.iter_mut().zip(block).enumerate() {
+                let scale = group.scale.get(k).copied().unwrap_or(1.0);
                 travel.push(&column.iter().map(|v| scale * v).collect::<Vec<_>>());
             }
         });
-        let mean = travel.mean();
-        match read {
-            Ok(()) if mean.is_finite() => Ok(Some(mean)),
+        if read.is_err() {
             // What is wrong with it, the record tells best.
-            _ => self.each_period(index, |_| ()),
+            self.each_period(index, |_| ())?;
         }
+        Ok(travels)
     }
 
     /// All records in order, one in memory at a time.
@@ -327,30 +344,45 @@ impl Bundle {
         }
     }
 
-    /// Largest |p| over all records that can be read; the others report themselves when they are loaded.
-    fn scale_of_scheduling(&self) -> f64 {
-        *self.scheduling_scale.get_or_init(|| {
+    /// Largest minus smallest value of a scheduling column over all records that can be read, or of the declared positions, if those
+    /// differ by more; the others report themselves when they are loaded. Reads that column of every record, once.
+    pub fn scheduling_range(&self, column: usize) -> f64 {
+        let ranges = self.scheduling_ranges.get_or_init(|| {
             let group = &self.description.channels.scheduling;
             let names: Vec<&str> = group.columns.iter().map(String::as_str).collect();
-            let mut largest = 0.0f64;
-            for index in 0..self.len() {
+            let mut all = vec![(f64::INFINITY, f64::NEG_INFINITY); names.len()];
+            let take = |range: &mut (f64, f64), v: f64| {
+                if v.is_finite() {
+                    *range = (range.0.min(v), range.1.max(v));
+                }
+            };
+            let mut declared = (f64::INFINITY, f64::NEG_INFINITY);
+            for (index, entry) in self.description.records.iter().enumerate() {
+                entry.position.into_iter().for_each(|p| take(&mut declared, p));
                 let Ok(path) = self.record_path(index) else {
                     continue;
                 };
-                let mut own = 0.0f64;
+                let mut own = all.clone();
                 let read = columns::each_block(&path, &names, BLOCK, &mut |block| {
-                    for (k, column) in block.iter().enumerate() {
+                    for (k, (range, column)) in own.iter_mut().zip(&block).enumerate() {
                         let scale = group.scale.get(k).copied().unwrap_or(1.0);
-                        let sizes = column.iter().map(|v| (v * scale).abs());
-                        own = sizes.filter(|v| v.is_finite()).fold(own, f64::max);
+                        column.iter().for_each(|v| take(range, v * scale));
                     }
                 });
                 if read.is_ok() {
-                    largest = largest.max(own);
+                    all = own;
                 }
             }
-            largest
-        })
+            let said = if names.len() == 1 {
+                declared.1 - declared.0
+            } else {
+                0.0
+            };
+            all.into_iter()
+                .map(|(low, high)| (high - low).max(said).max(0.0))
+                .collect()
+        });
+        ranges.get(column).copied().unwrap_or(0.0)
     }
 }
 

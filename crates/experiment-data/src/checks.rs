@@ -2,14 +2,15 @@
 
 use crate::RecordError;
 use crate::clipping::{self, Clipped, Ends};
+use crate::rest::{REST, SCALE, Travel};
 use lpv_core::{Record, RecordKind, Signals};
 
 /// What the checks need to know beside the record.
 pub(crate) struct Expectation<'a> {
     /// `position` of the description.
     pub(crate) declared_position: Option<f64>,
-    /// Largest |p| of the bundle; asked only in doubt, because it may read other records.
-    pub(crate) scheduling_scale: Box<dyn Fn() -> f64 + 'a>,
+    /// Range of a scheduling column over the bundle, by its index; asked only in doubt, because it may read other records.
+    pub(crate) scheduling_range: Box<dyn Fn(usize) -> f64 + 'a>,
 }
 
 /// Checks every clause; gives the position, declared or, for a periodic record with one scheduling signal, measured.
@@ -128,7 +129,7 @@ impl PeriodicCheck {
         let mut means = Vec::new();
         for column in &self.columns {
             if let What::Scheduling(travel) = &column.what {
-                means.push(constant_scheduling(&column.name, travel, expected)?);
+                means.push(constant_scheduling(&column.name, means.len(), travel, expected)?);
             }
         }
         for column in &self.columns {
@@ -269,87 +270,36 @@ fn periods(samples: usize, period: usize) -> Result<(), RecordError> {
     }
 }
 
-/// Where a scheduling signal has been.
-#[derive(Debug, Clone)]
-pub(crate) struct Travel {
-    samples: usize,
-    first: f64,
-    last: f64,
-    from: f64,
-    to: f64,
-    /// Sums of the distances from the first sample, of their squares, and of those of successive differences.
-    sum: f64,
-    squares: f64,
-    steps: f64,
-}
-
-impl Default for Travel {
-    fn default() -> Self {
-        Self {
-            samples: 0,
-            first: f64::NAN,
-            last: f64::NAN,
-            from: f64::INFINITY,
-            to: f64::NEG_INFINITY,
-            sum: 0.0,
-            squares: 0.0,
-            steps: 0.0,
-        }
-    }
-}
-
-impl Travel {
-    pub(crate) fn push(&mut self, p: &[f64]) {
-        for &v in p {
-            if self.samples == 0 {
-                (self.first, self.last) = (v, v);
-            }
-            self.samples += 1;
-            (self.from, self.to) = (self.from.min(v), self.to.max(v));
-            let away = v - self.first;
-            self.sum += away;
-            self.squares += away * away;
-            self.steps += (v - self.last).powi(2);
-            self.last = v;
-        }
-    }
-
-    /// Of a constant signal exactly its value: records of one position are found by it.
-    pub(crate) fn mean(&self) -> f64 {
-        self.first + self.sum / self.samples as f64
-    }
-
-    /// Mean square successive difference over the variance: 2 for white noise, near 0 for a smooth motion.
-    fn von_neumann(&self) -> f64 {
-        self.steps / (self.squares - self.sum * self.sum / self.samples as f64)
-    }
-}
-
-/// The mean of a scheduling signal that does not move.
-fn constant_scheduling(name: &str, travel: &Travel, expected: &Expectation<'_>) -> Result<f64, RecordError> {
-    const CONSTANT: f64 = 1e-3;
+/// The mean of a scheduling signal that does not move. Nothing but differences of p counts: its zero may lie anywhere.
+fn constant_scheduling(
+    name: &str,
+    column: usize,
+    travel: &Travel,
+    expected: &Expectation<'_>,
+) -> Result<f64, RecordError> {
+    /// Part of the range of p by which a declared position may differ from the measured one.
     const SAME_POSITION: f64 = 1e-2;
-    let (from, to, mean) = (travel.from, travel.to, travel.mean());
+    let (from, to, mean) = (travel.low(), travel.high(), travel.mean());
     let own = from.abs().max(to.abs());
-    if to - from > CONSTANT * own {
-        let tolerance = CONSTANT * (expected.scheduling_scale)().max(own);
-        // Around zero, and with no other position in the bundle, nothing gives a scale: the shape decides.
-        let noise_around_zero =
-            mean.abs() <= to - from && (expected.scheduling_scale)() <= own && travel.von_neumann() > 1.0;
-        if to - from > tolerance && !noise_around_zero {
-            return Err(RecordError::SchedulingMoves {
-                column: name.to_owned(),
-                from,
-                to,
-                tolerance,
-            });
-        }
+    let range = || (expected.scheduling_range)(column);
+    // With one position in the bundle nothing but its size gives a scale, and whoever declares it says that it rests.
+    let declared = |p: f64| to - from <= REST * own.max(p.abs());
+    if !travel.rests(range) && !expected.declared_position.is_some_and(declared) {
+        return Err(RecordError::SchedulingMoves {
+            column: name.to_owned(),
+            from,
+            to,
+            tolerance: REST * range(),
+        });
     }
     if let Some(declared) = expected.declared_position {
-        let apart = (declared - mean).abs();
-        if apart > SAME_POSITION * own.max(declared.abs())
-            && apart > SAME_POSITION * (expected.scheduling_scale)()
-        {
+        let range = range();
+        let scale = if range > SCALE * (to - from) {
+            range
+        } else {
+            own.max(declared.abs())
+        };
+        if (declared - mean).abs() > SAME_POSITION * scale + (to - from) {
             return Err(RecordError::PositionMismatch {
                 column: name.to_owned(),
                 declared,

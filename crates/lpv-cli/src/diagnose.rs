@@ -23,7 +23,7 @@ pub(crate) use responses::is_traced_on_responses;
 
 use crate::finding;
 use crate::progress::{Progress, begin};
-use crate::responses::{examine_records, load_records, rests};
+use crate::responses::{examine_records, load_records};
 use crate::summary::Summary;
 use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
 use base::Start;
@@ -337,7 +337,7 @@ fn split(
             .columns
             .iter()
             .chain(&r.injection.columns)
-            .any(|c| !rests(c))
+            .any(|c| c.iter().any(|v| *v != c[0]))
     };
     let (mut fitted, mut judged): (Vec<Record>, Vec<Record>) = records
         .into_iter()

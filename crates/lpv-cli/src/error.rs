@@ -83,6 +83,33 @@ pub enum PipelineError {
         /// What does not fit, and what to do.
         problem: &'static str,
     },
+    /// Records that are at one place or at two.
+    #[error(
+        "records {} (p = {}) and {} (p = {}) are {:.3e} apart, and record {} (p = {}) is {:.3e} away from its neighbour: if the unit of p is \
+         another one there, correct it; if the two are at one place, give both the same `position`; if they are not, give each its own",
+        pair[0].0, pair[0].1, pair[1].0, pair[1].1, gaps[0], far.0, far.1, gaps[1]
+    )]
+    Places {
+        /// The two, with their positions.
+        pair: Box<[(String, f64); 2]>,
+        /// The record beyond the largest gap.
+        far: Box<(String, f64)>,
+        /// Their gap, and the largest one between neighbours.
+        gaps: [f64; 2],
+    },
+    /// Places that differ in more than one scheduling signal can, or in one of several.
+    #[error(
+        "records {} and {} rest at ({}) and ({}) of the scheduling signals {}, and a model that is identified here has one: keep the signal \
+         that changes in [channels.scheduling] and name the others in [channels.auxiliary]; of records that differ in several, take those \
+         into one bundle that differ in one",
+        records[0].0, records[1].0, listed(&records[0].1), listed(&records[1].1), columns.join(" and ")
+    )]
+    SchedulingSignals {
+        /// The scheduling columns.
+        columns: Vec<String>,
+        /// Two records with where they rest, in the order of the columns.
+        records: Box<[(String, Vec<f64>); 2]>,
+    },
     /// A model of another sample time than the records.
     #[error(
         "the model has the sample time {model}, the records {records}; identify one at this rate, or convert the model"
@@ -198,6 +225,11 @@ pub enum PipelineError {
         /// The system's word.
         source: std::io::Error,
     },
+}
+
+/// Numbers in a list.
+fn listed(values: &[f64]) -> String {
+    values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
 }
 
 impl PipelineError {

@@ -9,6 +9,9 @@ use experiment_data::Bundle;
 use lfr_realize::moving::MovingData;
 use lpv_core::{Purpose, Record};
 
+/// Part of the measured range by which a record may leave it: rounding, where p has its zero far away.
+const SLACK: f64 = 4e-10;
+
 /// What the moves of a bundle give.
 #[derive(Debug, Clone)]
 pub struct Moves {
@@ -57,7 +60,7 @@ impl Moves {
             let fitted = fitted_samples(record, config);
             crate::signal::keep_first(record, fitted);
         }
-        records.retain(|r| r.scheduling.columns.iter().any(|p| !rests(p)));
+        records.retain(|r| !rests(r, bundle));
         if records.is_empty() {
             return Ok(Self::none("no estimation record has a moving scheduling signal"));
         }
@@ -65,7 +68,9 @@ impl Moves {
         let (low, high) = range(&positions);
         let (inside, outside): (Vec<Record>, Vec<Record>) = records.into_iter().partition(|r| {
             let (least, most) = range(&r.scheduling.columns[0]);
-            least >= low && most <= high
+            // What rounding puts outside is inside.
+            let slack = SLACK * (high - low);
+            least >= low - slack && most <= high + slack
         });
         let reasons = outside
             .iter()

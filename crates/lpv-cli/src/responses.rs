@@ -1,6 +1,7 @@
 //! Bundle in, one frequency response with covariance a position out.
 
 mod large;
+mod places;
 
 pub(crate) use large::is_large;
 
@@ -10,12 +11,13 @@ use crate::inspect::{describe_responses, of_experiment};
 use crate::period_noise::period_noise;
 use crate::progress::{Counter, Progress};
 use crate::signal::median;
-use experiment_data::{Bundle, DataError};
+use experiment_data::{Bundle, DataError, Travel};
 use frf_estimation::{
     CheckedSettings, FrfError, LocalSettings, PeriodicEstimate, PeriodicSettings, Regressor, SkipRule,
     estimate_records, local_rational,
 };
 use lpv_core::{Discrete, FrfEstimate, Purpose, Record};
+use places::Placed;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
@@ -33,12 +35,6 @@ pub struct Responses {
     /// What was found in the data on the way.
     pub findings: Vec<Finding>,
 }
-
-/// Positions closer than this part of the range belong to one experiment.
-const SAME_POSITION: f64 = 1e-3;
-
-/// And so do positions that differ by this part of the largest one: a mean of noisy samples.
-const JITTER: f64 = 1e-5;
 
 /// The records of a bundle for which `wanted` holds, by index, in the order of the bundle.
 ///
@@ -96,9 +92,18 @@ pub fn estimate_bundle(
     }
     let mut records = load_records(bundle, fitted, progress)?;
     let findings = examine_records(bundle, &records);
-    records.iter_mut().for_each(rest_position);
-    if !bundle.description().channels.scheduling.is_empty() {
-        records.retain(|r| r.position.is_some());
+    match bundle.description().channels.scheduling.len() {
+        0 => {}
+        1 => {
+            records.iter_mut().for_each(|r| rest_position(r, bundle));
+            records.retain(|r| r.position.is_some());
+        }
+        _ => {
+            let indices: Vec<usize> = (0..bundle.len()).filter(|i| fitted(*i)).collect();
+            if !places::one_signal(bundle, &indices)? {
+                records.clear();
+            }
+        }
     }
     if records.is_empty() {
         return Err(PipelineError::NoResponses {
@@ -194,20 +199,26 @@ pub(crate) fn periodic_responses(
     let clock = bundle.clock()?;
     let skip = skip_periods.map_or(SkipRule::Auto, SkipRule::Fixed);
     let indices: Vec<usize> = (0..bundle.len()).filter(|&i| wanted(i)).collect();
+    places::one_signal(bundle, &indices)?;
     let placed = indices
         .par_iter()
-        .map(|&i| Ok((bundle.position(i)?, bundle.record_name(i)?, i)))
+        .map(|&index| {
+            Ok(Placed {
+                place: bundle.place(index)?,
+                name: bundle.record_name(index)?.to_owned(),
+                index,
+            })
+        })
         .collect::<Vec<Result<_, DataError>>>();
     let mut placed = placed.into_iter().collect::<Result<Vec<_>, DataError>>()?;
-    placed.sort_by(|a, b| in_order((a.0, a.1), (b.0, b.1)));
-    let same = same_position(&placed, |(position, ..)| *position);
-    let runs: Vec<_> = placed.chunk_by(same).collect();
+    let runs = places::runs(&mut placed)?;
     let counter = Counter::new(progress, "frequency responses", indices.len());
     let found: Vec<Result<AtPosition, (usize, PipelineError)>> = runs
         .into_par_iter()
         .map(|run| {
-            let indices: Vec<usize> = run.iter().map(|(.., i)| *i).collect();
-            let position = common(run.iter().map(|(position, ..)| *position));
+            let run = &placed[run];
+            let indices: Vec<usize> = run.iter().map(|p| p.index).collect();
+            let position = common(run.iter().map(|p| p.place.map(|place| place.position)));
             if is_large(bundle, &indices) {
                 return large::evaluate(bundle, &indices, position, (clock, skip), &counter);
             }
@@ -222,7 +233,8 @@ pub(crate) fn periodic_responses(
                 counter.one();
             }
             let settings = periodic_settings(skip).map_err(|e| (usize::MAX, e))?;
-            let estimate = at_position(&records, |group| estimate_records(group, clock, &settings))
+            let group: Vec<&Record> = records.iter().collect();
+            let estimate = at_position(&group, |group| estimate_records(group, clock, &settings))
                 .map_err(|e| (usize::MAX, e))?;
             let noise = period_noise(&records, estimate.periods_skipped);
             Ok(AtPosition::new(bundle, estimate, noise, looks))
@@ -296,16 +308,28 @@ fn by_position<T: Send>(
     progress: Progress<'_>,
     estimate: impl Fn(&[&Record]) -> Result<T, FrfError> + Sync,
 ) -> Result<Vec<T>, PipelineError> {
-    records.sort_by(|a, b| in_order((a.position, &a.name), (b.position, &b.name)));
-    let same = same_position(records, |r| r.position);
-    let groups: Vec<&mut [Record]> = records.chunk_by_mut(same).collect();
+    let mut placed: Vec<Placed> = records
+        .iter()
+        .enumerate()
+        .map(|(i, r)| Placed::of(r, i))
+        .collect();
+    let runs = places::runs(&mut placed)?;
+    let mut sorted: Vec<&mut Record> = Vec::with_capacity(records.len());
+    let mut all: Vec<Option<&mut Record>> = records.iter_mut().map(Some).collect();
+    sorted.extend(placed.iter().filter_map(|p| all[p.index].take()));
+    let mut groups: Vec<Vec<&mut Record>> = Vec::with_capacity(runs.len());
+    for run in runs.iter().rev() {
+        groups.push(sorted.split_off(run.start));
+    }
+    groups.reverse();
     let counter = Counter::new(progress, "frequency responses", groups.len());
     groups
         .into_par_iter()
-        .map(|group| {
+        .map(|mut group| {
             let position = common(group.iter().map(|r| r.position));
             group.iter_mut().for_each(|r| r.position = position);
-            let found = at_position(group, &estimate);
+            let group: Vec<&Record> = group.iter().map(|r| &**r).collect();
+            let found = at_position(&group, &estimate);
             counter.one();
             found
         })
@@ -316,10 +340,10 @@ fn by_position<T: Send>(
 
 /// An estimate from the records of one position.
 fn at_position<T>(
-    records: &[Record],
+    records: &[&Record],
     estimate: impl Fn(&[&Record]) -> Result<T, FrfError>,
 ) -> Result<T, PipelineError> {
-    estimate(&records.iter().collect::<Vec<_>>()).map_err(|source| {
+    estimate(records).map_err(|source| {
         let position = records.first().and_then(|r| r.position);
         place(position, records.iter().map(|r| r.name.as_str()), source)
     })
@@ -336,12 +360,6 @@ fn place<'a>(
     PipelineError::Frf { place, source }
 }
 
-/// By position, then by name.
-fn in_order(a: (Option<f64>, &str), b: (Option<f64>, &str)) -> std::cmp::Ordering {
-    let by_position = a.0.unwrap_or(0.0).total_cmp(&b.0.unwrap_or(0.0));
-    by_position.then_with(|| a.1.cmp(b.1))
-}
-
 /// The position of a run: where records are at the same one, exactly that.
 fn common(positions: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     let all: Option<Vec<f64>> = positions.collect();
@@ -349,30 +367,18 @@ fn common(positions: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     Some(all[0] + all.iter().map(|p| p - all[0]).sum::<f64>() / all.len() as f64)
 }
 
-/// Whether two neighbours of what is sorted by position are at the same one.
-fn same_position<T, F>(sorted: &[T], position: F) -> impl Fn(&T, &T) -> bool + use<T, F>
-where
-    F: Fn(&T) -> Option<f64>,
-{
-    let at = move |r: &T| position(r).unwrap_or(0.0);
-    let width = sorted.last().map_or(0.0, &at) - sorted.first().map_or(0.0, &at);
-    let largest = sorted.iter().map(|r| at(r).abs()).fold(0.0, f64::max);
-    let same = (SAME_POSITION * width).max(JITTER * largest);
-    move |a, b| (at(b) - at(a)).abs() <= same
-}
-
-/// Whether a scheduling signal stays where it is.
-pub(crate) fn rests(p: &[f64]) -> bool {
-    let (low, high) = crate::signal::range(p);
-    high - low <= SAME_POSITION * high.abs().max(low.abs())
+/// Whether the scheduling signal that a model has rests in a record.
+pub(crate) fn rests(record: &Record, bundle: &Bundle) -> bool {
+    let first = record.scheduling.columns.first();
+    first.is_none_or(|p| Travel::of(p).rests(|| bundle.scheduling_range(0)))
 }
 
 /// A transient record whose one scheduling signal rests is a record at that position.
-fn rest_position(record: &mut Record) {
+fn rest_position(record: &mut Record, bundle: &Bundle) {
     if record.position.is_none()
         && let [p] = record.scheduling.columns.as_slice()
-        && rests(p)
+        && rests(record, bundle)
     {
-        record.position = Some(p.iter().sum::<f64>() / p.len() as f64);
+        record.position = Some(Travel::of(p).mean());
     }
 }

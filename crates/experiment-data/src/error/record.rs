@@ -198,10 +198,10 @@ pub enum RecordError {
     },
     /// A scheduling signal that is not constant in a periodic record.
     ///
-    /// It is constant if its peak-to-peak value is at most 1/1000 of the largest |p|, of this record or of any record
-    /// of the bundle; with p near zero everywhere, also if it looks like white noise (von Neumann ratio above 1).
+    /// It is constant if its peak-to-peak value is at most 1/1000 of the range of p over the bundle; where no record shows a larger
+    /// range, also if it looks like white noise (von Neumann ratio above 1).
     #[error(
-        "scheduling column `{column}` moves from {from} to {to} during a periodic record; at most {tolerance:e} is taken as constant (a record that moves is \"transient\")"
+        "scheduling column `{column}` moves from {from} to {to} during a periodic record; at most {tolerance:e}, a thousandth of its range in the bundle, is taken as constant; a record that moves is \"transient\", and one that is held at its place may say so with `position`"
     )]
     SchedulingMoves {
         /// The column.
@@ -213,7 +213,7 @@ pub enum RecordError {
         /// Largest difference that passes.
         tolerance: f64,
     },
-    /// A declared position that the scheduling column contradicts by more than 1/100 of the largest |p| of the bundle.
+    /// A declared position that the scheduling column contradicts by more than 1/100 of the range of p in the bundle.
     #[error(
         "`position` = {declared}, but the scheduling column `{column}` has the mean {measured}; correct one of them"
     )]

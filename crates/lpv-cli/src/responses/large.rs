@@ -184,7 +184,9 @@ mod tests {
             writer.write(&record).unwrap();
         }
         let noisy = writer.finish().unwrap();
-        let places: Vec<f64> = (0..2).map(|i| noisy.position(i).unwrap().unwrap()).collect();
+        let places: Vec<f64> = (0..2)
+            .map(|i| noisy.place(i).unwrap().unwrap().position)
+            .collect();
         assert!(places[0] != places[1], "{places:?}");
         let periodic = |i: usize| noisy.description().records[i].is_periodic();
         let found = periodic_responses(&noisy, periodic, None, &silent).unwrap();

@@ -8,7 +8,7 @@ use super::start::{at_rest, first_state};
 use super::{residual, rigid};
 use crate::PipelineError;
 use crate::signal::{deviation, mean};
-use experiment_data::Controller;
+use experiment_data::{Controller, Travel};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{Purpose, Record};
 use residual_trace::{Base, Explained, Response, Track};
@@ -180,12 +180,11 @@ impl Context<'_> {
                 .zip(&record.outputs.names)
                 .map(|(r, name)| residual::whiteness(name, r, &inputs))
                 .collect(),
-            moves: self.machine.range().is_some()
-                && !record
-                    .scheduling
-                    .columns
-                    .iter()
-                    .all(|p| crate::responses::rests(p)),
+            moves: self.machine.range().is_some_and(|range| {
+                let widths = range.half_width().into_iter().map(|half| 2.0 * half);
+                let mut pairs = record.scheduling.columns.iter().zip(widths);
+                pairs.any(|(p, width)| !Travel::of(p).rests(|| width))
+            }),
             cross_correlation,
             axes: match self.body {
                 // Its inverse dynamics know nothing of effects.

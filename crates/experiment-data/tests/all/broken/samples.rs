@@ -75,6 +75,20 @@ pub(super) const CASES: &[Row] = &[
         &["scheduling column `p` moves"],
     ),
     (
+        "scheduling-far-from-zero",
+        "a position that moves, its zero far away",
+        |d| {
+            grid_column(d, "p", |k, _| 1e6 + (k as f64 / 20.0).sin());
+            let far = |c: &str, _, v: f64| if c == "p" { 1e6 } else { v }.to_string();
+            put(d, "records/move.csv", csv_with(far));
+        },
+        &[
+            "scheduling column `p` moves from 999999.",
+            "to 1000000.",
+            "`position`",
+        ],
+    ),
+    (
         "position-contradicts",
         "a position that the column contradicts",
         |d| edit(d, "period = 40", "period = 40\nposition = 0.3"),

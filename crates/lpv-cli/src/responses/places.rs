@@ -1,0 +1,222 @@
+//! Which records were made at one place. Places are never merged by the size of p, only where records agree within the
+//! resolution that they show, or where the same small scatter shows at several places.
+
+use crate::PipelineError;
+use experiment_data::{Bundle, RestingPlace, Travel};
+use lpv_core::Record;
+use std::ops::Range;
+
+/// Part of the largest gap between neighbours below which two positions are either one place, or the unit of p is wrong in a record.
+const NEAR: f64 = 1e-3;
+
+/// A record and where it rests.
+#[derive(Debug, Clone)]
+pub(super) struct Placed {
+    /// None without a scheduling signal.
+    pub(super) place: Option<RestingPlace>,
+    /// Of the record.
+    pub(super) name: String,
+    /// Of the record, in whatever list it comes from.
+    pub(super) index: usize,
+}
+
+impl Placed {
+    /// A record in memory; its position is a measured one where it is the mean of the one scheduling signal.
+    pub(super) fn of(record: &Record, index: usize) -> Self {
+        let place = record.position.map(|position| {
+            let measured = match record.scheduling.columns.as_slice() {
+                [p] => Some(RestingPlace::measured(&Travel::of(p))),
+                _ => None,
+            };
+            measured
+                .filter(|m| m.position == position)
+                .unwrap_or(RestingPlace::declared(position))
+        });
+        Self {
+            place,
+            name: record.name.clone(),
+            index,
+        }
+    }
+
+    fn position(&self) -> f64 {
+        self.place.map_or(0.0, |place| place.position)
+    }
+
+    fn agrees(&self, other: &Self) -> bool {
+        match (&self.place, &other.place) {
+            (Some(a), Some(b)) => a.agrees(b),
+            (None, None) => true,
+            _ => false,
+        }
+    }
+
+    fn declared(&self) -> bool {
+        self.place.is_some_and(|place| place.declared)
+    }
+}
+
+/// Sorts by position, then by name, and gives the run of each place.
+///
+/// # Errors
+/// [`PipelineError::Places`] where it is not clear whether two records are at one place.
+pub(super) fn runs(records: &mut [Placed]) -> Result<Vec<Range<usize>>, PipelineError> {
+    let by_position = |a: &Placed, b: &Placed| a.position().total_cmp(&b.position());
+    records.sort_by(|a, b| by_position(a, b).then_with(|| a.name.cmp(&b.name)));
+    let gap = |i: usize| records[i + 1].position() - records[i].position();
+    let gaps = records.len().saturating_sub(1);
+    let largest = (0..gaps).map(gap).fold(0.0, f64::max);
+    let agree = |i: usize| records[i].agrees(&records[i + 1]);
+    let near = |i: usize| {
+        let said = records[i].declared() && records[i + 1].declared();
+        !said && gap(i) <= NEAR * largest
+    };
+    let mut found = Vec::new();
+    let mut first = 0;
+    // The first doubtful gap of each place that has one.
+    let mut doubtful: Vec<usize> = Vec::new();
+    let mut doubt = None;
+    for i in 0..records.len() {
+        if i < gaps && agree(i) {
+            continue;
+        }
+        if i < gaps && near(i) {
+            doubt = doubt.or(Some(i));
+            continue;
+        }
+        found.push(first..i + 1);
+        doubtful.extend(doubt.take());
+        first = i + 1;
+    }
+    // A scatter that several places have is one of the machine; of one place alone it is a riddle.
+    if let [at] = doubtful.as_slice() {
+        let far = if gap(gaps - 1) == largest {
+            gaps
+        } else if gap(0) == largest {
+            0
+        } else {
+            (0..gaps).find(|i| gap(*i) == largest).map_or(gaps, |i| i + 1)
+        };
+        let of = |i: usize| (records[i].name.clone(), records[i].position());
+        return Err(PipelineError::Places {
+            pair: Box::new([of(*at), of(at + 1)]),
+            far: Box::new(of(far)),
+            gaps: [gap(*at), largest],
+        });
+    }
+    Ok(found)
+}
+
+/// Refuses records that differ in several scheduling signals, or in one of several: a model here has one. Whether all records rest
+/// at one place; always, with one scheduling signal or none.
+///
+/// # Errors
+/// [`PipelineError::SchedulingSignals`].
+pub(super) fn one_signal(bundle: &Bundle, indices: &[usize]) -> Result<bool, PipelineError> {
+    let columns = &bundle.description().channels.scheduling.columns;
+    if columns.len() < 2 {
+        return Ok(true);
+    }
+    let mut first: Option<(usize, Vec<Travel>)> = None;
+    for &index in indices {
+        let own = bundle.travels(index)?;
+        let moves = own
+            .iter()
+            .enumerate()
+            .any(|(k, travel)| !travel.rests(|| bundle.scheduling_range(k)));
+        let Some((other, travels)) = &first else {
+            if moves {
+                return Ok(false);
+            }
+            first = Some((index, own));
+            continue;
+        };
+        if moves {
+            return Ok(false);
+        }
+        let agree = |(a, b): (&Travel, &Travel)| RestingPlace::measured(a).agrees(&RestingPlace::measured(b));
+        if !travels.iter().zip(&own).all(agree) {
+            let of = |index: usize, travels: &[Travel]| -> Result<_, PipelineError> {
+                let means = travels.iter().map(Travel::mean).collect();
+                Ok((bundle.record_name(index)?.to_owned(), means))
+            };
+            return Err(PipelineError::SchedulingSignals {
+                columns: columns.clone(),
+                records: Box::new([of(*other, travels)?, of(index, &own)?]),
+            });
+        }
+    }
+    Ok(true)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Placed, runs};
+    use crate::PipelineError;
+    use experiment_data::{RestingPlace, Travel};
+
+    fn placed(index: usize, samples: &[f64]) -> Placed {
+        Placed {
+            place: Some(RestingPlace::measured(&Travel::of(samples))),
+            name: format!("r{index}"),
+            index,
+        }
+    }
+
+    fn of(positions: &[f64]) -> Vec<Placed> {
+        positions
+            .iter()
+            .enumerate()
+            .map(|(i, p)| placed(i, &[*p]))
+            .collect()
+    }
+
+    fn sizes(mut records: Vec<Placed>) -> Option<Vec<usize>> {
+        runs(&mut records)
+            .ok()
+            .map(|r| r.into_iter().map(|r| r.len()).collect())
+    }
+
+    #[test]
+    fn zero_and_unit_of_p_do_not_merge_places() {
+        for (zero, unit) in [(0.0, 1.0), (6e4, 1.0), (2e6, 1.0), (-5.0, 1e-9), (1e9, 1e3)] {
+            let at = |p: &[f64]| of(&p.iter().map(|p| zero + unit * p).collect::<Vec<_>>());
+            assert_eq!(sizes(at(&[-1.0, -0.5, 0.0, 0.5, 1.0])), Some(vec![1; 5]));
+            assert_eq!(sizes(at(&[0.0, 1.0, 0.0, 1.0])), Some(vec![2, 2]));
+            // The same scatter at every place.
+            assert_eq!(sizes(at(&[0.0, 2e-4, 1.0, 1.0001])), Some(vec![2, 2]));
+            assert_eq!(sizes(at(&[1.0, 0.5, 0.5002, 0.0001, 0.0])), Some(vec![2, 2, 1]));
+            // Distinct, if not by much.
+            assert_eq!(sizes(at(&[0.0, 0.002, 1.0])), Some(vec![1, 1, 1]));
+        }
+    }
+
+    #[test]
+    fn records_show_their_resolution() {
+        let noisy = |i: usize, p: f64| placed(i, &[p - 1e-3, p + 1e-3, p - 1e-3, p + 1e-3]);
+        let records = vec![noisy(0, 0.1), noisy(1, 0.1015), noisy(2, 0.2), noisy(3, 0.3)];
+        assert_eq!(sizes(records), Some(vec![2, 1, 1]));
+    }
+
+    #[test]
+    fn one_record_in_another_unit_merges_nothing() {
+        for factor in [1e3, 1e6, 1e9] {
+            for wrong in 0..5 {
+                let mut p = [-0.3, -0.15, 0.0, 0.14, 0.31];
+                p[wrong] *= factor;
+                let mut records = of(&p);
+                match runs(&mut records) {
+                    Ok(found) => assert_eq!(found.len(), 5),
+                    Err(PipelineError::Places { far, .. }) => assert_eq!(far.0, format!("r{wrong}")),
+                    Err(other) => panic!("{other}"),
+                }
+            }
+        }
+        // Who says the positions is believed.
+        let mut records = of(&[0.0, 0.15, 300.0]);
+        for record in &mut records {
+            record.place = record.place.map(|place| RestingPlace::declared(place.position));
+        }
+        assert_eq!(sizes(records), Some(vec![1, 1, 1]));
+    }
+}

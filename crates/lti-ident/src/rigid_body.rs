@@ -69,13 +69,17 @@ pub struct Filter {
     pub decimation: usize,
 }
 
+/// What rounding may make of a ratio of a frequency and a rate.
+const ROUNDING: f64 = 1e-9;
+
 impl Filter {
     /// That of the runs of one position; cut-offs of the settings go before.
     #[must_use]
     pub fn new(positions: &[&[f64]], clock: Discrete, settings: &CheckedRigidBodySettings) -> Self {
         let (settings, found) = (settings.get(), cutoff::cutoffs(positions, clock));
         let regression_cutoff_hz = settings.regression_cutoff_hz.unwrap_or(found.regression_hz);
-        let decimation = (1.0 / (2.5 * regression_cutoff_hz * clock.sample_time())) as usize;
+        // A whole number stays one, whatever the unit of time makes of its last digit.
+        let decimation = ((1.0 + ROUNDING) / (2.5 * regression_cutoff_hz * clock.sample_time())) as usize;
         Self {
             position_cutoff_hz: settings.position_cutoff_hz.unwrap_or(found.position_hz),
             regression_cutoff_hz,
@@ -166,7 +170,7 @@ pub fn decimated(
         });
     }
     // What the point reflection at the ends makes up has faded after a period of the cut-off.
-    let end = (1.0 / (cutoff_hz * clock.sample_time())).ceil() as usize;
+    let end = ((1.0 - ROUNDING) / (cutoff_hz * clock.sample_time())).ceil() as usize;
     let filtered = filter::low_pass(signal, clock, cutoff_hz);
     let inside = filtered
         .get(end..filtered.len().saturating_sub(end))

@@ -362,10 +362,13 @@ impl Problem<'_> {
 /// Largest change of a logarithm in one step.
 const MOST_STEP: f64 = 2.0;
 
+/// A small part of a coordinate: logarithms have no unit, the others their own. Of one that is nothing, no unit is known; the
+/// step grows until it shows.
 fn first_step(model: &Explained, j: usize, at: f64) -> f64 {
-    if j < model.base.coordinates().len() || at != 0.0 {
-        1e-4 * at.abs().clamp(0.1, 1.0)
-    } else {
-        1e-6
+    const PART: f64 = 1e-4;
+    match model.bounded().get(j) {
+        Some(true) => PART,
+        _ if at != 0.0 => PART * at.abs(),
+        _ => 1e-6,
     }
 }

@@ -265,7 +265,8 @@ fn fit(
     iterations: usize,
     told: &Told,
 ) -> Option<Found> {
-    let found = minimum(start.coordinates(), iterations, |c| {
+    let logarithms: Vec<bool> = start.fitted().map(|p| p.positive).collect();
+    let found = minimum(start.coordinates(), &logarithms, iterations, |c| {
         residual(&start.with_coordinates(c), estimates, clock, floor, told)
     })?;
     Some((

@@ -84,7 +84,7 @@ pub fn trace_responses(case: &ResponseCase<'_>) -> Result<Vec<ResponseStep>, Tra
         effects: Vec::new(),
     };
     let fit = |start: &Explained| -> Option<(Explained, Minimum)> {
-        let found = minimum(start.coordinates(), ITERATIONS, |c| {
+        let found = minimum(start.coordinates(), &start.bounded(), ITERATIONS, |c| {
             residual(&start.with(c), case.fitted)
         })?;
         Some((start.with(&found.at), found))

@@ -14,10 +14,11 @@ pub(crate) struct Minimum {
     pub(crate) factor: DMatrix<f64>,
 }
 
-/// Minimises the squares of a residual, with forward differences; steps are at most one in every coordinate. None where the
-/// start or one of its neighbours has no residual.
+/// Minimises the squares of a residual, with forward differences; steps are at most one in every coordinate that is a logarithm,
+/// the others have units. None where the start or one of its neighbours has no residual.
 pub(crate) fn minimum(
     mut at: Vec<f64>,
+    logarithms: &[bool],
     iterations: usize,
     residual: impl Fn(&[f64]) -> Option<Vec<f64>>,
 ) -> Option<Minimum> {
@@ -27,10 +28,7 @@ pub(crate) fn minimum(
     for iteration in 0.. {
         let mut jacobian = DMatrix::zeros(error.len(), at.len());
         for j in 0..at.len() {
-            let step = 1e-6 * at[j].abs().clamp(1e-4, 1.0);
-            let mut there = at.clone();
-            there[j] += step;
-            let moved = residual(&there)?;
+            let (step, moved) = difference(&at, j, logarithms, &error, &residual)?;
             let column = moved.iter().zip(&error).map(|(a, b)| (a - b) / step);
             jacobian
                 .column_mut(j)
@@ -46,7 +44,8 @@ pub(crate) fn minimum(
             let there: Vec<f64> = at
                 .iter()
                 .zip(step.iter())
-                .map(|(a, s)| a + s.clamp(-1.0, 1.0))
+                .zip(logarithms)
+                .map(|((a, s), log)| a + if *log { s.clamp(-1.0, 1.0) } else { *s })
                 .collect();
             if let Some(found) = residual(&there)
                 && squares(&found) < cost
@@ -70,4 +69,47 @@ pub(crate) fn minimum(
         }
     }
     None
+}
+
+/// A step of one coordinate that moves the residual a little, and the residual there.
+fn difference(
+    at: &[f64],
+    j: usize,
+    logarithms: &[bool],
+    error: &[f64],
+    residual: &impl Fn(&[f64]) -> Option<Vec<f64>>,
+) -> Option<(f64, Vec<f64>)> {
+    /// Of the coordinate.
+    const PART: f64 = 1e-6;
+    /// Of the residual, which a step from zero moves by so much at least.
+    const SEEN: f64 = 1e-7;
+    /// The first step from zero, in any unit, and the growth of the next ones.
+    const NEXT: (f64, f64) = (1e-40, 1e3);
+    let moved = |step: f64| {
+        let mut there = at.to_vec();
+        there[j] += step;
+        residual(&there)
+    };
+    if logarithms.get(j) == Some(&true) || at[j] != 0.0 {
+        let step = if logarithms.get(j) == Some(&true) {
+            PART
+        } else {
+            PART * at[j].abs()
+        };
+        return Some((step, moved(step)?));
+    }
+    let least = SEEN * SEEN * squares(error);
+    let mut step = NEXT.0;
+    let mut last = (step, moved(step)?);
+    loop {
+        let Some(there) = moved(step) else {
+            return Some(last);
+        };
+        let by: f64 = there.iter().zip(error).map(|(a, b)| (a - b).powi(2)).sum();
+        if by > least || step > NEXT.0.recip() {
+            return Some((step, there));
+        }
+        last = (step, there);
+        step *= NEXT.1;
+    }
 }

@@ -239,6 +239,11 @@ impl<K: Clock> Candidate<K> {
         }
     }
 
+    /// The same model of another range with as many parameters.
+    pub(crate) fn with_range(self, range: SchedulingRange) -> Self {
+        Self { range, ..self }
+    }
+
     /// The same model with other numbers in M.
     pub(crate) fn with_matrix(&self, matrix: DMatrix<f64>) -> Self {
         Self {

@@ -2,6 +2,7 @@
 
 use crate::RealizeError;
 use lpv_core::{Discrete, Lfr, LpvStateSpace, SeriesExpansion, WellPosedness};
+use nalgebra::{DMatrix, DVector};
 
 /// An LFR with the account of its making.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,13 +26,55 @@ pub struct Realization {
 /// [`RealizeError::NotPolynomial`] for spline, tabulated or Gaussian-process coefficients.
 pub fn realize(series: &SeriesExpansion) -> Result<Realization, RealizeError> {
     let state_space = series.to_state_space()?;
-    let lfr = state_space.to_lfr()?;
+    let lfr = in_size(&state_space)?;
     let well_posedness = lfr.well_posedness()?;
     Ok(Realization {
         lfr,
         state_space,
         well_posedness,
     })
+}
+
+/// The exact LFR, made with outputs of the size of the states, by powers of two: what counts as rounding depends on no unit.
+fn in_size(model: &LpvStateSpace<Discrete>) -> Result<Lfr<Discrete>, RealizeError> {
+    let size = |i: usize| {
+        let entries = model
+            .c()
+            .coefficients()
+            .iter()
+            .flat_map(|m| m.row(i).iter().copied().collect::<Vec<_>>());
+        let largest = entries.map(f64::abs).fold(0.0, f64::max);
+        if largest.is_normal() {
+            largest.log2().floor().clamp(-1000.0, 1000.0).exp2()
+        } else {
+            1.0
+        }
+    };
+    let units = DVector::from_fn(model.outputs(), |i, _| size(i));
+    let (grow, shrink) = (
+        DMatrix::from_diagonal(&units),
+        DMatrix::from_diagonal(&units.map(f64::recip)),
+    );
+    let same = |n: usize| DMatrix::identity(n, n);
+    let scaled = LpvStateSpace::new(
+        model.a().clone(),
+        model.b().clone(),
+        model.c().multiplied(&shrink, &same(model.states()))?,
+        model.d().multiplied(&shrink, &same(model.inputs()))?,
+        model.range().clone(),
+        model.clock(),
+    )?;
+    let lfr = scaled.to_lfr()?;
+    let mut blocks = lfr.blocks().clone();
+    for block in [&mut blocks.c2, &mut blocks.d21, &mut blocks.d22] {
+        *block = &grow * &*block;
+    }
+    Ok(Lfr::new(
+        blocks,
+        lfr.deltas().to_vec(),
+        lfr.range().clone(),
+        lfr.clock(),
+    )?)
 }
 
 impl Realization {

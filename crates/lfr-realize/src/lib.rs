@@ -116,6 +116,7 @@ mod start;
 mod structure;
 #[cfg(test)]
 mod test_kit;
+mod units;
 mod whiten;
 
 pub use bound::{
@@ -138,3 +139,4 @@ pub use sampling::Sampling;
 pub use search::StopReason;
 pub use settings::{CheckedRefineSettings, RefineSettings};
 pub use start::RandomChannels;
+pub use units::Units;

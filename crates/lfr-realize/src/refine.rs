@@ -106,7 +106,7 @@ pub fn refine<K: Sampling>(
         tolerance: set.tolerance,
         target: set.target.powi(2) * data.rms_count(data.equations()),
         damping: START_DAMPING,
-        noise: (data.unit() == ResidualUnit::StandardDeviation).then_some(Noise {
+        noise: (data.unit() == ResidualUnit::StandardDeviation && !set.to_the_end).then_some(Noise {
             cost: data.equations() as f64,
             hidden: HIDDEN,
         }),

@@ -2,6 +2,7 @@
 
 use crate::candidate::Shape;
 use hold::{Derivative, Hold, Sampled};
+use lpv_core::linalg::balanced;
 use lpv_core::{Clock, Continuous, CoreError, Discrete};
 use nalgebra::DMatrix;
 use num_complex::Complex;
@@ -118,8 +119,12 @@ impl Hold for Continuous {
         data: Discrete,
         derivative: Derivative,
     ) -> Option<Sampled> {
-        let generator = s.rows(0, states) * data.sample_time();
-        let held = Held::new(&generator, derivative)?;
+        let mut generator = s.rows(0, states) * data.sample_time();
+        let units = in_size(&mut generator, states);
+        let mut held = Held::new(&generator, derivative)?;
+        if let Some(units) = &units {
+            held.undo(units);
+        }
         let mut sampled = s.clone();
         sampled.rows_mut(0, states).copy_from(&held.step.rows(0, states));
         Some(Sampled {
@@ -177,7 +182,49 @@ struct Held {
     chain: DMatrix<f64>,
 }
 
+/// States in units in which A is no larger than it needs to be, powers of two, where it is large: a chain of integrators takes any
+/// units, and those of time must not set the intervals. The unit of each column; none where A is small as it is.
+fn in_size(generator: &mut DMatrix<f64>, states: usize) -> Option<Vec<f64>> {
+    /// Norm below which few intervals do.
+    const SMALL: f64 = 4.0;
+    let mut a = generator.columns(0, states).into_owned();
+    let norm = a.column_iter().map(|c| c.abs().sum()).fold(0.0, f64::max);
+    if norm <= SMALL || !norm.is_finite() {
+        return None;
+    }
+    let mut units = balanced(&mut a);
+    generator.columns_mut(0, states).copy_from(&a);
+    for (i, unit) in units.iter().enumerate() {
+        let mut inputs = generator.view_mut((i, states), (1, generator.ncols() - states));
+        inputs /= *unit;
+    }
+    units.resize(generator.ncols(), 1.0);
+    Some(units)
+}
+
 impl Held {
+    /// In states of the size one again.
+    fn undo(&mut self, units: &[f64]) {
+        let (n, all) = (self.chain.nrows() / units.len(), units.len());
+        for j in 0..all {
+            for i in 0..all {
+                self.step[(i, j)] *= units[i] / units[j];
+            }
+        }
+        // Rows: entries (i, l) of the result, columns: entries (k, m) of the generator.
+        for m in 0..if n > 0 { all } else { 0 } {
+            for k in 0..n {
+                let mut column = self.chain.column_mut(m * n + k);
+                column *= units[m] / units[k];
+                for l in 0..all {
+                    for i in 0..n {
+                        column[l * n + i] *= units[i] / units[l];
+                    }
+                }
+            }
+        }
+    }
+
     /// `L(X, E) = int_0^1 e^((1-s) X) E e^(s X) ds` (Higham, Functions of Matrices, 10.2) by quadrature on intervals on
     /// which X has norm one at most, so that the derivative is a sum of outer products for all entries at once.
     fn new(generator: &DMatrix<f64>, derivative: Derivative) -> Option<Self> {

@@ -9,6 +9,7 @@ use crate::RealizeError;
 /// | `max_iterations` | 200 | most iterations | 0 to 100000 |
 /// | `tolerance` | 1e-4 | the search ends when eight iterations lower the cost by less than this part | 0 to 0.1, 0 excluded |
 /// | `target` | 0 | the search ends when the rms residual is at most this; see [`crate::ResidualUnit`] | 0 or more |
+/// | `to_the_end` | false | go on where noise hides what is left to win, until `tolerance` ends it: two computations then agree | |
 /// | `minimax_passes` | 0 | reweighted fits after the search that lower the largest residual of a line | 0 to 1000 |
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RefineSettings {
@@ -18,6 +19,8 @@ pub struct RefineSettings {
     pub tolerance: f64,
     /// Rms residual that is low enough.
     pub target: f64,
+    /// Whether to go on where noise hides what is left to win.
+    pub to_the_end: bool,
     /// Reweighted fits that lower the largest residual.
     pub minimax_passes: usize,
 }
@@ -28,6 +31,7 @@ impl Default for RefineSettings {
             max_iterations: 200,
             tolerance: 1e-4,
             target: 0.0,
+            to_the_end: false,
             minimax_passes: 0,
         }
     }
@@ -55,6 +59,12 @@ impl RefineSettings {
     #[must_use]
     pub fn target(mut self, rms: f64) -> Self {
         self.target = rms;
+        self
+    }
+    /// Goes on where noise hides what is left to win.
+    #[must_use]
+    pub fn to_the_end(mut self) -> Self {
+        self.to_the_end = true;
         self
     }
     /// Sets the number of reweighted fits.

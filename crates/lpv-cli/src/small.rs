@@ -11,7 +11,7 @@ use between::between;
 use lfr_realize::moving::{MovingData, Standing, StandingSettings, stand_still};
 use lfr_realize::{
     FrozenData, GainFit, GrowSettings, Grown, LocalSettings, RealizeError, RefineSettings, Refined,
-    ResidualUnit, StartKind, condense, grow_sizes, local_model, refine,
+    ResidualUnit, StartKind, Units, condense, grow_sizes, local_model, refine,
 };
 use lpv_core::num_complex::Complex;
 use lpv_core::{Continuous, DeltaBlock, Discrete, Frf, FrfEstimate, Lfr, SchedulingRange};
@@ -84,33 +84,40 @@ pub fn small_lfr(
     config: &IdentifyConfig,
     progress: Progress<'_>,
 ) -> Result<Result<SmallStage, String>, PipelineError> {
-    match attempt(estimates, poles, clock, moves, config, progress) {
+    let positions: Vec<f64> = estimates.iter().map(|e| e.position().unwrap_or(0.0)).collect();
+    let (low, high) = crate::signal::range(&positions);
+    let units = Units::of(clock, &SchedulingRange::interval(low, high)?, estimates)?;
+    match attempt(estimates, poles, (clock, &units), moves, config, progress) {
         Ok(stage) => Ok(Ok(stage)),
-        Err(PipelineError::Realize(refused)) => Ok(Err(format!("no small LFR: {refused}"))),
+        Err(PipelineError::Realize(refused)) => {
+            let refused = units.undo_error(refused);
+            Ok(Err(format!("no small LFR: {refused}")))
+        }
         Err(other) => Err(other),
     }
 }
 
+/// In units in which everything has size one, so that the result does not depend on those of the data.
 fn attempt(
     estimates: &[FrfEstimate],
     poles: &PoleStage,
-    clock: Discrete,
+    (clock, units): (Discrete, &Units),
     moves: &Moves,
     config: &IdentifyConfig,
     progress: Progress<'_>,
 ) -> Result<SmallStage, PipelineError> {
-    let positions: Vec<f64> = estimates.iter().map(|e| e.position().unwrap_or(0.0)).collect();
-    let (low, high) = crate::signal::range(&positions);
-    let range = SchedulingRange::interval(low, high)?;
+    let scaled = estimates
+        .iter()
+        .map(|e| units.scaled(e))
+        .collect::<Result<Vec<_>, _>>()?;
+    let positions: Vec<f64> = scaled.iter().map(|e| e.position().unwrap_or(0.0)).collect();
+    let range = units.range()?;
     let known: Vec<Vec<Complex<f64>>> = poles.fits.iter().map(modes_of).collect();
-    let data = &frozen_data(estimates, &positions, clock, poles.relative_error)?.with_poles(&known)?;
-    let centre = range.centre()[0];
+    let data = &frozen_data(&scaled, &positions, units.clock()?, poles.relative_error)?.with_poles(&known)?;
+    // Of two that are equally far from the middle, the first, whatever rounding says.
+    let off = |i: usize| (positions[i].abs() * 1e9).round();
     let nearest = (0..positions.len())
-        .min_by(|&a, &b| {
-            (positions[a] - centre)
-                .abs()
-                .total_cmp(&(positions[b] - centre).abs())
-        })
+        .min_by(|&a, &b| off(a).total_cmp(&off(b)))
         .unwrap_or(0);
     let middle = data.subset(|p| p[0] == positions[nearest])?;
     let modes = modes_of(&poles.fits[nearest]);
@@ -170,20 +177,21 @@ fn attempt(
     ));
     if !reached {
         // Coordinates for moves would be those of a model that misses its own data.
+        let fit = units.undo(to_the_end(&whole, data)?)?;
         return Ok(SmallStage {
-            lfr: whole.candidate.to_lfr()?,
+            lfr: fit.candidate.to_lfr()?,
             sizes,
-            fit: whole,
+            fit,
             moving: None,
             at_noise: false,
             reasons,
         });
     }
     let (mut fit, mut moving) = (best.refined, None);
-    let slow = slow(&modes, &range, clock);
+    let slow = slow(&modes, units, clock);
     begin(progress, "small LFR: coordinates along the moves");
     match (&moves.data, &local.gamma) {
-        (Ok(moves), Some(_)) => match standing(&fit, &few, moves, config.seed) {
+        (Ok(moves), Some(_)) => match standing(&fit, &few, &units.moves(moves)?, config.seed) {
             Ok(Some(found)) => {
                 let account = MovingStage::new(&found);
                 reasons.push(format!(
@@ -222,16 +230,18 @@ fn attempt(
         begin(progress, "small LFR: all lines");
         // All lines once more, where few were enough to come near.
         fit = refine(&whole.candidate, data, &RefineSettings::new().check()?)?;
+        fit = to_the_end(&fit, data)?;
     }
     begin(progress, "small LFR: between the positions");
     if positions.len() >= 4 {
-        between(&fit.candidate, &few, &mut reasons)?;
+        between(&fit.candidate, &few, units, &mut reasons)?;
     } else {
         reasons.push(format!(
             "warning: {} positions do not tell how well the model holds between them; measure at four or more",
             positions.len()
         ));
     }
+    let fit = units.undo(fit)?;
     Ok(SmallStage {
         lfr: fit.candidate.to_lfr()?,
         sizes,
@@ -240,6 +250,19 @@ fn attempt(
         moving,
         reasons,
     })
+}
+
+/// The fit where another search would end too: what noise hides is large against rounding, and rounding may choose the way there.
+fn to_the_end(fit: &Refined<Continuous>, data: &FrozenData) -> Result<Refined<Continuous>, RealizeError> {
+    /// Relative decrease of the cost that counts as none.
+    const NOTHING: f64 = 1e-10;
+    /// Most iterations; a few do where the model fits.
+    const ITERATIONS: usize = 30;
+    let settings = RefineSettings::new()
+        .tolerance(NOTHING)
+        .to_the_end()
+        .max_iterations(ITERATIONS);
+    refine(&fit.candidate, data, &settings.check()?)
 }
 
 /// The lightly damped poles of a fit.
@@ -296,7 +319,7 @@ impl MovingStage {
 
 /// What a model in the coordinates of frozen responses is good for. A basis that turns by about its own size over half the
 /// range adds `(dp/dt) / half-width` to the state matrix; that should be small against the decay of the modes.
-fn slow(modes: &[Complex<f64>], range: &SchedulingRange, clock: Discrete) -> String {
+fn slow(modes: &[Complex<f64>], units: &Units, clock: Discrete) -> String {
     const SMALL: f64 = 0.1;
     let decay = modes
         .iter()
@@ -304,7 +327,7 @@ fn slow(modes: &[Complex<f64>], range: &SchedulingRange, clock: Discrete) -> Str
         .fold(f64::INFINITY, f64::min);
     format!(
         "the state coordinates are not the machine's, and the model is known for slow p only, |dp/dt| well below {:.2e} a second (a tenth of the decay of the modes over half the range)",
-        SMALL * decay * range.half_width()[0]
+        SMALL * decay * (units.undo_places(&[1.0])[0] - units.undo_places(&[0.0])[0])
     )
 }
 

@@ -154,6 +154,43 @@ impl MovingData {
             ..*self
         }
     }
+    /// The same records, every output, input and p divided by its unit.
+    pub(crate) fn in_units(
+        &self,
+        outputs: &[f64],
+        inputs: &[f64],
+        clock: Discrete,
+        places: impl Fn(&[f64]) -> Vec<f64>,
+    ) -> Result<Self, RealizeError> {
+        let diagonal = |units: &[f64], factor: fn(f64) -> f64| {
+            DMatrix::from_diagonal(&DVector::from_iterator(
+                units.len(),
+                units.iter().map(|v| factor(*v)),
+            ))
+        };
+        let (y, u) = (diagonal(outputs, |v| v), diagonal(inputs, f64::recip));
+        let k = &self.feedback;
+        let records = self.records.iter().map(|record| {
+            let mut scheduling = record.scheduling.clone();
+            for mut column in scheduling.column_iter_mut() {
+                column.copy_from_slice(&places(&column.iter().copied().collect::<Vec<_>>()));
+            }
+            MovingRecord {
+                index: record.index,
+                inputs: &u * &record.inputs,
+                outputs: diagonal(outputs, f64::recip) * &record.outputs,
+                nodes: SchedulingNodes::new(&scheduling),
+                scheduling,
+                at_rest: record.at_rest,
+            }
+        });
+        Ok(Self {
+            records: records.collect(),
+            feedback: StateSpace::new(k.a().clone(), k.b() * &y, &u * k.c(), &u * k.d() * &y, clock)?,
+            noise: self.noise.iter().zip(outputs).map(|(n, y)| n / y).collect(),
+            clock,
+        })
+    }
     pub(crate) fn records(&self) -> &[MovingRecord] {
         &self.records
     }

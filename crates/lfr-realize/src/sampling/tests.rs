@@ -143,3 +143,39 @@ fn shifts_move_every_pole() {
     let found = Complex::from(m[(0, 1)]) / (z - m[(0, 0)]);
     assert!((found - 3.0 / (r * z - 0.5)).norm() < 1e-14);
 }
+
+/// A chain of integrators at a clock that is very slow in its unit of time.
+#[test]
+fn a_slow_clock_takes_the_same_samples() {
+    let with = |time: f64| {
+        let mut s = random(6, 5, &mut rng(3));
+        s.fill(0.0);
+        s[(0, 1)] = 1.0;
+        s.view_mut((2, 2), (2, 2))
+            .copy_from(&nalgebra::dmatrix![-0.1, -3.0; 3.0, -0.1]);
+        s[(1, 4)] = 2.0;
+        s[(2, 4)] = 1.0;
+        s[(4, 0)] = 1.0;
+        s[(4, 2)] = 0.5;
+        // Positions keep their unit, speeds and the mode's derivative take that of time.
+        s.view_mut((2, 2), (2, 2)).scale_mut(1.0 / time);
+        s[(1, 4)] /= time * time;
+        s[(2, 4)] /= time;
+        let clock = Discrete::new(0.2 * time).unwrap();
+        Continuous.sample(&s, 4, clock, Derivative::Compute)
+    };
+    let plain = with(1.0).unwrap();
+    for time in [1e6, 1e12, 1e-9] {
+        let slow = with(time).unwrap();
+        assert!((slow.s[(0, 4)] - plain.s[(0, 4)]).abs() < 1e-12 * plain.s[(0, 4)].abs());
+        assert!((slow.s[(3, 3)] - plain.s[(3, 3)]).abs() < 1e-12);
+        let (chain, expected) = (slow.chain.unwrap(), plain.chain.unwrap());
+        // Entry (0, 4) of the result by entry (1, 4) of the generator: rows and columns of four.
+        let (at, by) = (4 * 4, 4 * 4 + 1);
+        let scaled = chain[(at, by)] / (time * time);
+        assert!(
+            (scaled - expected[(at, by)]).abs() < 1e-10 * expected[(at, by)].abs(),
+            "{time}"
+        );
+    }
+}

@@ -1,16 +1,18 @@
 //! What a small LFR says between the measured positions.
 
-use lfr_realize::{BetweenWarning, BoundSettings, Candidate, FrozenData, RealizeError, bound_between};
+use lfr_realize::{BetweenWarning, BoundSettings, Candidate, FrozenData, RealizeError, Units, bound_between};
 use lpv_core::Continuous;
 
-/// What the positions support between them.
+/// What the positions support between them. Model and data are in these units.
 pub(super) fn between(
     candidate: &Candidate<Continuous>,
     data: &FrozenData,
+    units: &Units,
     reasons: &mut Vec<String>,
 ) -> Result<(), RealizeError> {
     let found = bound_between(candidate, data, &BoundSettings::new().check()?)?;
-    let positions: Vec<f64> = data.scheduling().map(|p| p[0]).collect();
+    let place = |p: &[f64]| units.undo_places(p)[0];
+    let positions: Vec<f64> = data.scheduling().map(place).collect();
     let worst = found
         .intervals
         .iter()
@@ -20,13 +22,13 @@ pub(super) fn between(
         reasons.push(format!(
             "between positions: models fitted to half of them differ from this one by at most {:.1} dB at every p (bounded, the largest between {:.5} and {:.5})",
             20.0 * worst.bound.log10(),
-            worst.from[0],
-            worst.to[0]
+            place(&worst.from),
+            place(&worst.to)
         ));
     }
     let ends = |interval: usize| {
         let at = &found.intervals[interval];
-        format!("between {:.5} and {:.5}", at.from[0], at.to[0])
+        format!("between {:.5} and {:.5}", place(&at.from), place(&at.to))
     };
     let mut coarse: Option<(f64, String)> = None;
     for warning in &found.warnings {
@@ -39,8 +41,8 @@ pub(super) fn between(
                 shift,
             } => {
                 if coarse.as_ref().is_none_or(|(most, _)| shift > most) {
-                    let place = ends(*interval);
-                    coarse = Some((*shift, format!("warning: modes shift by more than their half-width from one position to the next, most the one at {frequency_hz:.3}, by {shift:.1} half-widths {place}; measure between them")));
+                    let (ends, frequency) = (ends(*interval), units.undo_frequency(*frequency_hz));
+                    coarse = Some((*shift, format!("warning: modes shift by more than their half-width from one position to the next, most the one at {frequency:.3}, by {shift:.1} half-widths {ends}; measure between them")));
                 }
             }
             BetweenWarning::NotPredicted {

@@ -22,6 +22,7 @@ mod simulate;
 mod small;
 mod stopping;
 mod tutorial;
+mod units;
 mod validate;
 
 #[path = "../../../experiment-data/tests/all/broken/mod.rs"]

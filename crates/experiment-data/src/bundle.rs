@@ -9,7 +9,8 @@ use crate::description::{ChannelGroup, Description};
 use crate::description_check::fault;
 use crate::key_path::KeyPath;
 use crate::rest::{RestingPlace, Travel};
-use crate::{DataError, DescriptionError, RecordError, RecordPlace, columns, paths, toml_file};
+use crate::source::Source;
+use crate::{DataError, DescriptionError, RecordError, RecordPlace, paths, toml_file};
 use lpv_core::{Discrete, Record, RecordKind, Signals};
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
@@ -125,12 +126,13 @@ impl Bundle {
         let entry = self.entry(index)?;
         let path = self.record_path(index)?;
         let names = self.columns_of(entry);
-        let record = columns::read_columns(&path, &names).and_then(|data| {
+        let source = self.source(entry, &path);
+        let record = source.read(&names).and_then(|data| {
             let mut record = self.record(index, &names, data);
             record.position = checks::check(&record, &self.expectation(entry))?;
             Ok(record)
         });
-        record.map_err(|problem| record_fault(index, path, problem))
+        record.map_err(|problem| self.record_fault(index, path, problem))
     }
 
     /// Reads a periodic record a period at a time, each as a record of its own, scaled: NPZ and CSV files that are larger than the
@@ -152,16 +154,38 @@ impl Bundle {
         let names = self.columns_of(entry);
         let mut check =
             PeriodicCheck::new(&self.record(index, &names, vec![Vec::new(); names.len()]), period);
-        let read = columns::each_block(&path, &names, period.max(1), &mut |block| {
-            let whole = block.iter().all(|c| c.len() == period);
-            let record = self.record(index, &names, block);
-            check.push(&record);
-            if whole {
-                sink(record);
-            }
-        });
+        let read = self
+            .source(entry, &path)
+            .each_block(&names, period.max(1), &mut |block| {
+                let whole = block.iter().all(|c| c.len() == period);
+                let record = self.record(index, &names, block);
+                check.push(&record);
+                if whole {
+                    sink(record);
+                }
+            });
         read.and_then(|()| check.finish(&self.expectation(entry)))
-            .map_err(|problem| record_fault(index, path, problem))
+            .map_err(|problem| self.record_fault(index, path, problem))
+    }
+
+    /// What of a file belongs to a record.
+    fn source<'a>(&'a self, entry: &'a crate::RecordEntry, path: &'a Path) -> Source<'a> {
+        Source {
+            path,
+            text: self.description.text.as_ref(),
+            entry,
+        }
+    }
+
+    /// What is wrong with a record, and where.
+    fn record_fault(&self, index: usize, file: PathBuf, mut problem: RecordError) -> DataError {
+        if let Some(entry) = self.description.records.get(index) {
+            self.source(entry, &file).add_lines(&mut problem);
+        }
+        DataError::Record {
+            place: Box::new(RecordPlace { index, file }),
+            problem: Box::new(problem),
+        }
     }
 
     fn expectation<'a>(&'a self, entry: &'a crate::RecordEntry) -> Expectation<'a> {
@@ -208,12 +232,14 @@ impl Bundle {
     pub fn travels(&self, index: usize) -> Result<Vec<Travel>, DataError> {
         self.entry(index)?;
         let group = &self.description.channels.scheduling;
+        let entry = self.entry(index)?;
         let names: Vec<&str> = group.columns.iter().map(String::as_str).collect();
         let mut travels = vec![Travel::default(); names.len()];
-        let read = columns::each_block(&self.record_path(index)?, &names, BLOCK, &mut |block| {
-            for (k, (travel, column)) in travels.iter_mut().zip(block).enumerate() {
-                let scale = group.scale.get(k).copied().unwrap_or(1.0);
-                travel.push(&column.iter().map(|v| scale * v).collect::<Vec<_>>());
+        let path = self.record_path(index)?;
+        let read = self.source(entry, &path).each_block(&names, BLOCK, &mut |block| {
+            for (k, (travel, mut column)) in travels.iter_mut().zip(block).enumerate() {
+                scale_column(group, k, &mut column);
+                travel.push(&column);
             }
         });
         if read.is_err() {
@@ -317,11 +343,7 @@ impl Bundle {
                     data[i].clone()
                 };
                 let mut samples = samples.unwrap_or_default();
-                if let Some(&scale) = group.scale.get(k)
-                    && scale != 1.0
-                {
-                    samples.iter_mut().for_each(|v| *v *= scale);
-                }
+                scale_column(group, k, &mut samples);
                 columns.push(samples);
             }
             Signals {
@@ -363,10 +385,11 @@ impl Bundle {
                     continue;
                 };
                 let mut own = all.clone();
-                let read = columns::each_block(&path, &names, BLOCK, &mut |block| {
-                    for (k, (range, column)) in own.iter_mut().zip(&block).enumerate() {
-                        let scale = group.scale.get(k).copied().unwrap_or(1.0);
-                        column.iter().for_each(|v| take(range, v * scale));
+                let source = self.source(&self.description.records[index], &path);
+                let read = source.each_block(&names, BLOCK, &mut |block| {
+                    for (k, (range, mut column)) in own.iter_mut().zip(block).enumerate() {
+                        scale_column(group, k, &mut column);
+                        column.iter().for_each(|v| take(range, *v));
                     }
                 });
                 if read.is_ok() {
@@ -389,20 +412,16 @@ impl Bundle {
 /// Rows that are read at once of a signal that need not be whole.
 const BLOCK: usize = 1 << 16;
 
-/// What is wrong with a record, and where.
-fn record_fault(index: usize, file: PathBuf, mut problem: RecordError) -> DataError {
-    add_lines(&mut problem, &file);
-    DataError::Record {
-        place: Box::new(RecordPlace { index, file }),
-        problem: Box::new(problem),
-    }
-}
-
-/// CSV rows also have line numbers, which differ from them where blank lines or line breaks in quotes occur.
-fn add_lines(problem: &mut RecordError, path: &Path) {
-    if let RecordError::NotFinite { rows, lines, .. } = problem
-        && columns::is_csv(path)
+/// The numbers of a column in the units of the description.
+fn scale_column(group: &ChannelGroup, k: usize, samples: &mut [f64]) {
+    if let Some(&scale) = group.scale.get(k)
+        && scale != 1.0
     {
-        *lines = columns::csv_lines(path, rows);
+        samples.iter_mut().for_each(|v| *v *= scale);
+    }
+    if let Some(&offset) = group.offset.get(k)
+        && offset != 0.0
+    {
+        samples.iter_mut().for_each(|v| *v -= offset);
     }
 }

@@ -7,10 +7,11 @@ pub(crate) mod number;
 mod parquet;
 
 use crate::nearest::nearest;
+use crate::text::Text;
 use crate::{DescriptionError, RecordError, mat};
 use std::path::Path;
 
-pub(crate) use csv::lines_of_rows as csv_lines;
+pub use csv::lines_of_rows;
 pub(crate) use csv::write as write_csv;
 pub(crate) use npz::write as write_npz;
 pub(crate) use parquet::write as write_parquet;
@@ -20,17 +21,20 @@ pub(crate) type Sink<'a> = &'a mut dyn FnMut(Vec<Vec<f64>>);
 
 /// The endings that can be read.
 pub(crate) const SUPPORTED: &str = if cfg!(feature = "parquet") {
-    ".npz, .csv, .parquet, .mat (v5 and v7.3)"
+    ".npz, .csv, .parquet, .mat (v5 and v7.3), text tables (.txt, .dat, .log, .asc, .tsv)"
 } else {
-    ".npz, .csv, .mat (v5 and v7.3), and .parquet in a build with the feature `parquet`"
+    ".npz, .csv, .mat (v5 and v7.3), text tables (.txt, .dat, .log, .asc, .tsv), and .parquet in a build with the feature `parquet`"
 };
+
+/// Text tables besides `.csv`.
+const TEXT_ENDINGS: [&str; 5] = [".txt", ".dat", ".log", ".asc", ".tsv"];
 
 /// Kinds of record files, told apart by their ending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RecordFormat {
     /// NumPy archive, one 1-D array a column; written uncompressed.
     Npz,
-    /// Header line, comma separated, decimal points.
+    /// Text: a line of names and rows of numbers. Written with commas and decimal points.
     Csv,
     /// MATLAB, one vector a column; read in level 5 and version 7.3, written in level 5, uncompressed.
     Mat,
@@ -63,6 +67,9 @@ impl RecordFormat {
             .extension()
             .map(|e| format!(".{}", e.to_string_lossy()));
         let ending = ending.unwrap_or_default();
+        if TEXT_ENDINGS.iter().any(|e| e.eq_ignore_ascii_case(&ending)) {
+            return Ok(Self::Csv);
+        }
         [Self::Npz, Self::Csv, Self::Mat, Self::Parquet]
             .into_iter()
             .find(|f| f.ending().eq_ignore_ascii_case(&ending) && f.is_built_in())
@@ -82,10 +89,51 @@ pub struct ColumnInfo {
     pub rows: u64,
 }
 
+/// A column of a file that no description names yet.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Column {
+    /// Its name.
+    pub name: String,
+    /// Number of samples.
+    pub rows: u64,
+    /// Its unit where the file has one apart from the name, or nothing.
+    pub unit: String,
+    /// Where the file has it, as `columns` of a record has it, if not by its name.
+    pub source: Option<String>,
+    /// Whether its cells are dates or times of day, which are read as seconds.
+    pub is_stamp: bool,
+}
+
+/// Something in a file that is no column of a record.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PassedOver {
+    /// Its name.
+    pub name: String,
+    /// What it is: class and size.
+    pub what: String,
+    /// How to use it all the same, or nothing.
+    pub remedy: String,
+}
+
+/// Everything that a record file holds.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Contents {
+    /// Every vector of real numbers.
+    pub columns: Vec<Column>,
+    /// Whatever else is in it.
+    pub passed_over: Vec<PassedOver>,
+    /// Whether it is a text table.
+    pub is_text: bool,
+    /// What `[text]` of a description has to say about it; none where nothing need be said.
+    pub text: Option<Text>,
+    /// The fields of the lines above the names of a text table.
+    pub notes: Vec<Vec<String>>,
+}
+
 /// The columns that a record file offers, in the order of the file: every vector of real numbers.
 ///
 /// In `.mat` files the fields of structs have dotted names. Whatever else a file holds is left out: matrices, complex
-/// numbers, texts, cells, objects. A CSV column counts as numbers by its first row.
+/// numbers, texts, cells, objects. A column of text counts as numbers by its first row.
 ///
 /// # Errors
 /// [`RecordError`] for a file that cannot be read or is damaged; the text does not repeat the path.
@@ -98,31 +146,68 @@ pub fn list_columns(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
     }
 }
 
+/// Everything that a record file holds, in its order. Of a text table all cells are looked at: a column with a cell that is no
+/// number is passed over.
+///
+/// # Errors
+/// As [`list_columns`].
+pub fn look_into(path: &Path) -> Result<Contents, RecordError> {
+    match format(path)? {
+        RecordFormat::Csv => return csv::contents(path),
+        RecordFormat::Mat => return mat::contents(path),
+        RecordFormat::Npz | RecordFormat::Parquet => {}
+    }
+    let plain = |c: ColumnInfo| Column {
+        name: c.name,
+        rows: c.rows,
+        unit: String::new(),
+        source: None,
+        is_stamp: false,
+    };
+    Ok(Contents {
+        columns: list_columns(path)?.into_iter().map(plain).collect(),
+        ..Contents::default()
+    })
+}
+
 /// The named columns of a record file, in the order of the names, as they are in the file: no scale is applied, and
 /// nothing is asked of the samples.
 ///
 /// # Errors
 /// [`RecordError`] for a file or column that cannot be read; the text does not repeat the path.
 pub fn read_columns(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
+    read_columns_as(path, names, None)
+}
+
+/// The same of a text table that is laid out as `text` says; other kinds of files do not ask.
+///
+/// # Errors
+/// As [`read_columns`]; [`RecordError::TextLayout`] where the file is not as `text` says.
+pub fn read_columns_as(
+    path: &Path,
+    names: &[&str],
+    text: Option<&Text>,
+) -> Result<Vec<Vec<f64>>, RecordError> {
     match format(path)? {
         RecordFormat::Npz => npz::read(path, names),
-        RecordFormat::Csv => csv::read(path, names),
+        RecordFormat::Csv => csv::read(path, names, text),
         RecordFormat::Mat => mat::read(path, names),
         RecordFormat::Parquet => parquet::read(path, names),
     }
 }
 
-/// The same, so many rows at a time in the order of the file; the last block may be shorter, also in single columns. NPZ and CSV
-/// are never in memory as a whole.
+/// The same, so many rows at a time in the order of the file; the last block may be shorter, also in single columns. NPZ and
+/// text are never in memory as a whole.
 pub(crate) fn each_block(
     path: &Path,
     names: &[&str],
+    text: Option<&Text>,
     rows: usize,
     sink: Sink<'_>,
 ) -> Result<(), RecordError> {
     match format(path)? {
         RecordFormat::Npz => npz::each_block(path, names, rows, sink),
-        RecordFormat::Csv => csv::each_block(path, names, rows, sink),
+        RecordFormat::Csv => csv::each_block(path, names, text, rows, sink),
         RecordFormat::Mat | RecordFormat::Parquet => {
             let columns = read_columns(path, names)?;
             let longest = columns.iter().map(Vec::len).max().unwrap_or(0);
@@ -145,7 +230,7 @@ fn format(path: &Path) -> Result<RecordFormat, RecordError> {
     })
 }
 
-pub(crate) fn is_csv(path: &Path) -> bool {
+fn is_csv(path: &Path) -> bool {
     RecordFormat::of(&path.to_string_lossy()) == Ok(RecordFormat::Csv)
 }
 

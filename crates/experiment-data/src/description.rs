@@ -1,11 +1,12 @@
 //! What an engineer writes down next to a measurement.
 
-use crate::{Controller, Geometry};
+use crate::{Controller, Geometry, Text};
 use lpv_core::{Purpose, RecordKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
-/// The content of `experiment.toml`, format 1.
+/// The content of `experiment.toml`, formats 1 and 2.
 ///
 /// | field | key | required | meaning, range |
 /// |---|---|---|---|
@@ -14,6 +15,7 @@ use serde::{Deserialize, Serialize};
 /// | `channels` | `[channels.*]` | output, input | see [`Channels`] |
 /// | `controller` | `[controller]` | no | see [`Controller`] |
 /// | `geometry` | `[geometry]` | no | see [`Geometry`] |
+/// | `text` | `[text]` | no | see [`Text`] |
 /// | `records` | `[[records]]` | at least one | see [`RecordEntry`] |
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Description {
@@ -29,6 +31,9 @@ pub struct Description {
     /// What lies between the logged channels and the motors, where known.
     #[serde(default)]
     pub geometry: Option<Geometry>,
+    /// How its text files are laid out, as far as that is said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub text: Option<Text>,
     /// The records, in the file's order.
     #[serde(default)]
     pub records: Vec<RecordEntry>,
@@ -48,6 +53,7 @@ impl Description {
             },
             controller: None,
             geometry: None,
+            text: None,
             records: Vec::new(),
         }
     }
@@ -84,6 +90,9 @@ pub struct ChannelGroup {
     /// Factors applied on reading, one a column, or none for 1; finite, not zero.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scale: Vec<f64>,
+    /// Subtracted after the scale, one a column, or none for 0; finite. Format 2.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub offset: Vec<f64>,
 }
 
 impl ChannelGroup {
@@ -135,6 +144,12 @@ pub struct RecordEntry {
     /// Known signals that this test added to the controller's output.
     #[serde(default, skip_serializing_if = "ChannelGroup::is_empty")]
     pub injection: ChannelGroup,
+    /// Where this file has a column, if not by its name: `"u" = "exp1.Y[Name=input (V)].Data"`. Format 2.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub columns: BTreeMap<String, String>,
+    /// First and last row that are used, counted from 1. Format 2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rows: Option<[usize; 2]>,
 }
 
 impl RecordEntry {
@@ -145,6 +160,11 @@ impl RecordEntry {
             (EntryKind::Periodic, Some(period)) => RecordKind::Periodic { period },
             _ => RecordKind::Transient,
         }
+    }
+
+    /// Where the file has a column.
+    pub(crate) fn source_of<'a>(&'a self, column: &'a str) -> &'a str {
+        self.columns.get(column).map_or(column, String::as_str)
     }
 
     /// Whether [`RecordEntry::record_kind`] is periodic.

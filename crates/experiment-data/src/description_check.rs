@@ -2,7 +2,8 @@
 
 use crate::description::{ChannelGroup, Description, EntryKind, RecordEntry};
 use crate::key_path::KeyPath;
-use crate::{DescriptionError, RecordFormat};
+use crate::nearest::nearest;
+use crate::{DescriptionError, RecordFormat, Text};
 use std::collections::HashMap;
 
 /// A problem and its key; the caller knows the file and finds the line.
@@ -64,6 +65,65 @@ pub(crate) fn check_head(d: &Description) -> Result<(), Fault> {
     if let Some(geometry) = &d.geometry {
         geometry.check(c.input.len(), c.output.len(), c.scheduling.len())?;
     }
+    d.text.as_ref().map_or(Ok(()), check_text)
+}
+
+fn check_text(text: &Text) -> Result<(), Fault> {
+    let path = KeyPath::key("text");
+    let refuse = |key, problem| Err(fault(path.then(key), DescriptionError::Text { problem }));
+    if text.header != Some(0) && !text.names.is_empty() {
+        return refuse(
+            "names",
+            "`names` is for files without a line of names; write header = 0 with it",
+        );
+    }
+    if let Some(k) = text.names.iter().position(|n| n.trim().is_empty()) {
+        return Err(fault(path.then("names").at(k), DescriptionError::EmptyName));
+    }
+    if text.units_row == Some(0)
+        || text
+            .units_row
+            .is_some_and(|u| text.header.is_some_and(|h| u <= h))
+    {
+        return refuse(
+            "units_row",
+            "the units stand in a line below the names; lines count from 1",
+        );
+    }
+    if text.skip.contains(&0) {
+        return refuse("skip", "lines count from 1");
+    }
+    Ok(())
+}
+
+/// Rows and columns of the entries, which format 2 adds.
+pub(crate) fn check_places(d: &Description) -> Result<(), Fault> {
+    let records = KeyPath::key("records");
+    for (index, entry) in d.records.iter().enumerate() {
+        let path = records.at(index);
+        if let Some(rows) = entry.rows
+            && !(1..=rows[1]).contains(&rows[0])
+        {
+            return Err(fault(path.then("rows"), DescriptionError::Rows { rows }));
+        }
+        let c = &d.channels;
+        let groups = [
+            &c.output,
+            &c.input,
+            &c.reference,
+            &c.scheduling,
+            &c.auxiliary,
+            &entry.injection,
+        ];
+        let known: Vec<&String> = groups.iter().flat_map(|g| &g.columns).collect();
+        if let Some(column) = entry.columns.keys().find(|k| !known.contains(k)) {
+            let problem = DescriptionError::Unasked {
+                nearest: nearest(column, &known),
+                column: column.clone(),
+            };
+            return Err(fault(path.then("columns"), problem));
+        }
+    }
     Ok(())
 }
 
@@ -96,7 +156,11 @@ fn check_group(group: &ChannelGroup, path: &KeyPath) -> Result<(), Fault> {
             return Err(fault(columns.at(k), problem));
         }
     }
-    for (list, found) in [("units", group.units.len()), ("scale", group.scale.len())] {
+    for (list, found) in [
+        ("units", group.units.len()),
+        ("scale", group.scale.len()),
+        ("offset", group.offset.len()),
+    ] {
         if found != 0 && found != group.len() {
             return Err(fault(
                 path.then(list),
@@ -106,6 +170,13 @@ fn check_group(group: &ChannelGroup, path: &KeyPath) -> Result<(), Fault> {
                 },
             ));
         }
+    }
+    if let Some(k) = group.offset.iter().position(|v| !v.is_finite()) {
+        let value = group.offset[k];
+        return Err(fault(
+            path.then("offset").at(k),
+            DescriptionError::NotFinite { value },
+        ));
     }
     for (k, (&value, column)) in group.scale.iter().zip(&group.columns).enumerate() {
         if !value.is_finite() || value == 0.0 {

@@ -4,14 +4,14 @@
 //! the samples `c(k)`, `k = 0 .. N-1`, taken at `t = k T_s`, `T_s = 1 / sample_rate`. This crate reads the description,
 //! multiplies every column by the scale written there, `x(k) = scale * c(k)`, checks the result against every clause
 //! of the format, and hands out [`lpv_core::Record`]s, one at a time. [`BundleWriter`] goes the other way;
-//! [`list_columns`] and [`read_columns`] look into a file that has no description yet, and [`schema`] is the description
+//! [`look_into`], [`list_columns`] and [`read_columns`] look into a file that has no description yet, and [`schema`] is the description
 //! as a JSON Schema.
 //!
 //! # Glossary
 //!
 //! | term | meaning |
 //! |---|---|
-//! | bundle | folder with `experiment.toml` and record files (`.npz`, `.csv`, `.parquet`, `.mat` v5 and v7.3) |
+//! | bundle | folder with `experiment.toml` and record files (`.npz`, `.csv` and other text tables, `.parquet`, `.mat` v5 and v7.3) |
 //! | channel group | list of columns with one role: output y, input u, reference r, scheduling p, auxiliary |
 //! | periodic record | steady multisine, p constant, a whole number (two or more) of periods |
 //! | transient record | anything else |
@@ -23,8 +23,8 @@
 //! It knows no identification. It does not resample, detrend, align or repair: a number that is not finite, a clipped
 //! sensor or a moving scheduling signal is refused with its place, because a silent repair would end as a pole in some
 //! model. It does not look whether the periodic records at one position excite all inputs independently; that needs
-//! spectra and belongs to the FRF estimate. It reads vectors of real numbers: matrices, complex numbers, texts, lists and
-//! times are refused by name, and so is Parquet in a build without the feature `parquet`, Parquet packed otherwise than
+//! spectra and belongs to the FRF estimate. It reads vectors of real numbers, and of MATLAB files columns and rows of matrices: complex numbers, words, lists,
+//! objects, and times in Parquet are refused by name, and so is Parquet in a build without the feature `parquet`, Parquet packed otherwise than
 //! with snappy, and HDF5 packed otherwise than MATLAB packs it.
 //!
 //! It believes no header. What a file claims to hold is compared with what a file of its size can hold, before memory is
@@ -69,16 +69,22 @@ mod nearest;
 mod paths;
 mod rest;
 mod schema;
+mod source;
 mod stage;
+mod text;
 mod toml_file;
 mod writer;
 
 pub use bundle::Bundle;
-pub use columns::{ColumnInfo, RecordFormat, list_columns, read_columns};
+pub use columns::{
+    Column, ColumnInfo, Contents, PassedOver, RecordFormat, lines_of_rows, list_columns, look_into,
+    read_columns, read_columns_as,
+};
 pub use controller::{Controller, ControllerState};
 pub use description::{ChannelGroup, Channels, Description, EntryKind, RecordEntry};
 pub use error::{DataError, DescriptionError, Place, RecordError, RecordPlace};
 pub use geometry::Geometry;
 pub use rest::{RestingPlace, Travel};
 pub use schema::schema;
+pub use text::{Decimal, Separator, Text};
 pub use writer::BundleWriter;

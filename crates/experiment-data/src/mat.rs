@@ -7,6 +7,7 @@
 //! compressed and small elements. Cells, objects, characters, sparse and opaque variables are passed over. Only wanted
 //! variables are decoded.
 
+mod catalog;
 mod element;
 mod level5;
 mod value;
@@ -14,7 +15,7 @@ mod version73;
 mod writer;
 
 use crate::RecordError;
-use crate::columns::ColumnInfo;
+use crate::columns::{ColumnInfo, Contents};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -25,8 +26,56 @@ pub(crate) use writer::write;
 /// Structs deeper than this are no measurement.
 const DEEPEST: usize = 16;
 
-/// The named variables, in the order of the names; `a.b` is the field `b` of the struct `a`.
+/// The named variables, in the order of the names; `a.b` is the field `b` of the struct `a`, `a(2).b` that of the second
+/// element of a struct array, `a[Name=x].b` that of the element whose `Name` is `x`, and `m(:,3)` a column of a matrix.
 pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
+    let mut places: Vec<String> = names.iter().map(ToString::to_string).collect();
+    if names.iter().any(|n| n.contains('[')) {
+        let items = survey(path)?;
+        for place in places.iter_mut().filter(|p| p.contains('[')) {
+            if let Some(found) = catalog::resolve(place, &items) {
+                *place = found;
+            }
+        }
+    }
+    let parts: Vec<(&str, Option<catalog::Part>)> = places.iter().map(|p| catalog::part_of(p)).collect();
+    let mut matrices: Vec<&str> = Vec::new();
+    for (base, _) in parts.iter().filter(|(_, part)| part.is_some()) {
+        if !matrices.contains(base) {
+            matrices.push(base);
+        }
+    }
+    let vectors: Vec<&str> = parts
+        .iter()
+        .filter(|(_, part)| part.is_none())
+        .map(|(name, _)| *name)
+        .collect();
+    let mut found = read_vectors(path, &vectors)?.into_iter();
+    if matrices.is_empty() {
+        return Ok(found.collect());
+    }
+    let arrays = if is_hdf5(path)? {
+        version73::read_arrays(path, &matrices)?
+    } else {
+        level5::read_arrays(path, &matrices, level5::Shape::Any)?
+    };
+    parts
+        .iter()
+        .zip(names)
+        .map(|((base, part), name)| match part {
+            None => Ok(found.next().unwrap_or_default()),
+            Some(part) => {
+                let at = matrices.iter().position(|m| m == base).unwrap_or(0);
+                catalog::cut(name, &arrays[at], *part)
+            }
+        })
+        .collect()
+}
+
+fn read_vectors(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
+    if names.is_empty() {
+        return Ok(Vec::new());
+    }
     if is_hdf5(path)? {
         version73::read(path, names)
     } else {
@@ -55,6 +104,19 @@ pub(crate) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
         version73::list(path)
     } else {
         level5::list(path)
+    }
+}
+
+/// Everything in the file that may be a column, and what is none.
+pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
+    Ok(catalog::contents(&survey(path)?))
+}
+
+fn survey(path: &Path) -> Result<Vec<catalog::Item>, RecordError> {
+    if is_hdf5(path)? {
+        version73::survey(path)
+    } else {
+        level5::survey(path)
     }
 }
 

@@ -1,10 +1,10 @@
 //! `experiment.toml` as text: reading with positions, and writing.
 
 use crate::description::{ChannelGroup, Channels, Description, RecordEntry};
-use crate::description_check::{Fault, check_entries, check_head, fault};
+use crate::description_check::{Fault, check_entries, check_head, check_places, fault};
 use crate::key_path::{KeyPath, Step};
 use crate::nearest::nearest;
-use crate::{Controller, DataError, DescriptionError, Geometry, Place};
+use crate::{Controller, DataError, DescriptionError, Geometry, Place, Text};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -26,8 +26,12 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Description, DataError> {
     let located = |f: Fault| locate(file, text, table.get_ref(), f);
 
     // The version comes first: another format may well have other keys.
-    if let Some(value) = table.get_ref().get("format")
-        && !matches!(value.get_ref(), DeValue::Integer(i) if i.as_str() == "1" && i.radix() == 10)
+    let is_format = |value: &Spanned<DeValue<'_>>, number: &str| matches!(value.get_ref(), DeValue::Integer(i) if i.as_str() == number && i.radix() == 10);
+    let version = table.get_ref().get("format");
+    let second = version.is_some_and(|value| is_format(value, "2"));
+    if let Some(value) = version
+        && !second
+        && !is_format(value, "1")
     {
         let found = text.get(value.span()).unwrap_or_default().to_owned();
         return Err(located(fault(
@@ -35,7 +39,7 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Description, DataError> {
             DescriptionError::Format { found },
         )));
     }
-    if let Some((offset, key, problem)) = unknown_key(table.get_ref(), "", "") {
+    if let Some((offset, key, problem)) = unknown_key(table.get_ref(), second, "", "") {
         let place = Place {
             file: file.to_owned(),
             position: Some(position(text, offset)),
@@ -53,6 +57,7 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Description, DataError> {
     let description = raw.into_description();
     check_head(&description)
         .and_then(|()| check_entries(&description.records))
+        .and_then(|()| check_places(&description))
         .map_err(located)?;
     Ok(description)
 }
@@ -102,10 +107,10 @@ pub(crate) fn print(d: &Description) -> Result<String, toml::ser::Error> {
 
 /// An experiment bundle: what the record files hold, and how they were measured.
 #[derive(Serialize, Deserialize, JsonSchema)]
-#[schemars(rename = "experiment.toml, format 1", deny_unknown_fields)]
+#[schemars(rename = "experiment.toml, formats 1 and 2", deny_unknown_fields)]
 pub(crate) struct DescriptionFile {
     /// Version of the format.
-    #[schemars(extend("const" = 1))]
+    #[schemars(extend("enum" = [1, 2]))]
     format: u32,
     /// Name of the experiment.
     name: String,
@@ -120,6 +125,9 @@ pub(crate) struct DescriptionFile {
     /// What lies between the logged channels and the motors.
     #[serde(skip_serializing_if = "Option::is_none")]
     geometry: Option<Geometry>,
+    /// How text files are laid out, as far as it is not found by looking. Format 2.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    text: Option<Text>,
     /// The record files.
     // The reader has a clearer word for a bundle without records.
     #[serde(default)]
@@ -236,6 +244,7 @@ impl DescriptionFile {
                 limit: c.limit,
             }),
             geometry: self.geometry,
+            text: self.text,
             records: self.records,
         }
     }
@@ -243,7 +252,7 @@ impl DescriptionFile {
     fn from_description(d: &Description) -> Self {
         let c = d.channels.clone();
         Self {
-            format: 1,
+            format: if needs_second(d) { 2 } else { 1 },
             name: d.name.clone(),
             sample_rate: d.sample_rate_hz,
             channels: ChannelsFile {
@@ -260,13 +269,25 @@ impl DescriptionFile {
                 limit: c.limit,
             }),
             geometry: d.geometry.clone(),
+            text: d.text.clone(),
             records: d.records.clone(),
         }
     }
 }
 
+/// Whether a description says anything that format 1 does not have.
+fn needs_second(d: &Description) -> bool {
+    let c = &d.channels;
+    let groups = [&c.output, &c.input, &c.reference, &c.scheduling, &c.auxiliary];
+    d.text.is_some()
+        || groups.iter().any(|g| !g.offset.is_empty())
+        || d.records
+            .iter()
+            .any(|r| r.rows.is_some() || !r.columns.is_empty() || !r.injection.offset.is_empty())
+}
+
 /// The keys of each table; `*` stands for any index.
-pub(crate) const KEYS: [(&str, &[&str]); 11] = [
+pub(crate) const KEYS: [(&str, &[&str]); 12] = [
     (
         "",
         &[
@@ -276,6 +297,7 @@ pub(crate) const KEYS: [(&str, &[&str]); 11] = [
             "channels",
             "controller",
             "geometry",
+            "text",
             "records",
         ],
     ),
@@ -300,14 +322,59 @@ pub(crate) const KEYS: [(&str, &[&str]); 11] = [
     ("geometry", &["force_from_input", "motor_from_output"]),
     (
         "records[*]",
-        &["file", "kind", "period", "use", "position", "injection"],
+        &[
+            "file",
+            "kind",
+            "period",
+            "use",
+            "position",
+            "injection",
+            "columns",
+            "rows",
+        ],
     ),
     ("records[*].injection", GROUP),
+    (
+        "text",
+        &["separator", "decimal", "header", "names", "units_row", "skip"],
+    ),
 ];
-const GROUP: &[&str] = &["columns", "units", "scale"];
+const GROUP: &[&str] = &["columns", "units", "scale", "offset"];
+
+/// Of these, the ones that a description of format 1 does not have.
+const OF_SECOND: [(&str, &[&str]); 4] = [
+    ("", &["text"]),
+    ("channels.", &["offset"]),
+    ("records[*]", &["columns", "rows"]),
+    ("records[*].injection", &["offset"]),
+];
+
+/// Keys of format 2 that are not read yet.
+const UNREAD: [(&str, &[&str]); 5] = [
+    ("channels.", &["quantity"]),
+    (
+        "controller",
+        &["output_transform", "input_transform", "monomials"],
+    ),
+    ("geometry", &["monomials"]),
+    ("records[*]", &["clipped", "repeat", "quantity"]),
+    ("records[*].injection", &["quantity"]),
+];
+
+fn listed(list: &[(&str, &[&str])], pattern: &str, key: &str) -> bool {
+    list.iter().any(|(of, keys)| {
+        let fits = pattern == *of || (of.ends_with('.') && pattern.starts_with(of));
+        fits && keys.contains(&key)
+    })
+}
 
 /// The first unknown key in the order of the file: its offset, its full name, the problem.
-fn unknown_key(table: &DeTable<'_>, pattern: &str, name: &str) -> Option<(usize, String, DescriptionError)> {
+fn unknown_key(
+    table: &DeTable<'_>,
+    second: bool,
+    pattern: &str,
+    name: &str,
+) -> Option<(usize, String, DescriptionError)> {
     let (_, known) = KEYS.iter().find(|(p, _)| *p == pattern)?;
     let mut found = Vec::new();
     for (key, value) in table {
@@ -319,22 +386,38 @@ fn unknown_key(table: &DeTable<'_>, pattern: &str, name: &str) -> Option<(usize,
             }
         };
         let plain: &str = key.get_ref().as_ref();
-        if !known.contains(&plain) {
-            let problem = DescriptionError::UnknownKey {
-                key: plain.to_owned(),
-                nearest: nearest(plain, known),
-                known: known.to_vec(),
+        let of_second = listed(&OF_SECOND, pattern, plain);
+        let unread = listed(&UNREAD, pattern, plain);
+        if !known.contains(&plain) || (of_second && !second) {
+            let own = plain.to_owned();
+            let problem = if (of_second || unread) && !second {
+                DescriptionError::OfFormat2 { key: own }
+            } else if unread {
+                DescriptionError::NotRead { key: own }
+            } else {
+                let of_first = |k: &&str| second || !listed(&OF_SECOND, pattern, k);
+                let known: Vec<&'static str> = known.iter().copied().filter(of_first).collect();
+                DescriptionError::UnknownKey {
+                    nearest: nearest(&own, &known),
+                    key: own,
+                    known,
+                }
             };
             found.push((key.span().start, join(name), problem));
             continue;
         }
         match value.get_ref() {
-            DeValue::Table(inner) => found.extend(unknown_key(inner, &join(pattern), &join(name))),
+            DeValue::Table(inner) => found.extend(unknown_key(inner, second, &join(pattern), &join(name))),
             DeValue::Array(items) => {
                 let pattern = format!("{}[*]", join(pattern));
                 for (i, item) in items.iter().enumerate() {
                     if let DeValue::Table(inner) = item.get_ref() {
-                        found.extend(unknown_key(inner, &pattern, &format!("{}[{i}]", join(name))));
+                        found.extend(unknown_key(
+                            inner,
+                            second,
+                            &pattern,
+                            &format!("{}[{i}]", join(name)),
+                        ));
                     }
                 }
             }

@@ -8,6 +8,7 @@ use crate::key_path::KeyPath;
 use crate::stage::Stage;
 use crate::{Bundle, DataError, RecordError, RecordPlace, mat, toml_file};
 use lpv_core::{Record, RecordKind, Signals};
+use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -30,8 +31,8 @@ pub struct BundleWriter {
 impl BundleWriter {
     /// Starts a bundle in a folder, which is made if needed.
     ///
-    /// Records hold scaled values, so the `scale` lists of the description are dropped; its record entries too, since
-    /// [`BundleWriter::write`] makes them.
+    /// Records hold scaled values, so the `scale` and `offset` lists of the description are dropped; its record entries and
+    /// its `[text]` too, since [`BundleWriter::write`] makes the files.
     ///
     /// # Errors
     /// [`DataError::Exists`] if there is an `experiment.toml` already; [`DataError::Description`];
@@ -51,7 +52,9 @@ impl BundleWriter {
             &mut c.auxiliary,
         ] {
             group.scale.clear();
+            group.offset.clear();
         }
+        description.text = None;
         description.records.clear();
         let toml = folder.join("experiment.toml");
         if toml.symlink_metadata().is_ok() {
@@ -222,7 +225,7 @@ fn entry(record: &Record, file: String) -> RecordEntry {
     let injection = ChannelGroup {
         columns: record.injection.names.clone(),
         units: record.injection.units.clone(),
-        scale: Vec::new(),
+        ..ChannelGroup::default()
     };
     RecordEntry {
         file,
@@ -231,6 +234,8 @@ fn entry(record: &Record, file: String) -> RecordEntry {
         purpose: record.purpose,
         position: record.position,
         injection,
+        columns: BTreeMap::new(),
+        rows: None,
     }
 }
 

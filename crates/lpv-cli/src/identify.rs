@@ -206,12 +206,12 @@ fn in_time(
         Some(order) => vec![order],
         None => ORDERS.collect(),
     };
-    let mut cut: Vec<Record> = records
+    let cut: Vec<Record> = records
         .iter()
         .zip(&fitted)
         .map(|(r, &n)| crate::validation::cut(r, n))
         .collect();
-    let (estimates, reason) = estimate_local(&mut cut, clock, progress)?;
+    let (estimates, reason) = estimate_local(cut, clock, progress)?;
     let mut reasons = vec![reason];
     let (slope, integrators) = match config.integrators {
         Some(n) => (f64::NAN, n),

@@ -1,17 +1,23 @@
 //! A first `experiment.toml` from record files: what names and data tell is filled in, the rest is marked.
 
+mod clock;
+mod lay;
 mod period;
+mod position;
 mod rate;
 mod roles;
+mod see;
 mod write;
 
 pub use crate::output::Overwrite;
 
 use crate::PipelineError;
 use crate::encode::visible;
-use experiment_data::{ColumnInfo, list_columns, read_columns};
-use rate::{clock_of, sample_rate};
-use roles::{Role, role_of};
+use clock::Clock;
+use experiment_data::Text;
+use rate::{Rate, TimeColumn};
+use see::Seen;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// What the user knows better than the guess.
@@ -88,36 +94,68 @@ struct RecordFile {
     /// Relative to the folder, with forward slashes.
     file: String,
     columns: Vec<String>,
+    /// Where the file has a column, if not by its name.
+    sources: Vec<(String, String)>,
+    /// Rows of the file.
     rows: usize,
+    /// First and last row that are used, from 1, where not all are.
+    part: Option<[usize; 2]>,
     period: Option<usize>,
-    /// Columns that hold one value.
-    constant: Vec<(String, f64)>,
+    /// Smallest value, mean and largest value of each column.
+    ranges: HashMap<String, (f64, f64, f64)>,
     validation: bool,
 }
 
+impl RecordFile {
+    fn rests(&self, name: &str) -> bool {
+        self.ranges.get(name).is_some_and(is_constant)
+    }
+}
+
 /// The columns of a bundle by role.
+#[derive(Default)]
 struct Groups {
     output: Vec<String>,
     input: Vec<String>,
     reference: Vec<String>,
     scheduling: Vec<String>,
     auxiliary: Vec<String>,
-    time: Option<String>,
+}
+
+/// What goes into the text of a draft.
+struct Plan<'a> {
+    name: String,
+    rate: Option<f64>,
+    /// Rates that it may be, where it is asked for or in doubt.
+    rates: Vec<f64>,
+    groups: Groups,
+    /// Units by column, where they are known.
+    units: Vec<(String, String)>,
+    text: Option<Text>,
+    records: Vec<RecordFile>,
+    known: &'a Known,
+    /// Whether the names of the files speak of places, and no column does.
+    places: Option<Vec<String>>,
 }
 
 /// Looks at the files and drafts their description.
 ///
 /// # Errors
 /// A file that cannot be read, no file, files without a common folder or without a common column, a known column that
-/// no file has.
+/// no file has, a rate that no clock has.
 pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
-    let refuse = |file: &Path, problem: String| PipelineError::RecordFile {
-        file: file.to_owned(),
-        problem,
-    };
     let Some(first) = files.first() else {
         return Err(refuse(Path::new(""), "give at least one record file".to_owned()));
     };
+    if let Some(hz) = known.sample_rate_hz
+        && !(hz.is_finite() && hz > 0.0)
+    {
+        return Err(PipelineError::Setting {
+            name: "--sample-rate",
+            value: hz,
+            allowed: "the number of samples a second, finite and above zero",
+        });
+    }
     let mut paths: Vec<PathBuf> = Vec::new();
     for file in files {
         let path = file.canonicalize().map_err(|e| refuse(file, e.to_string()))?;
@@ -134,46 +172,165 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
     }
     let mut guesses = Vec::new();
     let mut questions = Vec::new();
-    let mut common: Option<Vec<String>> = None;
-    let mut listed = Vec::new();
+    let mut seen: Vec<Seen> = Vec::new();
     for (file, path) in files.iter().zip(&paths) {
-        let columns = list_columns(path).map_err(|e| refuse(file, e.to_string()))?;
-        // The columns of a record have one length: that of most; a scalar beside them is a setting and no signal.
-        let rows = usual_rows(&columns);
-        let (columns, others): (Vec<ColumnInfo>, Vec<ColumnInfo>) =
-            columns.into_iter().partition(|c| c.rows == rows);
-        if !others.is_empty() {
-            let names: Vec<String> = others.into_iter().map(|c| c.name).collect();
-            guesses.push(format!(
-                "{}: left out, of other length than the {rows} rows of the signals: {}",
-                file.display(),
-                names.join(", ")
-            ));
-        }
-        let names: Vec<String> = columns.iter().map(|c| c.name.clone()).collect();
-        if names.is_empty() {
-            return Err(refuse(file, "no column of numbers".to_owned()));
-        }
-        if names.iter().all(|n| n.trim().parse::<f64>().is_ok()) {
-            return Err(refuse(
-                file,
-                "the first line holds numbers and no names; put a header line with the names of the columns on top"
-                    .to_owned(),
-            ));
-        }
-        common = Some(match common {
-            None => names,
-            Some(before) => before.into_iter().filter(|n| names.contains(n)).collect(),
-        });
-        listed.push(columns);
+        seen.push(see::see(file, path)?);
     }
-    let common = common.unwrap_or_default();
+    let common = see::common_columns(&mut seen);
     if common.is_empty() {
         return Err(refuse(
             first,
             "the files have no column in common; make one bundle for each kind of file".to_owned(),
         ));
     }
+    guesses.extend(see::passed_over(&seen, &common));
+    check_known(first, known, &common)?;
+    let places: HashMap<&str, usize> = common.iter().enumerate().map(|(k, n)| (n.as_str(), k)).collect();
+    let mut groups = lay::by_name(&common, &seen, known);
+    let mut records = Vec::new();
+    let mut time: Option<TimeColumn> = None;
+    let mut physics = None;
+    for seen in &seen {
+        let data = seen.read(&common)?;
+        let column = |name: &str| Some(data[*places.get(name)?].as_slice());
+        if records.is_empty() {
+            groups.take_counters_out(known, &column, &mut guesses);
+            time = groups.find_time(&common, known, seen, &column);
+            physics = lay::speed_of_position(&common, seen, &column);
+        }
+        let clock = time
+            .as_ref()
+            .and_then(|t| Some(clock::clock_of(column(&t.name)?, t.is_stamp)));
+        let (from, to) = clock
+            .as_ref()
+            .map_or((0, seen.rows), |c| c.longest_stretch(seen.rows));
+        // References repeat exactly; inputs of a closed loop only after its transient.
+        let exciting = groups.reference.iter().chain(&groups.input);
+        let period = known.period.or_else(|| {
+            exciting
+                .filter_map(|name| Some(&column(name)?[from..to]))
+                .filter(|x| !is_constant(&range_of(x)))
+                .find_map(period::period_of)
+        });
+        let part = part_of(from, to, seen.rows, period);
+        if let Some(Clock::Lost { gaps, .. }) = &clock {
+            guesses.push(lost(seen, gaps, part));
+        } else if let Some([a, b]) = part {
+            guesses.push(format!(
+                "{}: rows {a} to {b} of {} are used, whole periods of {} samples",
+                seen.file.display(),
+                seen.rows,
+                period.unwrap_or(0)
+            ));
+        }
+        if let (Some(time), Some(clock)) = (time.as_mut(), clock) {
+            time.clocks.push((seen.file.display().to_string(), clock));
+        }
+        records.push(RecordFile {
+            file: name_of(&seen.path, &folder).ok_or_else(|| refuse(&seen.file, UNNAMEABLE.to_owned()))?,
+            columns: common.clone(),
+            sources: seen.sources(&common),
+            rows: seen.rows,
+            part,
+            period,
+            ranges: common
+                .iter()
+                .cloned()
+                .zip(data.iter().map(|x| range_of(x)))
+                .collect(),
+            validation: known
+                .validation
+                .iter()
+                .any(|v| v.canonicalize().is_ok_and(|v| v == seen.path)),
+        });
+    }
+    groups.by_data(&records, known, &mut guesses);
+    let mut units = see::units(&seen);
+    let mut rates = Vec::new();
+    let rate = match (&time, known.sample_rate_hz) {
+        (None, Some(hz)) => Some(hz),
+        (None, None) => {
+            questions.push(
+                "sample_rate: no column tells the time; write down the rate in Hz, or give --sample-rate"
+                    .to_owned(),
+            );
+            None
+        }
+        (Some(time), Some(hz)) => {
+            if let Some(step) = time.clocks.first().and_then(|(_, clock)| clock.step()) {
+                match rate::agreeing_unit(step, hz) {
+                    Some(unit) => units.push((time.name.clone(), unit.to_owned())),
+                    None => questions.push(format!(
+                        "sample_rate: {hz} Hz is given, but the column `{}` has steps of {step}; which is right?",
+                        time.name
+                    )),
+                }
+            } else if let Some((file, Clock::Uneven(row))) = time.clocks.first() {
+                let place = row.map_or(String::new(), |r| format!(" (row {r})"));
+                questions.push(format!(
+                    "{file}: the column `{}` does not advance evenly{place}: are samples missing?",
+                    time.name
+                ));
+            }
+            Some(hz)
+        }
+        (Some(time), None) => match rate::rate_of(time, physics.as_ref(), &see::notes(&seen)) {
+            Rate::Found {
+                hz,
+                how,
+                unit,
+                or_else,
+            } => {
+                let doubt = or_else.map_or(String::new(), |other| {
+                    format!(" if that is in seconds; {other} if it is in milliseconds")
+                });
+                guesses.push(format!("sample_rate = {hz} {how}{doubt}"));
+                rates.extend(or_else);
+                units.extend(unit.map(|unit| (time.name.clone(), unit.to_owned())));
+                Some(hz)
+            }
+            Rate::Ask { problem, candidates } => {
+                questions.push(format!("sample_rate: {problem}; write down the rate in Hz"));
+                rates = candidates;
+                None
+            }
+        },
+    };
+    // The time stays with the data, where it can be looked at again.
+    groups.auxiliary.extend(time.map(|t| t.name));
+    let names: Vec<String> = records.iter().map(|r| r.file.clone()).collect();
+    let plan = Plan {
+        name: known.name.clone().unwrap_or_else(|| {
+            folder
+                .file_name()
+                .map_or("experiment".to_owned(), |n| n.to_string_lossy().into_owned())
+        }),
+        rate,
+        rates,
+        places: position::places_in_names(&names).filter(|_| groups.scheduling.is_empty() && names.len() > 1),
+        groups,
+        units,
+        text: see::text(&seen),
+        records,
+        known,
+    };
+    let text = write::text(&plan, &mut guesses, &mut questions);
+    Ok(Draft {
+        folder,
+        text,
+        guesses,
+        questions,
+    })
+}
+
+fn refuse(file: &Path, problem: String) -> PipelineError {
+    PipelineError::RecordFile {
+        file: file.to_owned(),
+        problem,
+    }
+}
+
+fn check_known(first: &Path, known: &Known, common: &[String]) -> Result<(), PipelineError> {
     for column in [&known.output, &known.input, &known.reference, &known.scheduling]
         .into_iter()
         .flatten()
@@ -187,68 +344,7 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
             ));
         }
     }
-    let mut groups = by_name(&common, known);
-    let mut records = Vec::new();
-    let mut clocks = Vec::new();
-    for ((file, path), columns) in files.iter().zip(&paths).zip(&listed) {
-        let rows = usual_rows(columns);
-        let names: Vec<&str> = common.iter().map(String::as_str).collect();
-        let data = read_columns(path, &names).map_err(|e| refuse(file, e.to_string()))?;
-        let column = |name: &String| {
-            let at = names.iter().position(|n| n == name)?;
-            Some(data[at].as_slice())
-        };
-        if let Some(time) = groups.time.as_ref().and_then(column) {
-            clocks.push((file.display().to_string(), clock_of(time)));
-        }
-        // References repeat exactly; inputs of a closed loop only after its transient.
-        let exciting = groups.reference.iter().chain(&groups.input);
-        let period = known.period.or_else(|| {
-            exciting
-                .filter_map(column)
-                .filter(|x| !is_constant(x))
-                .find_map(period::period_of)
-        });
-        let constant = names
-            .iter()
-            .zip(&data)
-            .filter(|(_, x)| is_constant(x))
-            .map(|(n, x)| ((*n).to_owned(), crate::signal::mean(x)))
-            .collect();
-        records.push(RecordFile {
-            file: name_of(path, &folder).ok_or_else(|| refuse(file, UNNAMEABLE.to_owned()))?,
-            columns: columns.iter().map(|c| c.name.clone()).collect(),
-            rows: rows as usize,
-            period,
-            constant,
-            validation: known
-                .validation
-                .iter()
-                .any(|v| v.canonicalize().is_ok_and(|v| v == *path)),
-        });
-    }
-    by_data(&mut groups, &records, known, &mut guesses);
-    let rate = sample_rate(known, &clocks, &groups, &mut guesses, &mut questions);
-    let name = known.name.clone().unwrap_or_else(|| {
-        folder
-            .file_name()
-            .map_or("experiment".to_owned(), |n| n.to_string_lossy().into_owned())
-    });
-    let text = write::text(
-        &name,
-        rate,
-        &groups,
-        &records,
-        known,
-        &mut guesses,
-        &mut questions,
-    );
-    Ok(Draft {
-        folder,
-        text,
-        guesses,
-        questions,
-    })
+    Ok(())
 }
 
 /// Why a file cannot be a record.
@@ -264,14 +360,40 @@ fn name_of(path: &Path, folder: &Path) -> Option<String> {
     })
 }
 
-/// The length that most columns have; the longer one where two are as frequent.
-fn usual_rows(columns: &[ColumnInfo]) -> u64 {
-    let count = |rows: u64| columns.iter().filter(|c| c.rows == rows).count();
-    columns
+/// The rows of the longest stretch without a gap, and of these whole periods, the last ones; none if that is all.
+fn part_of(from: usize, to: usize, rows: usize, period: Option<usize>) -> Option<[usize; 2]> {
+    let length = to - from;
+    let used = match period {
+        Some(period) if period > 1 && length / period >= 2 => length - length % period,
+        _ => length,
+    };
+    (used < rows).then(|| [to - used + 1, to])
+}
+
+/// What is said about lost samples.
+fn lost(seen: &Seen, gaps: &[(usize, usize)], part: Option<[usize; 2]>) -> String {
+    let missing: usize = gaps.iter().map(|(_, count)| count).sum();
+    let shown: Vec<String> = gaps
         .iter()
-        .map(|c| (count(c.rows), c.rows))
-        .max()
-        .map_or(0, |(_, rows)| rows)
+        .take(4)
+        .map(|(row, count)| {
+            let place = match seen.line_of_row(*row) {
+                Some(line) => format!("line {line}"),
+                None => format!("row {row}"),
+            };
+            format!("{count} behind {place}")
+        })
+        .collect();
+    let more = if gaps.len() > 4 { ", ..." } else { "" };
+    let used = part.map_or(String::new(), |[a, b]| {
+        format!("; rows {a} to {b}, the longest stretch without a gap, are used")
+    });
+    format!(
+        "{}: {missing} {} missing: {}{more}{used}",
+        seen.file.display(),
+        if missing == 1 { "sample is" } else { "samples are" },
+        shown.join(", ")
+    )
 }
 
 /// The deepest folder that holds all files.
@@ -287,93 +409,13 @@ fn common_folder(paths: &[PathBuf]) -> Option<PathBuf> {
     Some(folder)
 }
 
-fn by_name(columns: &[String], known: &Known) -> Groups {
-    let taken = |name: &String| {
-        [&known.output, &known.input, &known.reference, &known.scheduling]
-            .into_iter()
-            .any(|group| group.contains(name))
-    };
-    let pick = |given: &Vec<String>, role: Role| -> Vec<String> {
-        if given.is_empty() {
-            columns
-                .iter()
-                .filter(|c| !taken(c) && role_of(c) == Some(role))
-                .cloned()
-                .collect()
-        } else {
-            given.clone()
-        }
-    };
-    let mut groups = Groups {
-        output: pick(&known.output, Role::Output),
-        input: pick(&known.input, Role::Input),
-        reference: pick(&known.reference, Role::Reference),
-        scheduling: pick(&known.scheduling, Role::Scheduling),
-        auxiliary: Vec::new(),
-        time: columns
-            .iter()
-            .find(|c| !taken(c) && role_of(c) == Some(Role::Time))
-            .cloned(),
-    };
-    let used = |name: &String| {
-        [
-            &groups.output,
-            &groups.input,
-            &groups.reference,
-            &groups.scheduling,
-        ]
-        .into_iter()
-        .any(|group| group.contains(name))
-    };
-    groups.auxiliary = columns
-        .iter()
-        .filter(|c| !used(c) && groups.time.as_ref() != Some(c))
-        .cloned()
-        .collect();
-    groups
-}
-
-/// A column that rests in every periodic file at another value is the position, whatever its name; dead columns go.
-fn by_data(groups: &mut Groups, records: &[RecordFile], known: &Known, guesses: &mut Vec<String>) {
-    if groups.scheduling.is_empty() && known.scheduling.is_empty() {
-        let values = |name: &String| -> Vec<f64> {
-            records
-                .iter()
-                .filter(|r| r.period.is_some())
-                .filter_map(|r| r.constant.iter().find(|(n, _)| n == name).map(|(_, v)| *v))
-                .collect()
-        };
-        let periodic = records.iter().filter(|r| r.period.is_some()).count();
-        let found = groups.auxiliary.iter().position(|name| {
-            let v = values(name);
-            periodic > 1 && v.len() == periodic && v.iter().any(|x| *x != v[0])
-        });
-        if let Some(i) = found {
-            let name = groups.auxiliary.remove(i);
-            guesses.push(format!(
-                "`{name}` is the scheduling signal: it rests in every periodic file, at different values"
-            ));
-            groups.scheduling.push(name);
-        }
-    }
-    let dead = |name: &String| records.iter().all(|r| r.constant.iter().any(|(n, _)| n == name));
-    for (role, given, group) in [
-        ("input", &known.input, &mut groups.input),
-        ("output", &known.output, &mut groups.output),
-    ] {
-        if given.is_empty() {
-            group.retain(|name| {
-                if dead(name) {
-                    guesses.push(format!("`{name}` is constant in every file: not taken as {role}"));
-                }
-                !dead(name)
-            });
-        }
-    }
-}
-
-fn is_constant(x: &[f64]) -> bool {
+/// Smallest value, mean, largest value.
+fn range_of(x: &[f64]) -> (f64, f64, f64) {
     let (low, high) = crate::signal::range(x);
+    (low, crate::signal::mean(x), high)
+}
+
+fn is_constant(&(low, _, high): &(f64, f64, f64)) -> bool {
     // The tolerance of the format for a position at rest.
     high - low <= 1e-3 * low.abs().max(high.abs())
 }

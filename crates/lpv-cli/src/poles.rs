@@ -46,6 +46,12 @@ pub fn fit_poles(
         })?;
     let mut integrators = config.integrators.unwrap_or_else(|| {
         let (slope, count) = integrators_from_slope(middle);
+        // The series expansion over several positions knows two or none: one is left to the poles.
+        let count = match count {
+            1 if estimates.len() > 1 => 0,
+            more if estimates.len() > 1 => more.min(2),
+            any => any,
+        };
         reasons.push(format!(
             "{count} integrators: |F| falls with the power {slope:.2} of frequency at the lowest lines"
         ));

@@ -110,7 +110,7 @@ pub fn estimate_bundle(
             bundle: bundle.description().name.clone(),
         });
     }
-    let (estimates, reason) = estimate_local(&mut records, clock, progress)?;
+    let (estimates, reason) = estimate_local(records, clock, progress)?;
     Ok(Responses {
         clock,
         estimates,
@@ -269,7 +269,7 @@ fn periodic_settings(skip: SkipRule) -> Result<CheckedSettings, PipelineError> {
 /// # Errors
 /// [`PipelineError::Frf`] with the position and the records.
 pub fn estimate_local(
-    records: &mut [Record],
+    mut records: Vec<Record>,
     clock: Discrete,
     progress: Progress<'_>,
 ) -> Result<(Vec<FrfEstimate>, String), PipelineError> {
@@ -290,7 +290,8 @@ pub fn estimate_local(
             place: "settings".to_owned(),
             source,
         })?;
-    let estimates = by_position(records, progress, |group| {
+    let cut = to_one_length(&mut records);
+    let estimates = by_position(&mut records, progress, |group| {
         local_rational(group, clock, &settings).map(|e| e.estimate)
     })?;
     let reason = if references {
@@ -299,7 +300,55 @@ pub fn estimate_local(
         "no periodic records: local rational method from inputs to outputs; in closed loop the noise that is fed back biases it"
             .to_owned()
     };
-    Ok((estimates, reason))
+    Ok((estimates, reason + &cut))
+}
+
+/// Leaves the records from which a response is estimated, of one length: of all lengths the one that leaves most samples, and a
+/// record at every position. Says what was cut.
+fn to_one_length(records: &mut Vec<Record>) -> String {
+    let Some((length, shortest, longest)) = common_length(records) else {
+        return String::new();
+    };
+    let all = records.len();
+    records.retain(|r| r.len() >= length);
+    records
+        .iter_mut()
+        .for_each(|r| crate::signal::keep_first(r, length));
+    format!(
+        "; the records have {shortest} to {longest} samples: the first {length} of {} of {all} records give the response",
+        records.len()
+    )
+}
+
+/// The length to cut to, and the smallest and the largest one; none if all have one length.
+fn common_length(records: &[Record]) -> Option<(usize, usize, usize)> {
+    let mut lengths: Vec<usize> = records.iter().map(Record::len).collect();
+    lengths.sort_unstable();
+    lengths.dedup();
+    let mut placed: Vec<Placed> = records
+        .iter()
+        .enumerate()
+        .map(|(i, r)| Placed::of(r, i))
+        .collect();
+    // What is wrong with the places, the estimate tells.
+    let runs = places::runs(&mut placed).ok()?;
+    let everywhere = |length: usize| {
+        let long = |run: &std::ops::Range<usize>| {
+            let mut own = placed[run.clone()].iter();
+            own.any(|p| records[p.index].len() >= length)
+        };
+        runs.iter().all(long)
+    };
+    let samples = |length: usize| length * records.iter().filter(|r| r.len() >= length).count();
+    let best = lengths
+        .iter()
+        .copied()
+        .filter(|&length| everywhere(length))
+        .max_by_key(|&length| (samples(length), length));
+    let &[shortest, .., longest] = lengths.as_slice() else {
+        return None;
+    };
+    Some((best?, shortest, longest))
 }
 
 /// Applies an estimator to the records of each position, in parallel.

@@ -136,15 +136,28 @@ fn overwrite(force: bool) -> Overwrite {
     }
 }
 
+/// Commas part names, but not inside brackets: `data(:,3)` is one.
+fn whole_names(parts: Vec<String>) -> Vec<String> {
+    let open = |name: &String| name.matches(['(', '[']).count() > name.matches([')', ']']).count();
+    let mut names: Vec<String> = Vec::new();
+    for part in parts {
+        match names.last_mut() {
+            Some(last) if open(last) => *last += &format!(",{part}"),
+            _ => names.push(part),
+        }
+    }
+    names
+}
+
 fn run_new(a: New) -> Result<Done, PipelineError> {
     let known = new::Known {
         name: a.name,
         sample_rate_hz: a.sample_rate,
         period: a.period,
-        output: a.output,
-        input: a.input,
-        reference: a.reference,
-        scheduling: a.scheduling,
+        output: whole_names(a.output),
+        input: whole_names(a.input),
+        reference: whole_names(a.reference),
+        scheduling: whole_names(a.scheduling),
         validation: a.validation,
     };
     let draft = new::draft(&a.files, &known)?;

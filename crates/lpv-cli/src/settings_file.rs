@@ -74,9 +74,14 @@ pub fn nearest_name<'a>(unknown: &str, known: impl Iterator<Item = &'a str>) -> 
     const LETTERS: usize = 64;
     let cut = |name: &str| -> Vec<char> { name.chars().take(LETTERS).collect() };
     let limit = (unknown.chars().count() / 2).max(2);
-    let unknown = cut(unknown);
+    let unknown = cut(&unknown.to_lowercase());
     known
-        .map(|name| (strsim::generic_damerau_levenshtein(&unknown, &cut(name)), name))
+        .map(|name| {
+            (
+                strsim::generic_damerau_levenshtein(&unknown, &cut(&name.to_lowercase())),
+                name,
+            )
+        })
         .filter(|(distance, _)| *distance <= limit)
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, name)| name)

@@ -11,7 +11,7 @@ use between::between;
 use lfr_realize::moving::{MovingData, Standing, StandingSettings, stand_still};
 use lfr_realize::{
     FrozenData, GainFit, GrowSettings, Grown, LocalSettings, RealizeError, RefineSettings, Refined,
-    ResidualUnit, StartKind, Units, condense, grow_sizes, local_model, refine,
+    ResidualUnit, RigidGain, StartKind, Units, condense, grow_sizes, local_model, refine,
 };
 use lpv_core::num_complex::Complex;
 use lpv_core::{Continuous, DeltaBlock, Discrete, Frf, FrfEstimate, Lfr, SchedulingRange};
@@ -128,7 +128,13 @@ fn attempt(
         .into());
     }
     begin(progress, "small LFR: the middle position");
-    let local = local_model(Continuous, &middle, &modes, &LocalSettings::new().check()?)?;
+    let rigid = if poles.integrators == 0 {
+        RigidGain::Absent
+    } else {
+        RigidGain::Decide
+    };
+    let settings = LocalSettings::new().rigid(rigid).check()?;
+    let local = local_model(Continuous, &middle, &modes, &settings)?;
     let mut reasons = moves.reasons.clone();
     // The gain of the rigid body comes from the middle position; the others know it better together.
     let mut settings = GrowSettings::new().seed(config.seed).gain(GainFit::Free);
@@ -170,8 +176,9 @@ fn attempt(
         .collect();
     let won = best.starts.get(best.winner).map_or("", |s| start_name(&s.kind));
     reasons.push(format!(
-        "small LFR: {} states with the rigid body exact, residual over the noise of the responses by deltas ({}); the {won} start won{}",
+        "small LFR: {} states{}, residual over the noise of the responses by deltas ({}); the {won} start won{}",
         best.refined.candidate.states(),
+        if gamma.is_some() { " with the rigid body exact" } else { "" },
         residuals.join(", "),
         if reached { "" } else { "; the noise is not reached" }
     ));

@@ -5,7 +5,7 @@ use crate::nearest::hint;
 #[non_exhaustive]
 pub enum DescriptionError {
     /// Another version of the format.
-    #[error("format {found} is not known; this program reads format 1")]
+    #[error("format {found} is not known; this program reads formats 1 and 2")]
     Format {
         /// What the file says.
         found: String,
@@ -19,6 +19,38 @@ pub enum DescriptionError {
         nearest: Vec<String>,
         /// All keys known at that place.
         known: Vec<&'static str>,
+    },
+    /// A key that format 1 does not have.
+    #[error("`{key}` is a key of format 2; write format = 2 to use it")]
+    OfFormat2 {
+        /// The key.
+        key: String,
+    },
+    /// A key of format 2 that this version does not know how to follow.
+    #[error("`{key}` of format 2 is not read by this version; take the line out, its meaning would be lost")]
+    NotRead {
+        /// The key.
+        key: String,
+    },
+    /// Keys of `[text]` that contradict each other.
+    #[error("{problem}")]
+    Text {
+        /// What contradicts what.
+        problem: &'static str,
+    },
+    /// Rows that are no part of a record.
+    #[error("rows = [{}, {}]; write the first and the last row, counted from 1", rows[0], rows[1])]
+    Rows {
+        /// What the file says.
+        rows: [usize; 2],
+    },
+    /// A place for a column that the record does not have.
+    #[error("`{column}` is no channel of this bundle{}", hint(nearest))]
+    Unasked {
+        /// The name.
+        column: String,
+        /// Channels that look like it.
+        nearest: Vec<String>,
     },
     /// A sample rate that no clock can have.
     #[error("sample rate {value:?} Hz; it must be finite and above zero")]

@@ -63,11 +63,13 @@ pub enum RecordError {
         /// Free memory, bytes.
         free: u64,
     },
-    /// A header line that is not comma separated.
-    #[error("line 1: fields are separated by {found}; write commas between fields and points in numbers")]
-    CsvSeparator {
-        /// The separator found.
-        found: &'static str,
+    /// A text table whose layout cannot be told.
+    #[error(
+        "{problem}; [text] of experiment.toml (format = 2) says how a file is laid out: separator, decimal, header, units_row, skip"
+    )]
+    TextLayout {
+        /// What is seen.
+        problem: String,
     },
     /// A row with another number of fields than the header.
     #[error(
@@ -82,7 +84,7 @@ pub enum RecordError {
         found: u64,
     },
     /// A field that is no number.
-    #[error("line {line}, column `{column}`: {}", cell_text(text))]
+    #[error("line {line}, column `{column}`: {}", cell_text(text, *comma))]
     CsvNumber {
         /// Line, from 1.
         line: u64,
@@ -90,10 +92,14 @@ pub enum RecordError {
         column: String,
         /// The field.
         text: String,
+        /// Whether the numbers of the file have decimal commas.
+        comma: bool,
     },
     /// A name that the header has twice.
-    #[error("line 1: the header has the column `{column}` {times} times; rename all but one")]
+    #[error("line {line}: the header has the column `{column}` {times} times; rename all but one")]
     CsvDuplicate {
+        /// Line, from 1.
+        line: u64,
         /// The column.
         column: String,
         /// How often it occurs.
@@ -141,6 +147,16 @@ pub enum RecordError {
         first: String,
         /// Its rows.
         expected: usize,
+    },
+    /// Rows that are asked for and are not there.
+    #[error("rows = [{}, {}], but column `{column}` has {found} rows", rows[0], rows[1])]
+    RowsMissing {
+        /// The column.
+        column: String,
+        /// What the description asks for.
+        rows: [usize; 2],
+        /// Rows of the column.
+        found: usize,
     },
     /// A record without samples.
     #[error("column `{column}` has no rows; a record needs samples")]
@@ -334,10 +350,11 @@ fn rows_text(rows: &[usize], lines: &[u64], count: usize) -> String {
     }
 }
 
-fn cell_text(text: &str) -> String {
+fn cell_text(text: &str, comma: bool) -> String {
+    let sample = if comma { "-1,5e-3" } else { "-1.5e-3" };
     if text.is_empty() {
         "the cell is empty; every row needs a value".to_owned()
     } else {
-        format!("`{text}` is not a number; write numbers like -1.5e-3")
+        format!("`{text}` is not a number; write numbers like {sample}")
     }
 }

@@ -105,6 +105,23 @@ impl<R: Read> Elements<R> {
         Ok(data)
     }
 
+    /// Characters, which are stored as numbers of one or two bytes.
+    pub(super) fn text(&mut self, tag: Tag) -> Result<String, Damage> {
+        let data = self.data(tag)?;
+        let big_endian = self.big_endian;
+        let text = match tag.kind {
+            3 | 4 | 17 => {
+                let unit = |c: &[u8]| match big_endian {
+                    true => u16::from_be_bytes([c[0], c[1]]),
+                    false => u16::from_le_bytes([c[0], c[1]]),
+                };
+                String::from_utf16_lossy(&data.chunks_exact(2).map(unit).collect::<Vec<_>>())
+            }
+            _ => String::from_utf8_lossy(&data).into_owned(),
+        };
+        Ok(text.trim_end_matches('\0').to_owned())
+    }
+
     /// Passes over an element.
     pub(super) fn skip(&mut self, tag: Tag) -> Result<(), Damage> {
         if tag.small.is_none() {

@@ -1,3 +1,4 @@
+use super::catalog::{Item, Kind};
 use super::element::{COMPRESSED, Damage, Elements, MATRIX};
 use super::{Array, DEEPEST};
 use crate::RecordError;
@@ -16,6 +17,9 @@ pub(super) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordE
     Ok(arrays.into_iter().map(|a| a.data).collect())
 }
 
+/// More entries than any measurement has.
+const MOST_ENTRIES: usize = 100_000;
+
 /// Which arrays are accepted.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Shape {
@@ -31,7 +35,12 @@ pub(super) fn read_arrays(path: &Path, names: &[&str], shape: Shape) -> Result<V
         // Only now the names of everything in the file are worth their time.
         wanted.present = Some(Vec::new());
         walk(path, &mut wanted)?;
-        let present: Vec<String> = wanted.present.into_iter().flatten().map(|p| p.name).collect();
+        let numbers = wanted
+            .present
+            .into_iter()
+            .flatten()
+            .filter(|p| p.kind == Kind::Numbers);
+        let present: Vec<String> = numbers.map(|p| p.name).collect();
         return Err(missing(names[absent], &present));
     }
     Ok(wanted.found.into_iter().flatten().collect())
@@ -42,8 +51,22 @@ pub(super) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
     let mut wanted = Wanted::new(&[], Shape::Vector, 0);
     wanted.present = Some(Vec::new());
     walk(path, &mut wanted)?;
-    let vector = |p: Present| p.rows.map(|rows| ColumnInfo { name: p.name, rows });
+    let vector = |p: Item| {
+        let rows = vector_length(&p.name, &p.shape)
+            .ok()
+            .filter(|_| p.kind == Kind::Numbers)?;
+        // What an element of a struct array holds, only its address names.
+        (!p.name.contains('(')).then_some(ColumnInfo { name: p.name, rows })
+    };
     Ok(wanted.present.into_iter().flatten().filter_map(vector).collect())
+}
+
+/// Every entry, in the order of the file.
+pub(super) fn survey(path: &Path) -> Result<Vec<Item>, RecordError> {
+    let mut wanted = Wanted::new(&[], Shape::Any, 0);
+    wanted.present = Some(Vec::new());
+    walk(path, &mut wanted)?;
+    Ok(wanted.present.unwrap_or_default())
 }
 
 struct Wanted<'a> {
@@ -53,8 +76,8 @@ struct Wanted<'a> {
     structs: HashSet<&'a str>,
     shape: Shape,
     found: Vec<Option<Array>>,
-    /// Numeric variables, while they are collected.
-    present: Option<Vec<Present>>,
+    /// All entries, while they are collected.
+    present: Option<Vec<Item>>,
     allowance: Allowance,
 }
 
@@ -62,15 +85,15 @@ fn size(path: &Path) -> Result<u64, RecordError> {
     Ok(path.metadata().map_err(RecordError::io("read"))?.len())
 }
 
-/// A numeric variable; rows only if it is a real vector.
-struct Present {
-    name: String,
-    rows: Option<u64>,
-}
-
 impl<'a> Wanted<'a> {
+    fn note(&mut self, name: String, shape: Vec<u64>, kind: Kind) {
+        // A damaged file may claim any number of entries.
+        if let Some(present) = self.present.as_mut().filter(|p| p.len() < MOST_ENTRIES) {
+            present.push(Item { name, shape, kind });
+        }
+    }
     fn new(names: &'a [&'a str], shape: Shape, file_bytes: u64) -> Self {
-        let around = |name: &'a str| name.match_indices('.').map(move |(dot, _)| &name[..dot]);
+        let around = |name: &'a str| name.match_indices(['.', '(']).map(move |(dot, _)| &name[..dot]);
         Self {
             // The first of equal names gets what is found.
             places: names.iter().enumerate().rev().map(|(i, n)| (*n, i)).collect(),
@@ -231,7 +254,28 @@ fn matrix<R: Read>(
     let flags = e.u32(&flags);
     let (class, complex) = (flags & 0xff, flags & 0x800 != 0);
     if class == 17 {
-        // An opaque object has no dimensions; only its own program knows what follows.
+        // An opaque object has no dimensions, only names; its own program alone knows what follows.
+        if wanted.present.is_some() {
+            let mut words = Vec::new();
+            for _ in 0..3 {
+                let tag = e.tag()?;
+                words.push(
+                    String::from_utf8_lossy(&e.data(tag)?)
+                        .trim_end_matches('\0')
+                        .to_owned(),
+                );
+            }
+            let full = if depth == 0 {
+                words[0].clone()
+            } else {
+                path.to_owned()
+            };
+            wanted.note(
+                full,
+                Vec::new(),
+                Kind::Other(format!("an object of class {}", words[2])),
+            );
+        }
         return Ok(());
     }
     let tag = e.tag()?;
@@ -256,9 +300,13 @@ fn matrix<R: Read>(
     };
     match class {
         6..=15 => {
-            if let Some(present) = &mut wanted.present {
-                let rows = vector_length(&full, &shape).ok().filter(|_| !complex);
-                present.push(Present { name: full, rows });
+            if wanted.present.is_some() {
+                let kind = if complex {
+                    Kind::Other("complex numbers".to_owned())
+                } else {
+                    Kind::Numbers
+                };
+                wanted.note(full, shape, kind);
                 return Ok(());
             }
             let Some(index) = index else { return Ok(()) };
@@ -282,17 +330,38 @@ fn matrix<R: Read>(
             Ok(())
         }
         2 if wanted.enters(&full) => {
-            if shape.iter().any(|n| *n != 1) {
-                return if wanted.present.is_some() {
-                    Ok(())
-                } else {
-                    Err(not_numeric("a struct array"))
-                };
+            let elements = shape
+                .iter()
+                .try_fold(1u64, |n, d| n.checked_mul(*d))
+                .unwrap_or(u64::MAX);
+            if elements != 1 && index.is_some() {
+                return Err(not_numeric("a struct array"));
             }
             if depth >= DEEPEST {
                 return Err("structs nested too deep".into());
             }
-            fields(e, &full, depth, wanted, name)
+            fields(e, &full, elements, depth, wanted, name)
+        }
+        _ if wanted.present.is_some() => {
+            let kind = match class {
+                1 => Kind::Other("a cell array".to_owned()),
+                3 => {
+                    let tag = e.tag()?;
+                    let class = e.data(tag)?;
+                    let class = String::from_utf8_lossy(&class).trim_end_matches('\0').to_owned();
+                    Kind::Other(format!("an object of class {class}"))
+                }
+                4 if shape.iter().product::<u64>() <= LONGEST_NAME => {
+                    let tag = e.tag()?;
+                    Kind::Text(e.text(tag)?)
+                }
+                4 => Kind::Text(String::new()),
+                5 => Kind::Other("a sparse matrix".to_owned()),
+                16 => Kind::Other("a function".to_owned()),
+                _ => Kind::Other("a variable of unknown class".to_owned()),
+            };
+            wanted.note(full, shape, kind);
+            Ok(())
         }
         _ if index.is_some() => Err(not_numeric(match class {
             1 => "a cell array",
@@ -307,10 +376,14 @@ fn matrix<R: Read>(
     }
 }
 
-/// The fields of a 1 x 1 struct.
+/// Letters of the longest name of a signal that is read.
+const LONGEST_NAME: u64 = 256;
+
+/// The fields of a struct, or of each element of a struct array.
 fn fields<R: Read>(
     e: &mut Elements<R>,
     path: &str,
+    elements: u64,
     depth: usize,
     wanted: &mut Wanted<'_>,
     name: &mut String,
@@ -324,9 +397,18 @@ fn fields<R: Read>(
     }
     let tag = e.tag()?;
     let names = e.data(tag)?;
-    for field in names.chunks_exact(length) {
+    let count = (names.len() / length) as u64;
+    // A false number of elements ends with the bytes, if there are fields.
+    for k in 0..elements.saturating_mul(count) {
+        let at = (k % count) as usize * length;
+        let field = &names[at..at + length];
         let field = field.split(|b| *b == 0).next().unwrap_or_default();
-        let full = format!("{path}.{}", String::from_utf8_lossy(field));
+        let field = String::from_utf8_lossy(field);
+        let full = if elements == 1 {
+            format!("{path}.{field}")
+        } else {
+            format!("{path}({}).{field}", k / count + 1)
+        };
         let tag = e.tag()?;
         if tag.kind != MATRIX {
             return Err("a field that is no array".into());

@@ -23,6 +23,8 @@ pub enum Value {
     Text(String),
     /// A 1 x 1 struct with its fields in order.
     Struct(Vec<(String, Value)>),
+    /// A row of structs with the fields of the first.
+    Structs(Vec<Vec<(String, Value)>>),
 }
 
 /// Field names have this many bytes, the last of them zero.
@@ -63,6 +65,21 @@ fn check(name: &str, value: &Value) -> Result<(), RecordError> {
             writable(name, fields.len())?;
             fields.iter().try_for_each(|(field, value)| check(field, value))
         }
+        Value::Structs(elements) => {
+            writable(name, elements.len())?;
+            let names = |fields: &[(String, Value)]| fields.iter().map(|f| f.0.clone()).collect::<Vec<_>>();
+            if elements.iter().any(|e| names(e) != names(&elements[0])) {
+                return Err(RecordError::Malformed {
+                    format: "MAT",
+                    variable: name.to_owned(),
+                    problem: "structs of one row with other fields".to_owned(),
+                });
+            }
+            elements
+                .iter()
+                .flatten()
+                .try_for_each(|(field, value)| check(field, value))
+        }
     }
 }
 
@@ -73,6 +90,7 @@ fn matrix(name: &str, value: &Value) -> Vec<u8> {
         Value::Array(a) => (6, a.shape.iter().map(|n| *n as i32).collect()),
         Value::Text(text) => (4, vec![1, text.encode_utf16().count() as i32]),
         Value::Struct(_) => (2, vec![1, 1]),
+        Value::Structs(elements) => (2, vec![1, elements.len() as i32]),
     };
     let mut flags = class.to_le_bytes().to_vec();
     flags.extend([0; 4]);
@@ -94,22 +112,27 @@ fn matrix(name: &str, value: &Value) -> Vec<u8> {
             17,
             &text.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<_>>(),
         ),
-        Value::Struct(fields) => {
-            // The length of a field name is a small element: size and kind share its tag.
-            out.extend((4u32 << 16 | 5).to_le_bytes());
-            out.extend((FIELD_BYTES as u32).to_le_bytes());
-            let mut names = vec![0; FIELD_BYTES * fields.len()];
-            for (slot, (field, _)) in names.chunks_exact_mut(FIELD_BYTES).zip(fields) {
-                slot[..field.len()].copy_from_slice(field.as_bytes());
-            }
-            put(&mut out, 1, &names);
-            for (_, value) in fields {
-                let body = matrix("", value);
-                put(&mut out, MATRIX, &body);
-            }
-        }
+        Value::Struct(fields) => structs(&mut out, std::slice::from_ref(fields)),
+        Value::Structs(elements) => structs(&mut out, elements),
     }
     out
+}
+
+/// Field names, and the fields of one struct after another.
+fn structs(out: &mut Vec<u8>, elements: &[Vec<(String, Value)>]) {
+    let fields = elements.first().map_or(&[][..], Vec::as_slice);
+    // The length of a field name is a small element: size and kind share its tag.
+    out.extend((4u32 << 16 | 5).to_le_bytes());
+    out.extend((FIELD_BYTES as u32).to_le_bytes());
+    let mut names = vec![0; FIELD_BYTES * fields.len()];
+    for (slot, (field, _)) in names.chunks_exact_mut(FIELD_BYTES).zip(fields) {
+        slot[..field.len()].copy_from_slice(field.as_bytes());
+    }
+    put(out, 1, &names);
+    for (_, value) in elements.iter().flatten() {
+        let body = matrix("", value);
+        put(out, MATRIX, &body);
+    }
 }
 
 /// An element with its tag, padded to eight bytes.

@@ -1,12 +1,15 @@
 //! MATLAB 7.3: an HDF5 file with a header of 512 bytes, in which variables are data sets and structs are groups. The
 //! attribute `MATLAB_class` says what a variable is; files of other programs may lack it.
 
-use super::DEEPEST;
+use super::catalog::{Item, Kind};
+use super::{Array, DEEPEST};
 use crate::RecordError;
 use crate::columns::number::DEFLATE_RATIO;
 use crate::columns::{ColumnInfo, missing, vector_length};
 use crate::memory::{Allowance, FREELY, MOST_A_BYTE};
-use hdf5_pure::{AttrValue, ChunkCacheConfig, DType, DatasetAccessProperties, Group, Layout};
+use hdf5_pure::{
+    AttrValue, ChunkCacheConfig, DType, Dataset, DatasetAccessProperties, Group, Layout, Object,
+};
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -31,9 +34,54 @@ pub(super) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordE
                 let present: Vec<String> = real.map(|v| v.name.clone()).collect();
                 return Err(missing(name, &present));
             };
-            columns.push(walk.column(place, &mut allowance)?);
+            vector_length(name, &walk.variables[place].shape)?;
+            columns.push(walk.numbers(place, &mut allowance)?);
         }
         Ok(columns)
+    })
+}
+
+/// The named arrays with their shapes, in the order of the names.
+pub(super) fn read_arrays(path: &Path, names: &[&str]) -> Result<Vec<Array>, RecordError> {
+    guarded(|| {
+        let walk = Walk::new(path, names)?;
+        let mut allowance = Allowance::new(walk.bytes);
+        names
+            .iter()
+            .map(|name| {
+                let Some(place) = walk.variables.iter().position(|v| v.name == *name) else {
+                    let real = walk.variables.iter().filter(|v| v.what == What::Numbers);
+                    let present: Vec<String> = real.map(|v| v.name.clone()).collect();
+                    return Err(missing(name, &present));
+                };
+                Ok(Array {
+                    data: walk.numbers(place, &mut allowance)?,
+                    shape: walk.variables[place].shape.clone(),
+                })
+            })
+            .collect()
+    })
+}
+
+/// Every entry, in the order of the file.
+pub(super) fn survey(path: &Path) -> Result<Vec<Item>, RecordError> {
+    guarded(|| {
+        let walk = Walk::new(path, &[])?;
+        let items = walk.variables.into_iter().filter_map(|v| {
+            let kind = match v.what {
+                What::Numbers => Kind::Numbers,
+                What::Text(text) => Kind::Text(text),
+                What::Empty => return None,
+                What::Other(what) if what == STRUCT || what == STRUCT_ARRAY => return None,
+                What::Other(what) => Kind::Other(what),
+            };
+            Some(Item {
+                name: v.name,
+                shape: v.shape,
+                kind,
+            })
+        });
+        Ok(items.collect())
     })
 }
 
@@ -43,6 +91,7 @@ pub(super) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
         let walk = Walk::new(path, &[])?;
         let numbers = walk.variables.into_iter().filter(|v| v.what == What::Numbers);
         Ok(numbers
+            .filter(|v| !v.name.contains('('))
             .filter_map(|v| {
                 let rows = vector_length(&v.name, &v.shape).ok()?;
                 Some(ColumnInfo { name: v.name, rows })
@@ -71,6 +120,8 @@ enum What {
     Numbers,
     /// An empty array stores its shape in the place of its numbers.
     Empty,
+    /// Characters; the words of short ones.
+    Text(String),
     Other(String),
 }
 
@@ -79,8 +130,14 @@ struct Variable {
     what: What,
     /// As MATLAB counts: rows first.
     shape: Vec<u64>,
-    /// Name of the group and of the data set in it; none for groups.
-    dataset: Option<(Group, String)>,
+    /// Where the numbers are; none for groups.
+    dataset: Option<Place>,
+}
+
+/// Where a data set is: in a group by its name, or behind a reference.
+enum Place {
+    Named(Group, String),
+    Referred(Box<Dataset>),
 }
 
 /// All variables of a file, in the order of the file.
@@ -116,15 +173,15 @@ impl<'a> Walk<'a> {
         for (own, dataset) in group.iter_datasets().map_err(damaged)? {
             let name = full(&own);
             let damaged = |e: hdf5_pure::Error| malformed(&name, &e.to_string());
-            let attributes = dataset.attrs().map_err(damaged)?;
-            let mut shape = dataset.shape().map_err(damaged)?;
-            shape.reverse();
-            let what = kind_of_dataset(&attributes, &dataset.dtype().map_err(damaged)?);
+            let (what, shape) = describe(&dataset).map_err(damaged)?;
+            if what == What::Other(STRUCT_ARRAY.to_owned()) && self.enters(path) {
+                self.elements(&dataset, path, &own, &shape)?;
+            }
             self.push(Variable {
                 name,
                 what,
                 shape,
-                dataset: Some((group.clone(), own)),
+                dataset: Some(Place::Named(group.clone(), own)),
             })?;
         }
         for (own, inner) in group.iter_groups().map_err(damaged)? {
@@ -138,7 +195,7 @@ impl<'a> Walk<'a> {
             let is_struct = what == STRUCT;
             self.push(Variable {
                 name: name.clone(),
-                what: What::Other(what.to_owned()),
+                what: What::Other(what),
                 shape: Vec::new(),
                 dataset: None,
             })?;
@@ -152,8 +209,42 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
+    /// One field of all elements of a struct array, which is a list of references to data sets.
+    fn elements(
+        &mut self,
+        dataset: &Dataset,
+        path: &str,
+        field: &str,
+        shape: &[u64],
+    ) -> Result<(), RecordError> {
+        let count = shape.iter().try_fold(1u64, |n, d| n.checked_mul(*d));
+        if count.is_none_or(|n| n > MOST_VARIABLES as u64) {
+            return Err(malformed(path, "more elements than any measurement has"));
+        }
+        // A reference to nothing is a field without a value.
+        let Ok(objects) = dataset.dereference() else {
+            return Ok(());
+        };
+        for (k, object) in objects.into_iter().enumerate() {
+            let name = format!("{path}({}).{field}", k + 1);
+            if let Object::Dataset(inner) = object {
+                let (what, shape) = describe(&inner).map_err(|e| malformed(&name, &e.to_string()))?;
+                self.push(Variable {
+                    name,
+                    what,
+                    shape,
+                    dataset: Some(Place::Referred(inner)),
+                })?;
+            }
+        }
+        Ok(())
+    }
+
     fn enters(&self, name: &str) -> bool {
-        let inside = |n: &&str| n.strip_prefix(name).is_some_and(|rest| rest.starts_with('.'));
+        let inside = |n: &&str| {
+            n.strip_prefix(name)
+                .is_some_and(|rest| rest.starts_with(['.', '(']))
+        };
         self.names.is_empty() || self.names.iter().any(inside)
     }
 
@@ -165,12 +256,18 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    fn column(&self, place: usize, allowance: &mut Allowance) -> Result<Vec<f64>, RecordError> {
+    fn numbers(&self, place: usize, allowance: &mut Allowance) -> Result<Vec<f64>, RecordError> {
         let variable = &self.variables[place];
         let name = &variable.name;
-        let (group, own) = match (&variable.what, &variable.dataset) {
+        let place = match (&variable.what, &variable.dataset) {
             (What::Empty, _) => return Ok(Vec::new()),
-            (What::Numbers, Some((group, own))) => (group, own),
+            (What::Text(_), _) => {
+                return Err(RecordError::NotNumeric {
+                    column: name.clone(),
+                    found: "characters".to_owned(),
+                });
+            }
+            (What::Numbers, Some(place)) => place,
             (What::Other(found), _) => {
                 return Err(RecordError::NotNumeric {
                     column: name.clone(),
@@ -180,11 +277,19 @@ impl<'a> Walk<'a> {
             (What::Numbers, None) => return Err(malformed(name, "numbers without a data set")),
         };
         let damaged = |e: hdf5_pure::Error| malformed(name, &e.to_string());
-        let length = vector_length(name, &variable.shape)?;
+        let length = variable.shape.iter().try_fold(1u64, |n, d| n.checked_mul(*d));
+        let length = length.ok_or_else(|| malformed(name, "a shape of too many numbers"))?;
         // Every part is read once.
         let once = DatasetAccessProperties::new().with_chunk_cache(ChunkCacheConfig::disabled());
-        let dataset = group.dataset_with_options(own, once).map_err(damaged)?;
-        self.check_claim(name, &dataset, length)?;
+        let opened;
+        let dataset = match place {
+            Place::Named(group, own) => {
+                opened = group.dataset_with_options(own, once).map_err(damaged)?;
+                &opened
+            }
+            Place::Referred(dataset) => dataset.as_ref(),
+        };
+        self.check_claim(name, dataset, length)?;
         allowance.take(name, length)?;
         let column = dataset.read_f64().map_err(damaged)?;
         if column.len() as u64 != length {
@@ -248,17 +353,38 @@ impl<'a> Walk<'a> {
     }
 }
 
+/// What a data set is, and its shape with rows first. Short texts are read.
+fn describe(dataset: &Dataset) -> Result<(What, Vec<u64>), hdf5_pure::Error> {
+    let attributes = dataset.attrs()?;
+    let mut shape = dataset.shape()?;
+    shape.reverse();
+    let mut what = kind_of_dataset(&attributes, &dataset.dtype()?);
+    let short = shape
+        .iter()
+        .try_fold(1u64, |n, d| n.checked_mul(*d))
+        .is_some_and(|n| n <= 256);
+    if let What::Text(words) = &mut what
+        && short
+        && attributes.get("MATLAB_empty").and_then(AttrValue::as_i64) != Some(1)
+        && let Ok(letters) = dataset.read_u16()
+    {
+        *words = String::from_utf16_lossy(&letters);
+    }
+    Ok((what, shape))
+}
+
+const STRUCT_ARRAY: &str = "a struct array";
 const STRUCT: &str = "a struct (name a field with a dot)";
 
 fn class(attributes: &HashMap<String, AttrValue>) -> Option<&str> {
     attributes.get("MATLAB_class").and_then(AttrValue::as_str)
 }
 
-fn kind_of_group(attributes: &HashMap<String, AttrValue>) -> &'static str {
+fn kind_of_group(attributes: &HashMap<String, AttrValue>) -> String {
     match class(attributes) {
-        _ if attributes.contains_key("MATLAB_sparse") => "a sparse matrix",
-        None | Some("struct") => STRUCT,
-        Some(_) => "an object",
+        _ if attributes.contains_key("MATLAB_sparse") => "a sparse matrix".to_owned(),
+        None | Some("struct") => STRUCT.to_owned(),
+        Some(class) => format!("an object of class {class}"),
     }
 }
 
@@ -266,11 +392,13 @@ fn kind_of_dataset(attributes: &HashMap<String, AttrValue>, dtype: &DType) -> Wh
     let other = |what: &str| What::Other(what.to_owned());
     let empty = attributes.get("MATLAB_empty").and_then(AttrValue::as_i64) == Some(1);
     match (class(attributes), dtype) {
-        _ if attributes.contains_key("MATLAB_object_decode") => other("an object"),
-        (Some("char"), _) | (None, DType::String | DType::VariableLengthString) => other("characters"),
+        (own, _) if attributes.contains_key("MATLAB_object_decode") => {
+            other(&own.map_or("an object".to_owned(), |c| format!("an object of class {c}")))
+        }
+        (Some("char"), _) | (None, DType::String | DType::VariableLengthString) => What::Text(String::new()),
         (Some("cell"), _) => other("a cell array"),
         (Some("function_handle"), _) => other("a function"),
-        (Some("struct") | None, DType::ObjectReference) => other("a struct array"),
+        (Some("struct") | None, DType::ObjectReference) => other(STRUCT_ARRAY),
         (Some("struct"), _) => other("an empty struct array"),
         (
             Some(

@@ -126,7 +126,7 @@ fn it_passes_what_the_reader_passes() {
 fn it_refuses_what_the_reader_refuses() {
     let schema = schema();
     for (from, to) in [
-        ("format = 1", "format = 2"),
+        ("format = 1", "format = 3"),
         ("format = 1\n", ""),
         ("name = \"small\"\n", ""),
         ("sample_rate = 20.0", "sample_rate = 0.0"),

@@ -1,115 +1,282 @@
 //! The sample rate from a column that tells the time.
 
+use super::clock::Clock;
 use super::roles::unit_of;
-use super::{Groups, Known};
 
-/// What the time column of one file says.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Clock {
-    /// Samples per unit of the column.
-    Even(f64),
-    /// The mean rate of stamps that scatter by less than a quarter of a sample.
-    Jitter(f64),
-    /// No rate.
-    Uneven,
+/// A step of this many seconds or more is asked about where nothing but the number says that it is in seconds: positioning
+/// machines are logged faster, and in milliseconds.
+const ASKED: f64 = 0.15;
+
+/// From here on it is taken for seconds, and the doubt is written down.
+const DOUBTED: f64 = 0.02;
+
+/// Units of time, with the seconds in one.
+const UNITS: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
+
+/// The time column, as far as it was found.
+#[derive(Debug, Clone)]
+pub(super) struct TimeColumn {
+    pub(super) name: String,
+    /// From a row of units or the kind of file, or nothing.
+    pub(super) unit: String,
+    pub(super) is_stamp: bool,
+    /// Its first value.
+    pub(super) first: f64,
+    /// For each file: its name and what the column says in it.
+    pub(super) clocks: Vec<(String, Clock)>,
 }
 
-/// The known rate, else the one of the time columns of all files; a question where there is none.
-pub(super) fn sample_rate(
-    known: &Known,
-    measured: &[(String, Clock)],
-    groups: &Groups,
-    guesses: &mut Vec<String>,
-    questions: &mut Vec<String>,
-) -> Option<f64> {
-    if known.sample_rate_hz.is_some() {
-        return known.sample_rate_hz;
+/// What speed columns say: for one unit of time, the ratio of a speed column to the differences of a position column.
+#[derive(Debug, Clone)]
+pub(super) struct Physics {
+    pub(super) position: String,
+    pub(super) speed: String,
+    /// Speed over difference a step, both as they stand in the file and in base units where both have one.
+    pub(super) slope: f64,
+    pub(super) units_known: bool,
+}
+
+/// A rate, or why there is none.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Rate {
+    /// Samples a second, from what, and the unit of the time column.
+    Found {
+        hz: f64,
+        how: String,
+        unit: Option<&'static str>,
+        /// What it is if the column is in milliseconds, where that may well be.
+        or_else: Option<f64>,
+    },
+    /// What the user has to tell, and the rates that it may be.
+    Ask { problem: String, candidates: Vec<f64> },
+}
+
+impl Rate {
+    fn ask(problem: String) -> Self {
+        Self::Ask {
+            problem,
+            candidates: Vec::new(),
+        }
     }
-    let Some(time) = &groups.time else {
-        questions.push(
-            "sample_rate: no column tells the time; write down the rate in Hz, or give --sample-rate"
-                .to_owned(),
-        );
-        return None;
-    };
-    let mut ask = |problem: String| {
-        questions.push(format!("sample_rate: {problem}; write down the rate in Hz"));
-        None
-    };
-    let Some(scale) = seconds(time) else {
-        return ask(format!("the unit of the column `{time}` is not known"));
-    };
+}
+
+/// The rate that the time columns of all files say.
+pub(super) fn rate_of(time: &TimeColumn, physics: Option<&Physics>, notes: &[Vec<String>]) -> Rate {
+    let name = &time.name;
     let mut first: Option<f64> = None;
-    let mut jitter = false;
-    for (file, clock) in measured {
-        let rate = match clock {
-            Clock::Even(rate) => *rate,
-            Clock::Jitter(rate) => {
-                jitter = true;
-                *rate
+    let mut scatter = 0.0f64;
+    for (file, clock) in &time.clocks {
+        let step = match clock {
+            Clock::Uneven(row) => {
+                let place = row.map_or(String::new(), |r| format!(" (row {r})"));
+                return Rate::ask(format!(
+                    "the column `{name}` does not advance evenly in {file}{place}"
+                ));
             }
-            Clock::Uneven => return ask(format!("the column `{time}` does not advance evenly in {file}")),
+            Clock::Jitter { step, largest } => {
+                scatter = scatter.max(*largest);
+                *step
+            }
+            Clock::Even(step) | Clock::Lost { step, .. } => *step,
         };
-        if first.is_some_and(|f| (rate / f - 1.0).abs() > 1e-3) {
-            return ask(format!(
+        if first.is_some_and(|f| (step / f - 1.0).abs() > 1e-3) {
+            return Rate::ask(format!(
                 "{file} has another rate than the files before it; make one bundle for each rate"
             ));
         }
-        first = first.or(Some(rate));
+        first = first.or(Some(step));
     }
-    let rate = nice(first? / scale);
-    let how = if jitter {
-        ", the mean of stamps that scatter"
-    } else {
-        ""
+    let Some(step) = first else {
+        return Rate::ask(format!("the column `{name}` has too few rows"));
     };
-    guesses.push(format!("sample_rate = {rate} from the column `{time}`{how}"));
-    Some(rate)
+    let found = |(unit, seconds): (&'static str, f64), why: &str| {
+        let scattered = if scatter > 0.0 {
+            format!(
+                ", the mean of stamps that scatter by up to {:.0} % of a step",
+                100.0 * scatter
+            )
+        } else {
+            String::new()
+        };
+        Rate::Found {
+            hz: nice(1.0 / (step * seconds)),
+            how: format!("from the column `{name}`{why}{scattered}"),
+            unit: Some(unit),
+            or_else: None,
+        }
+    };
+    let stated = if time.unit.is_empty() {
+        stated_unit(name)
+    } else {
+        Some(time.unit.as_str())
+    };
+    if time.is_stamp {
+        return found(UNITS[0], ", which tells dates or times");
+    }
+    if let Some(stated) = stated {
+        return match seconds(stated) {
+            Some(seconds) => Rate::Found {
+                hz: nice(1.0 / (step * seconds)),
+                how: match found(UNITS[0], &format!(" in {stated}")) {
+                    Rate::Found { how, .. } => how,
+                    Rate::Ask { problem, .. } => problem,
+                },
+                unit: UNITS.iter().find(|u| u.1 == seconds).map(|u| u.0),
+                or_else: None,
+            },
+            None => Rate::ask(format!("the unit `{stated}` of the column `{name}` is not known")),
+        };
+    }
+    if let Some(unit) = unit_of_stamps(time.first) {
+        return found(unit, &format!(", which counts {} since 1970", unit.0));
+    }
+    if let Some(unit) = unit_by_notes(notes, step) {
+        return found(
+            unit,
+            &format!(" in {}, which the lines above the names say", unit.0),
+        );
+    }
+    if let Some(physics) = physics
+        && let Some(unit) = unit_by_physics(physics, step)
+    {
+        return found(
+            unit,
+            &format!(
+                " in {}: only so `{}` is the speed of `{}`",
+                unit.0, physics.speed, physics.position
+            ),
+        );
+    }
+    if step < ASKED {
+        let mut rate = found(UNITS[0], "");
+        if let Rate::Found { unit, or_else, .. } = &mut rate
+            && step >= DOUBTED
+        {
+            *unit = None;
+            *or_else = Some(nice(1e3 / step));
+        }
+        return rate;
+    }
+    let candidates: Vec<f64> = UNITS[..2].iter().map(|u| nice(1.0 / (step * u.1))).collect();
+    let number = if step == 1.0 { "samples, " } else { "" };
+    Rate::Ask {
+        problem: format!(
+            "the column `{name}` has steps of {} and no unit: {number}seconds ({} Hz) or milliseconds ({} Hz)?",
+            nice(step),
+            candidates[0],
+            candidates[1]
+        ),
+        candidates,
+    }
 }
 
-/// Seconds in the unit that the name of a time column states; seconds where it states none.
-fn seconds(column: &str) -> Option<f64> {
-    let unit = match unit_of(column) {
-        Some(unit) => unit,
-        None => match column.rsplit_once('_') {
-            Some((_, end @ ("ms" | "us" | "ns" | "min"))) => end,
-            _ => "s",
-        },
-    };
-    match unit.to_lowercase().as_str() {
-        "s" | "sec" | "second" | "seconds" => Some(1.0),
-        "ms" => Some(1e-3),
-        "us" | "µs" => Some(1e-6),
-        "ns" => Some(1e-9),
-        "min" => Some(60.0),
+/// The unit in which a known rate agrees with the time column; none if no unit does.
+pub(super) fn agreeing_unit(step: f64, hz: f64) -> Option<&'static str> {
+    UNITS
+        .iter()
+        .find(|(_, seconds)| (step * seconds * hz - 1.0).abs() < 0.01)
+        .map(|u| u.0)
+}
+
+/// The unit that the name of a time column states.
+fn stated_unit(column: &str) -> Option<&str> {
+    if let Some(unit) = unit_of(column) {
+        return Some(unit);
+    }
+    let parts = column.rsplit_once(['_', '/', ',', ' ', '.', '-']);
+    match parts.map(|(_, end)| end.trim()) {
+        Some(end @ ("s" | "ms" | "us" | "µs" | "ns" | "min" | "sec" | "seconds" | "milliseconds")) => {
+            Some(end)
+        }
+        _ => ["Ms", "Us", "Ns", "MS", "Sec"]
+            .into_iter()
+            .find(|end| column.len() > end.len() && column.ends_with(end)),
+    }
+}
+
+/// Seconds in a unit of time.
+fn seconds(unit: &str) -> Option<f64> {
+    match unit.trim().to_lowercase().as_str() {
+        "s" | "sec" | "second" | "seconds" | "sekunden" => Some(1.0),
+        "ms" | "msec" | "millisecond" | "milliseconds" => Some(1e-3),
+        "us" | "µs" | "μs" | "usec" | "microseconds" => Some(1e-6),
+        "ns" | "nsec" | "nanoseconds" => Some(1e-9),
+        "min" | "minutes" => Some(60.0),
         _ => None,
     }
 }
 
-/// What a time column says.
-pub(super) fn clock_of(time: &[f64]) -> Clock {
-    let (Some(first), Some(last)) = (time.first(), time.last()) else {
-        return Clock::Uneven;
-    };
-    let steps = time.len().saturating_sub(1) as f64;
-    let step = (last - first) / steps;
-    if !(step.is_finite() && step > 0.0) {
-        return Clock::Uneven;
+/// Times since 1970 lie between 2001 and 2096 in one unit only.
+fn unit_of_stamps(first: f64) -> Option<(&'static str, f64)> {
+    UNITS.into_iter().find(|(_, s)| (1e9..4e9).contains(&(first * s)))
+}
+
+/// The unit that agrees with a sample interval or rate above the names.
+fn unit_by_notes(notes: &[Vec<String>], step: f64) -> Option<(&'static str, f64)> {
+    // The format LVM has its X values in seconds.
+    if notes
+        .iter()
+        .flatten()
+        .any(|cell| cell.starts_with("LabVIEW Measurement"))
+    {
+        return Some(UNITS[0]);
     }
-    let steps_within = |part: f64| {
-        let close = |w: &[f64]| ((w[1] - w[0]) - step).abs() <= part * step;
-        time.windows(2).all(close)
-    };
-    let even = steps_within(0.02);
-    // A lost sample makes a step of two, or shifts the stamps around it by half a sample.
-    let near = |(k, t): (usize, &f64)| (t - first - step * k as f64).abs() <= 0.25 * step;
-    if even {
-        Clock::Even(1.0 / step)
-    } else if steps_within(0.45) && time.iter().enumerate().all(near) {
-        Clock::Jitter(1.0 / step)
-    } else {
-        Clock::Uneven
-    }
+    notes.iter().find_map(|line| {
+        let [key, rest @ ..] = line.as_slice() else {
+            return None;
+        };
+        let (key, given) = match (rest.is_empty(), key.split_once([':', '='])) {
+            (true, Some((key, value))) => (key.to_owned(), vec![value.trim().to_owned()]),
+            _ => (key.clone(), rest.to_vec()),
+        };
+        let lower = key.to_lowercase();
+        let about = |words: &[&str]| words.iter().any(|w| lower.contains(w));
+        let mut cells = given.iter().flat_map(|c| c.split_whitespace());
+        let value: f64 = cells.next()?.replace(',', ".").parse().ok()?;
+        let unit = unit_of(&key)
+            .map(str::to_owned)
+            .or_else(|| cells.next().map(str::to_owned));
+        let interval = if about(&[
+            "interval",
+            "delta_x",
+            "delta t",
+            "sample time",
+            "sampletime",
+            "sampling time",
+            "tastzeit",
+            "abtastzeit",
+        ]) {
+            value * unit.as_deref().map_or(Some(1.0), seconds)?
+        } else if about(&[
+            "sample rate",
+            "sampling rate",
+            "samplerate",
+            "sampling frequency",
+            "abtastrate",
+        ]) {
+            let times = match unit.as_deref() {
+                None | Some("Hz" | "S/s") => 1.0,
+                Some("kHz" | "kS/s") => 1e3,
+                Some("MHz" | "MS/s") => 1e6,
+                Some(_) => return None,
+            };
+            1.0 / (value * times)
+        } else {
+            return None;
+        };
+        UNITS
+            .into_iter()
+            .find(|(_, s)| (step * s / interval - 1.0).abs() < 0.01)
+    })
+}
+
+/// The unit of time in which the speed column is the speed. Where the file does not say the units of both, millimetres and
+/// metres a second look like milliseconds taken for seconds: then only a unit below seconds is believed.
+fn unit_by_physics(physics: &Physics, step: f64) -> Option<(&'static str, f64)> {
+    let found = UNITS
+        .into_iter()
+        .find(|(_, s)| (0.7..1.4).contains(&(physics.slope * step * s)))?;
+    (physics.units_known || found.1 < 1.0).then_some(found)
 }
 
 /// A round number where the rate nearly is one.
@@ -127,29 +294,79 @@ fn nice(rate: f64) -> f64 {
 mod tests {
     use super::*;
 
+    fn column(name: &str, unit: &str, first: f64, step: f64) -> TimeColumn {
+        TimeColumn {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            is_stamp: false,
+            first,
+            clocks: vec![("a.csv".to_owned(), Clock::Even(step))],
+        }
+    }
+
+    fn hz(time: &TimeColumn, physics: Option<&Physics>, notes: &[&[&str]]) -> Option<f64> {
+        let notes: Vec<Vec<String>> = notes
+            .iter()
+            .map(|line| line.iter().map(ToString::to_string).collect())
+            .collect();
+        match rate_of(time, physics, &notes) {
+            Rate::Found { hz, .. } => Some(hz),
+            Rate::Ask { .. } => None,
+        }
+    }
+
     #[test]
     fn rates_by_hand() {
-        let even: Vec<f64> = (0..100).map(|k| 0.3 + 0.001 * f64::from(k)).collect();
-        let Clock::Even(rate) = clock_of(&even) else {
-            panic!("even")
-        };
-        assert_eq!(nice(rate), 1000.0);
-        // Stamps of 8192 Hz rounded to milliseconds.
-        let rounded: Vec<f64> = (0..8193).map(|k| (f64::from(k) / 8.192).round() * 1e-3).collect();
-        assert!(matches!(clock_of(&rounded), Clock::Uneven | Clock::Jitter(_)));
-        let scattered: Vec<f64> = (0..1001u32)
-            .map(|k| f64::from(k) + 0.1 * f64::from(k % 3))
-            .collect();
-        assert!(matches!(clock_of(&scattered), Clock::Jitter(r) if (r - 1.0).abs() < 1e-3));
-        let mut lost: Vec<f64> = (0..100).map(f64::from).collect();
-        lost.remove(50);
-        assert_eq!(clock_of(&lost), Clock::Uneven);
-        for wrong in [&[0.0, 1.0, 30.0][..], &[1.0], &[2.0, 1.0, 0.0], &[]] {
-            assert_eq!(clock_of(wrong), Clock::Uneven);
+        for (name, unit, first, step, rate) in [
+            ("t", "", 0.0, 0.001, Some(1000.0)),
+            ("t", "", 0.0, 1e-6, Some(1e6)),
+            ("t [s]", "", 0.0, 10.0, Some(0.1)),
+            ("Time [ms]", "", 0.0, 10.0, Some(100.0)),
+            ("time_us", "", 0.0, 50.0, Some(20_000.0)),
+            ("timeMs", "", 0.0, 0.5, Some(2000.0)),
+            ("t", "ms", 0.0, 0.1, Some(10_000.0)),
+            ("t", "days", 0.0, 0.1, None),
+            ("time", "", 0.0, 10.0, None),
+            ("time", "", 0.0, 1.0, None),
+            ("time", "", 0.0, 0.25, None),
+            ("time", "", 0.0, 0.1, Some(10.0)),
+            ("stamp", "", 1_516_615_200.0, 0.01, Some(100.0)),
+            ("stamp", "", 1_516_615_200_000.0, 10.0, Some(100.0)),
+            ("stamp", "", 1_516_615_200_000_000.0, 50.0, Some(20_000.0)),
+        ] {
+            assert_eq!(
+                hz(&column(name, unit, first, step), None, &[]),
+                rate,
+                "{name} {step}"
+            );
         }
-        assert_eq!(seconds("Time [ms]"), Some(1e-3));
-        assert_eq!(seconds("time_us"), Some(1e-6));
-        assert_eq!(seconds("t"), Some(1.0));
-        assert_eq!(seconds("time [days]"), None);
+    }
+
+    #[test]
+    fn what_else_decides_the_unit() {
+        let doubtful = column("time", "", 0.0, 10.0);
+        let speed = |slope, units_known| Physics {
+            position: "x".into(),
+            speed: "v".into(),
+            slope,
+            units_known,
+        };
+        assert_eq!(hz(&doubtful, Some(&speed(100.0, false)), &[]), Some(100.0));
+        // Millimetres and metres a second may look like seconds.
+        assert_eq!(hz(&doubtful, Some(&speed(0.1, false)), &[]), None);
+        assert_eq!(hz(&doubtful, Some(&speed(0.1, true)), &[]), Some(0.1));
+        let half = column("time", "", 0.0, 0.5);
+        for notes in [
+            &["Sample Interval", "5e-04"][..],
+            &["SampleTime[ms]", "0,5"],
+            &["Sample rate: 2 kHz"],
+            &["Sampling rate", "2000 Hz"],
+        ] {
+            assert_eq!(hz(&half, None, &[notes]), Some(2000.0), "{notes:?}");
+        }
+        assert_eq!(hz(&half, None, &[&["LabVIEW Measurement", ""]]), Some(2.0));
+        assert_eq!(hz(&half, None, &[&["Gain", "0.5"]]), None);
+        assert_eq!(agreeing_unit(10.0, 100.0), Some("ms"));
+        assert_eq!(agreeing_unit(10.0, 50.0), None);
     }
 }

@@ -1,26 +1,31 @@
 //! The text of the draft.
 
 use super::roles::unit_of;
-use super::{Groups, Known, RecordFile};
+use super::{Plan, RecordFile};
+use experiment_data::Text;
 use std::fmt::Write as _;
 
 /// The description, with a mark at every line that needs the user.
-pub(super) fn text(
-    name: &str,
-    rate: Option<f64>,
-    groups: &Groups,
-    records: &[RecordFile],
-    known: &Known,
-    guesses: &mut Vec<String>,
-    questions: &mut Vec<String>,
-) -> String {
+pub(super) fn text(plan: &Plan<'_>, guesses: &mut Vec<String>, questions: &mut Vec<String>) -> String {
+    let (groups, known) = (&plan.groups, plan.known);
     let mut out = String::from(
         "# Drafted by `lpv new`. GUESS: told from names or data, look whether it is right. FILL IN: only you know.\n",
     );
-    let _ = writeln!(out, "format = 1\nname = {}", quoted(name));
-    let _ = match rate {
-        Some(rate) => writeln!(out, "sample_rate = {rate:?}"),
-        None => writeln!(out, "sample_rate = 0.0  # FILL IN: samples per second"),
+    let used = |r: &RecordFile| r.part.is_some() || !r.sources.is_empty();
+    let second = plan.text.is_some() || plan.records.iter().any(used);
+    let format = if second { 2 } else { 1 };
+    let _ = writeln!(out, "format = {format}\nname = {}", quoted(&plan.name));
+    let _ = match (plan.rate, plan.rates.as_slice()) {
+        (Some(rate), []) => writeln!(out, "sample_rate = {rate:?}"),
+        (Some(rate), [other, ..]) => writeln!(
+            out,
+            "sample_rate = {rate:?}  # GUESS: {other} if the time is in milliseconds"
+        ),
+        (None, []) => writeln!(out, "sample_rate = 0.0  # FILL IN: samples per second"),
+        (None, rates) => {
+            let rates: Vec<String> = rates.iter().map(ToString::to_string).collect();
+            writeln!(out, "sample_rate = 0.0  # FILL IN: {}", rates.join(" or "))
+        }
     };
     for (role, group, given, needed) in [
         ("output", &groups.output, &known.output, true),
@@ -52,18 +57,64 @@ pub(super) fn text(
             guesses.push(format!("{role}: {}", group.join(", ")));
         }
         let _ = writeln!(out, "\n[channels.{role}]\ncolumns = {}{mark}", list(group));
-        let units: Vec<&str> = group.iter().filter_map(|c| unit_of(c)).collect();
-        if !group.is_empty() && units.len() == group.len() {
+        let units: Vec<&str> = group.iter().map(|c| plan.unit(c)).collect();
+        let enough = if role == "auxiliary" {
+            units.iter().any(|u| !u.is_empty())
+        } else {
+            units.iter().all(|u| !u.is_empty())
+        };
+        if !group.is_empty() && enough {
             let _ = writeln!(out, "units = {}", list(&units));
         }
     }
     out += "\n# A controller makes closed-loop simulation possible: coefficients of z^-k of u = B_r/A r - B_y/A y.\n\
             # [controller]\n# reference_numerator = [1.0]\n# feedback_numerator = [1.0]\n# denominator = [1.0]\n";
-    for r in records {
-        out += &record(r, groups, known, questions);
+    if let Some(text) = &plan.text {
+        out += &layout(text);
+    }
+    if plan.places.is_some() {
+        questions.push(
+            "position: the names of the files differ in a number, and no column tells the place; if they were measured at \
+             different places, write `position = ...` in each record, else take these lines out"
+                .to_owned(),
+        );
+    }
+    for (k, r) in plan.records.iter().enumerate() {
+        out += &record(r, plan, plan.places.as_ref().and_then(|p| p.get(k)));
     }
     if known.period.is_none() {
-        guesses.extend(periods(records));
+        guesses.extend(periods(&plan.records));
+    }
+    out
+}
+
+impl Plan<'_> {
+    fn unit<'a>(&'a self, column: &'a str) -> &'a str {
+        let own = self.units.iter().rev().find(|(name, _)| name == column);
+        own.map_or_else(|| unit_of(column).unwrap_or(""), |(_, unit)| unit)
+    }
+}
+
+/// `[text]`, as far as it was found.
+fn layout(text: &Text) -> String {
+    let mut out = String::from("\n[text]\n");
+    if let Some(separator) = text.separator {
+        let _ = writeln!(out, "separator = {}", quoted(&separator.character().to_string()));
+    }
+    if let Some(decimal) = text.decimal {
+        let _ = writeln!(out, "decimal = {}", quoted(&decimal.character().to_string()));
+    }
+    if let Some(header) = text.header {
+        let _ = writeln!(out, "header = {header}");
+    }
+    if !text.names.is_empty() {
+        let _ = writeln!(out, "names = {}", list(&text.names));
+    }
+    if let Some(row) = text.units_row {
+        let _ = writeln!(out, "units_row = {row}");
+    }
+    if !text.skip.is_empty() {
+        let _ = writeln!(out, "skip = {:?}", text.skip);
     }
     out
 }
@@ -90,29 +141,19 @@ fn periods(records: &[RecordFile]) -> Vec<String> {
         .collect()
 }
 
-fn record(r: &RecordFile, groups: &Groups, known: &Known, questions: &mut Vec<String>) -> String {
+fn record(r: &RecordFile, plan: &Plan<'_>, place: Option<&String>) -> String {
+    let (groups, known) = (&plan.groups, plan.known);
     let mut out = format!("\n[[records]]\nfile = {}\n", quoted(&r.file));
-    let whole = r.period.filter(|p| r.rows.is_multiple_of(*p) && r.rows / p >= 2);
+    let rows = r.part.map_or(r.rows, |[first, last]| last - first + 1);
+    let whole = r.period.filter(|p| rows.is_multiple_of(*p) && rows / p >= 2);
     let rests = groups
         .scheduling
         .iter()
-        .all(|p| r.constant.iter().any(|(n, _)| n == p) || !r.columns.contains(p));
-    match (whole, r.period) {
-        (Some(period), _) if rests => {
+        .all(|p| r.rests(p) || !r.columns.contains(p));
+    match whole {
+        Some(period) if rests => {
             let mark = if known.period.is_some() { "" } else { "  # GUESS" };
             let _ = writeln!(out, "kind = \"periodic\"{mark}\nperiod = {period}{mark}");
-        }
-        (None, Some(period)) => {
-            questions.push(format!(
-                "{}: repeats after {period} samples, but its {} rows are no whole number of periods; cut {} rows from its end to use it as periodic",
-                r.file,
-                r.rows,
-                r.rows % period
-            ));
-            let _ = writeln!(
-                out,
-                "kind = \"transient\"  # FILL IN: repeats after {period} samples, but not a whole number of times; cut its end and make it \"periodic\", or keep it"
-            );
         }
         _ => {
             let _ = writeln!(out, "kind = \"transient\"");
@@ -124,6 +165,28 @@ fn record(r: &RecordFile, groups: &Groups, known: &Known, questions: &mut Vec<St
         "use = \"{}\"",
         if held { "validation" } else { "estimation" }
     );
+    if let Some([first, last]) = r.part {
+        let _ = writeln!(out, "rows = [{first}, {last}]  # GUESS");
+    }
+    let channels = [
+        &groups.output,
+        &groups.input,
+        &groups.reference,
+        &groups.scheduling,
+        &groups.auxiliary,
+    ];
+    let sources: Vec<String> = r
+        .sources
+        .iter()
+        .filter(|(name, _)| channels.iter().any(|g| g.contains(name)))
+        .map(|(name, source)| format!("{} = {}", quoted(name), quoted(source)))
+        .collect();
+    if !sources.is_empty() {
+        let _ = writeln!(out, "columns = {{ {} }}", sources.join(", "));
+    }
+    if let Some(place) = place {
+        let _ = writeln!(out, "# position = {place}  # FILL IN: the place, if it is one");
+    }
     out
 }
 
@@ -132,7 +195,7 @@ fn list<S: AsRef<str>>(items: &[S]) -> String {
     format!("[{}]", items.join(", "))
 }
 
-/// A TOML string.
+/// A TOML string, also as a key.
 fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
 }

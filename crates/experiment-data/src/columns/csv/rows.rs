@@ -1,45 +1,63 @@
 //! Rows of numbers. Plain rows are parsed where they lie, only as far as the wanted columns need it; whatever is not
-//! plain (quotation marks, odd numbers, errors) goes through `csv-core`, which splits by the rules.
+//! plain (quotation marks, blanks between fields, decimal commas, odd numbers, errors) is split by the rules.
 
 use super::blocks::Blocks;
+use super::cell::number;
+use super::look::Layout;
 use super::malformed;
+use super::split::{Splitter, words};
 use crate::RecordError;
-use csv_core::ReadRecordResult;
-use memchr::{memchr, memchr3, memchr3_iter};
+use crate::text::{Decimal, Separator};
+use memchr::{memchr, memchr2_iter, memchr3, memchr3_iter};
 use std::path::Path;
 
-/// A CSV file behind its header.
+/// A text file behind its names.
 pub(super) struct Table {
     header: Vec<String>,
     blocks: Blocks,
     splitter: Splitter,
+    rules: Rules,
 }
 
+/// How rows are read.
+struct Rules {
+    /// Of plain rows: none if there are no such.
+    delimiter: Option<u8>,
+    /// Found by the first fraction if it is not known.
+    decimal: Option<Decimal>,
+    last_optional: bool,
+    /// Lines that are no data, ascending.
+    skip: Vec<u64>,
+}
+
+/// What is done with a cell that is no number.
+pub(super) type OnWords<'a> = &'a mut dyn FnMut(u64, usize, &[u8]) -> Result<f64, RecordError>;
+
 impl Table {
-    pub(super) fn open(path: &Path) -> Result<Self, RecordError> {
+    pub(super) fn open(path: &Path, layout: Layout) -> Result<Self, RecordError> {
+        let separator = layout.separator;
+        let delimiter = match (separator, layout.decimal) {
+            (Separator::Blanks, _) | (_, None | Some(Decimal::Comma)) => None,
+            (other, Some(Decimal::Point)) => Some(other.character() as u8),
+        };
         let mut table = Self {
-            header: Vec::new(),
+            header: layout.names,
             blocks: Blocks::open(path)?,
-            splitter: Splitter {
-                core: csv_core::Reader::new(),
-                text: Vec::new(),
-                ends: Vec::new(),
-                fields: 0,
+            splitter: Splitter::new(separator),
+            rules: Rules {
+                delimiter,
+                decimal: layout.decimal,
+                last_optional: layout.last_optional,
+                skip: layout.skip,
             },
         };
-        table.skip_blank_lines()?;
-        if table.blocks.lines().is_empty() {
-            return Err(malformed(
-                1,
-                "the file is empty; the first line must name the columns",
-            ));
+        if !layout.plain {
+            table.skip_to(layout.first)?;
+            return Ok(table);
         }
+        table.skip_blank_lines()?;
         let used = table.split_here()?;
-        let fields = table.splitter.fields();
-        table.header = fields
-            .map(|field| String::from_utf8_lossy(field).trim().to_owned())
-            .collect();
-        separators(&table.header)?;
+        table.header = table.splitter.fields().map(words).collect();
         table.blocks.line += breaks(table.blocks.lines(), used);
         table.blocks.advance(used);
         Ok(table)
@@ -49,27 +67,25 @@ impl Table {
         &self.header
     }
 
-    /// The places whose field in the next row is a number. The row is not used up.
-    pub(super) fn numeric_in_first_row(&mut self) -> Result<Vec<usize>, RecordError> {
+    /// The fields of the next row, which is not used up; none at the end.
+    pub(super) fn peek(&mut self) -> Result<Option<&Splitter>, RecordError> {
         self.skip_blank_lines()?;
         if self.blocks.lines().is_empty() {
-            return Ok(Vec::new());
+            return Ok(None);
         }
         self.split_here()?;
-        let fields = self.splitter.fields().take(self.header.len()).enumerate();
-        Ok(fields
-            .filter(|(_, field)| number(field).is_some())
-            .map(|(place, _)| place)
-            .collect())
+        Ok(Some(&self.splitter))
     }
 
     /// Calls back with the line and the values of the wanted places (ascending) of every row that is left.
     pub(super) fn each_row(
         &mut self,
         wanted: &[usize],
+        on_words: OnWords<'_>,
         mut sink: impl FnMut(u64, &[f64]),
     ) -> Result<(), RecordError> {
         let mut values = Vec::with_capacity(wanted.len());
+        let mut skip = std::mem::take(&mut self.rules.skip).into_iter().peekable();
         loop {
             let lines = self.blocks.lines();
             let mut line = self.blocks.line;
@@ -79,11 +95,22 @@ impl Table {
                 if at == lines.len() {
                     break;
                 }
+                while skip.next_if(|s| *s < line).is_some() {}
+                if skip.peek() == Some(&line) {
+                    let length = line_length(&lines[at..]);
+                    line += breaks(&lines[at..], length);
+                    at += length;
+                    continue;
+                }
                 if quote <= at {
                     quote = memchr(b'"', &lines[at..]).map_or(lines.len(), |i| at + i);
                 }
                 values.clear();
-                match plain_row(&lines[at..], wanted, self.header.len(), &mut values) {
+                let plain = self
+                    .rules
+                    .delimiter
+                    .and_then(|d| plain_row(&lines[at..], d, wanted, self.header.len(), &mut values));
+                match plain {
                     Some(length) if at + length <= quote => {
                         sink(line, &values);
                         at += length;
@@ -93,7 +120,14 @@ impl Table {
                             break;
                         };
                         values.clear();
-                        self.splitter.numbers(line, &self.header, wanted, &mut values)?;
+                        self.rules.numbers(
+                            &self.splitter,
+                            line,
+                            self.header.len(),
+                            wanted,
+                            on_words,
+                            &mut values,
+                        )?;
                         sink(line, &values);
                         line += breaks(&lines[at..], length);
                         at += length;
@@ -107,6 +141,25 @@ impl Table {
                 return Err(unclosed_quote(line));
             }
             if self.blocks.ended() {
+                return Ok(());
+            }
+            self.blocks.more()?;
+        }
+    }
+
+    /// Goes to a line.
+    fn skip_to(&mut self, first: u64) -> Result<(), RecordError> {
+        loop {
+            let lines = self.blocks.lines();
+            let (mut at, mut line) = (0, self.blocks.line);
+            while line < first && at < lines.len() {
+                let length = line_length(&lines[at..]);
+                line += 1;
+                at += length;
+            }
+            self.blocks.line = line;
+            self.blocks.advance(at);
+            if line >= first || self.blocks.ended() {
                 return Ok(());
             }
             self.blocks.more()?;
@@ -140,14 +193,77 @@ impl Table {
     }
 }
 
+/// The cell that is no number, as an error.
+pub(super) fn refuse_words<'a>(
+    header: &'a [String],
+    decimal: Option<Decimal>,
+) -> impl FnMut(u64, usize, &[u8]) -> Result<f64, RecordError> + use<'a> {
+    move |line, place, field| {
+        Err(RecordError::CsvNumber {
+            line,
+            column: header[place].clone(),
+            text: String::from_utf8_lossy(field).chars().take(40).collect(),
+            comma: decimal == Some(Decimal::Comma),
+        })
+    }
+}
+
+impl Rules {
+    fn numbers(
+        &mut self,
+        row: &Splitter,
+        line: u64,
+        expected: usize,
+        wanted: &[usize],
+        on_words: OnWords<'_>,
+        values: &mut Vec<f64>,
+    ) -> Result<(), RecordError> {
+        let short = self.last_optional && row.len() + 1 == expected;
+        if row.len() != expected && !short {
+            return Err(RecordError::CsvRagged {
+                line,
+                expected: expected as u64,
+                found: row.len() as u64,
+            });
+        }
+        for &place in wanted {
+            let field = if place < row.len() { row.field(place) } else { b"" };
+            if self.decimal.is_none() {
+                let shown = field.iter().find(|b| matches!(b, b',' | b'.'));
+                self.decimal = shown.map(|b| match b {
+                    b',' => Decimal::Comma,
+                    _ => Decimal::Point,
+                });
+            }
+            let value = number(field, self.decimal.unwrap_or(Decimal::Point));
+            values.push(match value {
+                Some(value) => value,
+                None => on_words(line, place, field)?,
+            });
+        }
+        Ok(())
+    }
+}
+
 /// A row without quotation marks: pushes the values and gives the length up to its end, which is not part of it. None
-/// if anything is not as it should be; then [`Splitter::numbers`] says what.
-fn plain_row(row: &[u8], wanted: &[usize], fields: usize, values: &mut Vec<f64>) -> Option<usize> {
+/// if anything is not as it should be; then [`Rules::numbers`] says what.
+fn plain_row(
+    row: &[u8],
+    delimiter: u8,
+    wanted: &[usize],
+    fields: usize,
+    values: &mut Vec<f64>,
+) -> Option<usize> {
+    // A tab between fields is no space around one.
+    let spaces = |text: &[u8]| match delimiter {
+        b'\t' => text.iter().take_while(|b| **b == b' ').count(),
+        _ => spaces(text),
+    };
     let (mut at, mut field) = (0, 0);
     for (k, &place) in wanted.iter().enumerate() {
         while field < place {
-            at += memchr3(b',', b'\n', b'\r', &row[at..])?;
-            if row[at] != b',' {
+            at += memchr3(delimiter, b'\n', b'\r', &row[at..])?;
+            if row[at] != delimiter {
                 return None;
             }
             at += 1;
@@ -158,20 +274,27 @@ fn plain_row(row: &[u8], wanted: &[usize], fields: usize, values: &mut Vec<f64>)
         values.push(value);
         at += used;
         at += spaces(&row[at..]);
-        match row.get(at)? {
-            b',' => at += 1,
+        match *row.get(at)? {
+            b if b == delimiter => at += 1,
             b'\n' | b'\r' if k + 1 == wanted.len() && place + 1 == fields => return Some(at),
             _ => return None,
         }
         field += 1;
     }
-    for end in memchr3_iter(b',', b'\n', b'\r', &row[at..]) {
-        if row[at + end] != b',' {
+    for end in memchr3_iter(delimiter, b'\n', b'\r', &row[at..]) {
+        if row[at + end] != delimiter {
             return (field + 1 == fields).then_some(at + end);
         }
         field += 1;
     }
     None
+}
+
+/// The length of a line with its end.
+fn line_length(text: &[u8]) -> usize {
+    memchr2_iter(b'\n', b'\r', text).next().map_or(text.len(), |end| {
+        end + 1 + usize::from(text[end] == b'\r' && text.get(end + 1) == Some(&b'\n'))
+    })
 }
 
 fn spaces(text: &[u8]) -> usize {
@@ -203,89 +326,6 @@ fn breaks(text: &[u8], length: usize) -> u64 {
     ends.count() as u64
 }
 
-/// The number of a field; spaces around it do not matter.
-fn number(field: &[u8]) -> Option<f64> {
-    std::str::from_utf8(field.trim_ascii()).ok()?.parse().ok()
-}
-
 fn unclosed_quote(line: u64) -> RecordError {
     malformed(line, "a quotation mark is never closed")
-}
-
-/// One field that holds a foreign separator is a header that nobody split.
-fn separators(header: &[String]) -> Result<(), RecordError> {
-    let found = match header {
-        [one] if one.contains('\t') => "tabs",
-        // Semicolons between fields and commas inside them, or the other way round.
-        many if many.iter().any(|f| f.contains(';')) => "semicolons",
-        _ => return Ok(()),
-    };
-    Err(RecordError::CsvSeparator { found })
-}
-
-/// Splits any row into fields.
-struct Splitter {
-    core: csv_core::Reader,
-    text: Vec<u8>,
-    ends: Vec<usize>,
-    fields: usize,
-}
-
-impl Splitter {
-    /// The length of the first row, its end included; none if it does not end here.
-    fn split(&mut self, input: &[u8]) -> Option<usize> {
-        self.core.reset();
-        let (mut used, mut written) = (0, 0);
-        self.fields = 0;
-        loop {
-            let (result, i, o, e) = self.core.read_record(
-                &input[used..],
-                &mut self.text[written..],
-                &mut self.ends[self.fields..],
-            );
-            used += i;
-            written += o;
-            self.fields += e;
-            match result {
-                ReadRecordResult::Record => return Some(used),
-                ReadRecordResult::OutputFull => self.text.resize(2 * self.text.len() + 64, 0),
-                ReadRecordResult::OutputEndsFull => self.ends.resize(2 * self.ends.len() + 8, 0),
-                ReadRecordResult::InputEmpty | ReadRecordResult::End => return None,
-            }
-        }
-    }
-
-    fn fields(&self) -> impl Iterator<Item = &[u8]> {
-        (0..self.fields).map(|k| self.field(k))
-    }
-
-    fn field(&self, k: usize) -> &[u8] {
-        let start = if k == 0 { 0 } else { self.ends[k - 1] };
-        &self.text[start..self.ends[k]]
-    }
-
-    fn numbers(
-        &self,
-        line: u64,
-        header: &[String],
-        wanted: &[usize],
-        values: &mut Vec<f64>,
-    ) -> Result<(), RecordError> {
-        if self.fields != header.len() {
-            return Err(RecordError::CsvRagged {
-                line,
-                expected: header.len() as u64,
-                found: self.fields as u64,
-            });
-        }
-        for &place in wanted {
-            let field = self.field(place);
-            values.push(number(field).ok_or_else(|| RecordError::CsvNumber {
-                line,
-                column: header[place].clone(),
-                text: String::from_utf8_lossy(field).chars().take(40).collect(),
-            })?);
-        }
-        Ok(())
-    }
 }

@@ -1,6 +1,7 @@
 //! Blocks have 16 bytes here, so that every kind of row meets their borders.
 
 use super::*;
+use crate::text::Separator;
 use proptest::prelude::*;
 
 fn table(content: &[u8]) -> (tempfile::TempDir, std::path::PathBuf) {
@@ -12,7 +13,7 @@ fn table(content: &[u8]) -> (tempfile::TempDir, std::path::PathBuf) {
 
 fn read_text(content: impl AsRef<[u8]>, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
     let (_dir, path) = table(content.as_ref());
-    read(&path, names)
+    read(&path, names, None)
 }
 
 fn refusal(content: impl AsRef<[u8]>) -> String {
@@ -51,8 +52,8 @@ fn places_by_hand() {
         .map(|c| (c.name, c.rows))
         .collect();
     assert_eq!(names, [("a".into(), 2), ("b".into(), 2), ("c".into(), 2)]);
-    assert_eq!(lines_of_rows(&path, &[1, 2]), [3, 6]);
-    let text = read(&path, &["c"]).unwrap_err().to_string();
+    assert_eq!(lines_of_rows(&path, None, &[1, 2]), [3, 6]);
+    let text = read(&path, &["c"], None).unwrap_err().to_string();
     assert!(text.contains("line 6, column `c`: `w` is not a number"), "{text}");
 }
 
@@ -60,7 +61,7 @@ fn places_by_hand() {
 fn what_is_refused() {
     for (content, part) in [
         (&b"a,b\n1,2\n3\n"[..], "line 3: 1 fields, the header has 2"),
-        (b"a,b\n1,2,\n", "line 2: 3 fields"),
+        (b"a,b\n1,2,\n3,4,5\n", "line 2: 3 fields"),
         (b"a,b\n1,\n", "line 2, column `b`: the cell is empty"),
         (b"a,b\n1,2\n1,0x10\n", "line 3, column `b`: `0x10`"),
         (b"a,b\n1,\"2\n3,4\n", "line 2: a quotation mark is never closed"),
@@ -76,8 +77,23 @@ fn what_is_refused() {
         ),
         (b"\xfe\xff\0a\0,\0b", "line 1: the text is UTF-16"),
         (b"\n\r\n  \n", "the file is empty"),
-        (b"a;b\n1;2\n", "separated by semicolons"),
-        (b"a\tb\n1\t2\n", "separated by tabs"),
+        (
+            b"a;b\n1,5;2\n1.5;3\n2,5;3\n",
+            "line 3, column `a`: `1.5` is not a number; write numbers like -1,5e-3",
+        ),
+        (
+            b"a;b\n1;2\n1,5;3\n1.5;3\n",
+            "line 4, column `a`: `1.5` is not a number",
+        ),
+        (
+            b"a;b\n1;2;3\n1;2;3\n",
+            "line 1 has 2 fields, and the rows from line 2 on have 3 separated by semicolons",
+        ),
+        (
+            b"1,2\n3,4\n",
+            "no line has the names of the 2 columns; write header = 0",
+        ),
+        (b"just\nwords\n", "no table of numbers is in it; [text]"),
     ] {
         let text = refusal(content);
         assert!(text.contains(part), "{part} expected in {text}");
@@ -85,6 +101,114 @@ fn what_is_refused() {
     let (_dir, path) = table(b"a,a\n1,2\n");
     let text = list(&path).unwrap_err().to_string();
     assert!(text.contains("the column `a` 2 times"), "{text}");
+}
+
+#[test]
+fn tables_of_other_programs() {
+    let good = [vec![1.0, -2.5e3, 0.125], vec![2.0, 0.25, 3.0]];
+    for (text, header) in [
+        ("a;b\n1,0;2\n-2500,0;,25\n0,125;3\n", 1),
+        ("a\tb\r\n1\t2\r\n-2.5e3\t.25\r\n0.125\t3\r\n", 1),
+        ("  a   b\n  1   2\n-2.5e3  .25\n0.125\t3\n", 1),
+        ("# a b\n1 2\n-2.5e3 .25\n0.125 3\n", 1),
+        ("a,b\n[mm],[N]\n1,2\n-2.5e3,.25\n0.125,3\n", 1),
+        ("a,b\nmm,N\nfirst,second\n1,2\n-2.5e3,.25\n0.125,3\n", 1),
+        ("mm,N\na,b\n1,2\n-2.5e3,.25\n0.125,3\n", 2),
+        ("a,b\n1,2,\n-2.5e3,.25,\n0.125,3,\n", 1),
+        ("Model,X12\nVersion,1.5\n\na,b\n1,2\n-2.5e3,.25\n0.125,3\n", 4),
+        (
+            "Scope;\nFile;c.svdx\nStart;133500\n\na;b\n1;2\n-2500;0,25\n0,125;3\n",
+            5,
+        ),
+        (
+            "V\t2\n***End***\n\nSamples\t3\t3\na\tb\tComment\n1\t2\tstart\n-2.5e3\t.25\n0.125\t3\n",
+            5,
+        ),
+        (
+            "Units,mm,N\nLabel,a,b\nTIME,CH1,CH2\n0,1,2\n1,-2.5e3,.25\n2,0.125,3\n",
+            0,
+        ),
+        ("\u{feff}a;b\n1,0;2,0\n-2500,0;0,25\n0,125;3,0", 1),
+        ("a;b\n1;2\n-2500;0,25\n0,125;3\n", 1),
+        (
+            "t;a;b\n10:00:00,1;1,0;2\n10:00:00,2;-2500;0,25\n10:00:00,3;0,125;3\n",
+            1,
+        ),
+    ] {
+        let (_dir, path) = table(text.as_bytes());
+        assert_eq!(read(&path, &["a", "b"], None).unwrap(), good, "{text}");
+        // What is said about it reads it again.
+        let said = contents(&path).unwrap();
+        assert!(
+            ["a", "b"]
+                .iter()
+                .all(|n| said.columns.iter().any(|c| c.name == *n)),
+            "{text}"
+        );
+        let layout = said.text.unwrap();
+        assert_eq!(layout.header, Some(header), "{text}");
+        assert_eq!(read(&path, &["a", "b"], Some(&layout)).unwrap(), good, "{text}");
+    }
+}
+
+#[test]
+fn a_layout_is_taken_as_said() {
+    let (_dir, path) = table(b"1,5\nno data\n2,5\n");
+    let layout = Text {
+        separator: Some(Separator::Semicolon),
+        decimal: Some(Decimal::Comma),
+        header: Some(0),
+        names: vec!["a".to_owned()],
+        units_row: None,
+        skip: vec![2],
+    };
+    assert_eq!(read(&path, &["a"], Some(&layout)).unwrap(), [[1.5, 2.5]]);
+    let wrong = Text {
+        header: Some(9),
+        names: Vec::new(),
+        ..layout.clone()
+    };
+    let said = read(&path, &["a"], Some(&wrong)).unwrap_err().to_string();
+    assert!(
+        said.contains("header = 9, and the file has no such line"),
+        "{said}"
+    );
+    let unskipped = Text {
+        skip: Vec::new(),
+        ..layout
+    };
+    let said = read(&path, &["a"], Some(&unskipped)).unwrap_err().to_string();
+    assert!(
+        said.contains("line 2, column `a`: `no data` is not a number"),
+        "{said}"
+    );
+    // Commas between numbers with decimal commas need quotation marks.
+    let (_dir, path) = table(b"a,b\n\"1,5\",\"2\"\n");
+    let layout = Text {
+        decimal: Some(Decimal::Comma),
+        ..Text::default()
+    };
+    assert_eq!(read(&path, &["b", "a"], Some(&layout)).unwrap(), [[2.0], [1.5]]);
+}
+
+#[test]
+fn columns_with_holes_are_passed_over() {
+    let (_dir, path) = table(b"a,b,c,note,\n1,2,3,x,\n4,5,,y,\n6,7,,z,\n");
+    let said = contents(&path).unwrap();
+    let names: Vec<&str> = said.columns.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!((names.as_slice(), said.text), (&["a", "b"][..], None));
+    let passed: Vec<String> = said
+        .passed_over
+        .iter()
+        .map(|p| format!("{}: {}", p.name, p.what))
+        .collect();
+    assert_eq!(
+        passed,
+        [
+            "c: no value in 2 of 3 rows, the first in line 3",
+            "note: words (`x`)"
+        ]
+    );
 }
 
 /// Cells as programs write them, and as they should not.

@@ -21,16 +21,31 @@ pub(super) const CASES: &[Row] = &[
         &["column `y1` has no rows"],
     ),
     (
-        "csv-semicolons",
-        "semicolons and decimal commas",
-        |d| grid(d, csv().replace(',', ";").replace('.', ",")),
-        &["line 1: fields are separated by semicolons; write commas"],
+        "csv-mixed-decimals",
+        "semicolons, and decimal commas and points in one file",
+        |d| {
+            grid(
+                d,
+                lines(|l| {
+                    for (k, line) in l.iter_mut().enumerate() {
+                        *line = line.replace(',', ";");
+                        if k != 60 {
+                            *line = line.replace('.', ",");
+                        }
+                    }
+                }),
+            )
+        },
+        &[
+            "line 61, column `y1`: `",
+            "is not a number; write numbers like -1,5e-3",
+        ],
     ),
     (
-        "csv-tabs",
-        "tabs",
-        |d| grid(d, csv().replace(',', "\t")),
-        &["line 1: fields are separated by tabs"],
+        "csv-names-too-few",
+        "tabs, and a name less than columns",
+        |d| grid(d, csv().replace(',', "\t").replacen("\tr2", "", 1)),
+        &["line 1 has 7 fields, and the rows from line 2 on have 8 separated by tabs; [text]"],
     ),
     (
         "csv-decimal-commas",
@@ -122,6 +137,6 @@ pub(super) const CASES: &[Row] = &[
         "csv-no-header",
         "a file without header",
         |d| grid(d, lines(|l| drop(l.remove(0)))),
-        &["no column `y1` among the 8 of the file"],
+        &["no line has the names of the 8 columns; write header = 0 and their names"],
     ),
 ];

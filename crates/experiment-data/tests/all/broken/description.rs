@@ -3,10 +3,80 @@ use super::small::edit;
 
 pub(super) const CASES: &[Row] = &[
     (
-        "format-2",
+        "format-3",
         "a later version of the format",
-        |d| edit(d, "format = 1", "format = 2"),
-        &[":1:10: ", "format", "format 2 is not known", "format 1"],
+        |d| edit(d, "format = 1", "format = 3"),
+        &[":1:10: ", "format", "format 3 is not known", "formats 1 and 2"],
+    ),
+    (
+        "format-1-text",
+        "a key of format 2 in format 1",
+        |d| edit(d, "period = 40", "period = 40\nrows = [1, 80]"),
+        &["records[0].rows", "`rows` is a key of format 2; write format = 2"],
+    ),
+    (
+        "format-2-unread",
+        "a key of format 2 that is not read yet",
+        |d| {
+            edit(d, "format = 1", "format = 2");
+            edit(d, "period = 40", "period = 40\nclipped = \"missing\"");
+        },
+        &[
+            "records[0].clipped",
+            "`clipped` of format 2 is not read by this version",
+        ],
+    ),
+    (
+        "text-names",
+        "names beside a line of names",
+        |d| {
+            edit(d, "format = 1", "format = 2");
+            edit(
+                d,
+                "[[records]]",
+                "[text]\nheader = 1\nnames = [\"a\"]\n\n[[records]]",
+            );
+        },
+        &["text.names", "write header = 0 with it"],
+    ),
+    (
+        "text-separator",
+        "a separator that no table has",
+        |d| {
+            edit(d, "format = 1", "format = 2");
+            edit(d, "[[records]]", "[text]\nseparator = \"|\"\n\n[[records]]");
+        },
+        &["unknown value `|`, expected one of `,`, `;`"],
+    ),
+    (
+        "rows-turned",
+        "rows from the last to the first",
+        |d| {
+            edit(d, "format = 1", "format = 2");
+            edit(d, "period = 40", "period = 40\nrows = [80, 1]");
+        },
+        &["records[0].rows", "write the first and the last row"],
+    ),
+    (
+        "rows-too-many",
+        "rows that the file does not have",
+        |d| {
+            edit(d, "format = 1", "format = 2");
+            edit(d, "period = 40", "period = 40\nrows = [1, 200]");
+        },
+        &["rows = [1, 200], but column `y1` has 120 rows"],
+    ),
+    (
+        "columns-unasked",
+        "a place for a column that no channel has",
+        |d| {
+            edit(d, "format = 1", "format = 2");
+            edit(d, "period = 40", "period = 40\ncolumns = { u3 = \"force\" }");
+        },
+        &[
+            "records[0].columns",
+            "`u3` is no channel of this bundle; nearest: `u1`, `u2`",
+        ],
     ),
     (
         "format-text",

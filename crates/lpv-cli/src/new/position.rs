@@ -1,0 +1,157 @@
+//! Which column is the position on which the dynamics depend.
+
+use super::RecordFile;
+use super::roles::{Role, is_no_position, role_of};
+
+/// The columns that rest in every file and differ between files. Of several, those whose names speak of a position; and of
+/// columns that tell the same twice, the first.
+pub(super) fn resting_columns(candidates: &[String], records: &[RecordFile]) -> Vec<String> {
+    if records.len() < 2 {
+        return Vec::new();
+    }
+    let resting: Vec<(&String, Vec<f64>)> = candidates
+        .iter()
+        .filter(|name| !is_no_position(name))
+        .filter_map(|name| Some((name, values(name, records)?)))
+        .collect();
+    // The smaller the surer: a scheduling name, a name of a position, any name.
+    let rank = |name: &str| match role_of(name) {
+        Some(Role::Scheduling) => 0,
+        Some(Role::Output) => 1,
+        Some(Role::Reference) => 2,
+        _ => 3,
+    };
+    let Some(best) = resting.iter().map(|(name, _)| rank(name)).min() else {
+        return Vec::new();
+    };
+    let mut taken: Vec<(&String, Vec<f64>)> = Vec::new();
+    for (name, values) in resting {
+        if rank(name) == best && !taken.iter().any(|(_, earlier)| is_same(earlier, &values)) {
+            taken.push((name, values));
+        }
+    }
+    taken.into_iter().map(|(name, _)| name.clone()).collect()
+}
+
+/// Where the column rests in each file; none if it moves in one, or rests at the same place in all.
+fn values(name: &str, records: &[RecordFile]) -> Option<Vec<f64>> {
+    // What moves in a file of its own, as a move between the places does, says nothing against the others.
+    let seen: Vec<(f64, f64, f64)> = records
+        .iter()
+        .map(|r| r.ranges.get(name).copied())
+        .collect::<Option<_>>()?;
+    let largest = seen.iter().map(|(_, mean, _)| mean.abs()).fold(0.0, f64::max);
+    let rests = |&(low, _, high): &(f64, f64, f64)| high - low <= 1e-3 * largest || low == high;
+    let moving = records
+        .iter()
+        .zip(&seen)
+        .filter(|(_, s)| !rests(s))
+        .map(|(r, _)| r);
+    if moving.clone().any(|r| r.period.is_some()) || moving.count() + 2 > seen.len() {
+        return None;
+    }
+    let resting: Vec<&(f64, f64, f64)> = seen.iter().filter(|s| rests(s)).collect();
+    let scatter = resting
+        .iter()
+        .map(|(low, _, high)| high - low)
+        .fold(0.0, f64::max);
+    let means: Vec<f64> = resting.iter().map(|(_, mean, _)| *mean).collect();
+    let (low, high) = crate::signal::range(&means);
+    (high - low > 2.0 * scatter && high > low).then_some(means)
+}
+
+/// Whether one column is the other with another scale and offset.
+fn is_same(a: &[f64], b: &[f64]) -> bool {
+    if a.len() != b.len() {
+        return false;
+    }
+    let centred = |x: &[f64]| {
+        let mean = crate::signal::mean(x);
+        x.iter().map(|v| v - mean).collect::<Vec<_>>()
+    };
+    let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(p, q)| p * q).sum::<f64>();
+    let (a, b) = (centred(a), centred(b));
+    dot(&a, &b).powi(2) >= (1.0 - 1e-6) * dot(&a, &a) * dot(&b, &b)
+}
+
+/// What the names of the files say about the position, as a question: the part of each name that differs, if it looks like a
+/// place.
+pub(super) fn places_in_names(files: &[String]) -> Option<Vec<String>> {
+    let numbers = |file: &String| -> Vec<(String, String)> {
+        let stem = file.rsplit('/').next().unwrap_or(file);
+        let stem = stem.rsplit_once('.').map_or(stem, |(s, _)| s);
+        let mut found: Vec<(String, String)> = Vec::new();
+        let (mut word, mut digits) = (String::new(), String::new());
+        for c in stem.chars() {
+            let sign = c == '-' && digits.is_empty();
+            let point = c == '.' && !digits.is_empty();
+            if c.is_ascii_digit() || sign || point {
+                digits.push(c);
+                continue;
+            }
+            if digits.bytes().any(|b| b.is_ascii_digit()) {
+                found.push((std::mem::take(&mut word), std::mem::take(&mut digits)));
+            }
+            digits.clear();
+            word.push(c);
+        }
+        if digits.bytes().any(|b| b.is_ascii_digit()) {
+            found.push((word, digits));
+        }
+        found
+    };
+    let all: Vec<Vec<(String, String)>> = files.iter().map(numbers).collect();
+    let first = all.first()?;
+    (0..first.len()).find_map(|k| {
+        let word = &first[k].0;
+        let own: Vec<&(String, String)> = all.iter().map(|n| n.get(k)).collect::<Option<_>>()?;
+        let same_word = own.iter().all(|(w, _)| w == word);
+        let differ = own.iter().any(|(_, n)| *n != own[0].1);
+        let last = word
+            .to_lowercase()
+            .rsplit(|c: char| !c.is_alphabetic())
+            .find(|w| !w.is_empty())
+            .unwrap_or("")
+            .to_owned();
+        let speaks = [
+            "pos", "position", "p", "x", "y", "z", "q", "at", "stellung", "place", "lage",
+        ];
+        (same_word && differ && speaks.contains(&last.as_str()))
+            .then(|| own.iter().map(|(_, n)| n.clone()).collect())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_that_tell_a_place() {
+        let names = |files: &[&str]| {
+            let files: Vec<String> = files.iter().map(ToString::to_string).collect();
+            places_in_names(&files)
+        };
+        assert_eq!(
+            names(&["pos1a.csv", "pos3a.csv"]),
+            Some(vec!["1".to_owned(), "3".to_owned()])
+        );
+        assert_eq!(
+            names(&["run2/x_-0.3.csv", "run2/x_0.3.csv"]),
+            Some(vec!["-0.3".to_owned(), "0.3".to_owned()])
+        );
+        for files in [
+            &["a1.csv", "a2.csv"][..],
+            &["pos1.csv", "pos1b.csv"],
+            &["a.csv", "b.csv"],
+            &["run1.csv", "run2.csv"],
+        ] {
+            assert_eq!(names(files), None, "{files:?}");
+        }
+    }
+
+    #[test]
+    fn the_same_place_in_other_units() {
+        assert!(is_same(&[0.0, 1.0, 2.0], &[5.0, -995.0, -1995.0]));
+        assert!(!is_same(&[0.0, 1.0, 2.0], &[0.0, 1.0, 0.0]));
+    }
+}

@@ -224,7 +224,7 @@ impl Head {
         Err(problem.unwrap_or_else(|| "no table of numbers is in it".to_owned()))
     }
 
-    /// The body of the table for one way to split it, and which part of its fields are numbers.
+    /// The body of the table for one way to split it, and how many rows of numbers that makes.
     fn body(
         &self,
         separator: Separator,
@@ -233,7 +233,7 @@ impl Head {
     ) -> Result<(f64, Layout), (f64, String)> {
         let nothing = || (0.0, "no table of numbers is in it".to_owned());
         let header = given.header;
-        let rows = self.rows(separator, decimal).map_err(|problem| (0.0, problem))?;
+        let rows = self.rows(separator, decimal).map_err(|problem| (0.5, problem))?;
         // Lines that `[text]` sets apart.
         let apart = |line: u64| {
             given.skip.contains(&line) || given.units_row == Some(line) || header.is_some_and(|h| line <= h)
@@ -250,7 +250,8 @@ impl Head {
             .collect::<Vec<_>>()
             .into_iter()
             .rev()
-            .take_while(|r| r.cells.len() == width || r.cells.len() == width + 1);
+            .take_while(|r| r.cells.len() == width || r.cells.len() == width + 1)
+            .take(count.div_ceil(2).max(3));
         let solid = solid_columns(fitting, width);
         let filled = (0..width)
             .filter(|&k| data().any(|r| r.cells.len() == width && r.cells[k] != Cell::Empty))
@@ -296,7 +297,13 @@ impl Head {
         }
         layout.skip.extend(&given.skip);
         layout.skip.sort_unstable();
-        Ok((part, layout))
+        // More rows, and names above them, make a way to split likelier.
+        let named = if layout.names.iter().all(String::is_empty) {
+            0.9
+        } else {
+            1.0
+        };
+        Ok((part * named * body.len() as f64, layout))
     }
 
     /// The lines that are not blank, split.

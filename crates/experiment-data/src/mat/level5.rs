@@ -17,6 +17,8 @@ pub(super) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordE
     Ok(arrays.into_iter().map(|a| a.data).collect())
 }
 
+const COMPLEX: &str = "complex numbers";
+
 /// More entries than any measurement has.
 const MOST_ENTRIES: usize = 100_000;
 
@@ -35,11 +37,12 @@ pub(super) fn read_arrays(path: &Path, names: &[&str], shape: Shape) -> Result<V
         // Only now the names of everything in the file are worth their time.
         wanted.present = Some(Vec::new());
         walk(path, &mut wanted)?;
-        let numbers = wanted
-            .present
-            .into_iter()
-            .flatten()
-            .filter(|p| p.kind == Kind::Numbers);
+        let is_numbers = |p: &Item| match &p.kind {
+            Kind::Numbers => true,
+            Kind::Other(what) => what == COMPLEX,
+            Kind::Text(_) => false,
+        };
+        let numbers = wanted.present.into_iter().flatten().filter(is_numbers);
         let present: Vec<String> = numbers.map(|p| p.name).collect();
         return Err(missing(names[absent], &present));
     }
@@ -302,7 +305,7 @@ fn matrix<R: Read>(
         6..=15 => {
             if wanted.present.is_some() {
                 let kind = if complex {
-                    Kind::Other("complex numbers".to_owned())
+                    Kind::Other(COMPLEX.to_owned())
                 } else {
                     Kind::Numbers
                 };
@@ -311,7 +314,7 @@ fn matrix<R: Read>(
             }
             let Some(index) = index else { return Ok(()) };
             if complex {
-                return Err(not_numeric("complex numbers"));
+                return Err(not_numeric(COMPLEX));
             }
             let length = match wanted.shape {
                 Shape::Vector => vector_length(&full, &shape).map_err(Stop::Refuse)?,

@@ -34,7 +34,9 @@ pub(super) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordE
                 let present: Vec<String> = real.map(|v| v.name.clone()).collect();
                 return Err(missing(name, &present));
             };
-            vector_length(name, &walk.variables[place].shape)?;
+            if walk.variables[place].what == What::Numbers {
+                vector_length(name, &walk.variables[place].shape)?;
+            }
             columns.push(walk.numbers(place, &mut allowance)?);
         }
         Ok(columns)

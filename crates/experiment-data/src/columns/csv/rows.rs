@@ -203,7 +203,8 @@ pub(super) fn refuse_words<'a>(
             line,
             column: header[place].clone(),
             text: String::from_utf8_lossy(field).chars().take(40).collect(),
-            comma: decimal == Some(Decimal::Comma),
+            // Where the first lines did not show it, a point is wrong only beside commas.
+            comma: decimal == Some(Decimal::Comma) || (decimal.is_none() && field.contains(&b'.')),
         })
     }
 }

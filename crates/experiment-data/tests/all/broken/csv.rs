@@ -37,7 +37,7 @@ pub(super) const CASES: &[Row] = &[
             )
         },
         &[
-            "line 61, column `y1`: `",
+            "line 61, column `u1`: `",
             "is not a number; write numbers like -1,5e-3",
         ],
     ),

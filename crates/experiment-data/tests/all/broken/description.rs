@@ -1,6 +1,13 @@
 use super::Row;
 use super::small::edit;
 
+/// A bundle of format 2 with a change.
+fn second(dir: &std::path::Path, from: &str, to: &str) {
+    let text = super::small::TOML.replacen("format = 1", "format = 2", 1);
+    assert!(text.contains(from));
+    edit(dir, super::small::TOML, &text.replacen(from, to, 1));
+}
+
 pub(super) const CASES: &[Row] = &[
     (
         "format-3",
@@ -17,10 +24,7 @@ pub(super) const CASES: &[Row] = &[
     (
         "format-2-unread",
         "a key of format 2 that is not read yet",
-        |d| {
-            edit(d, "format = 1", "format = 2");
-            edit(d, "period = 40", "period = 40\nclipped = \"missing\"");
-        },
+        |d| second(d, "period = 40", "period = 40\nclipped = \"missing\""),
         &[
             "records[0].clipped",
             "`clipped` of format 2 is not read by this version",
@@ -30,49 +34,36 @@ pub(super) const CASES: &[Row] = &[
         "text-names",
         "names beside a line of names",
         |d| {
-            edit(d, "format = 1", "format = 2");
-            edit(
+            second(
                 d,
                 "[[records]]",
                 "[text]\nheader = 1\nnames = [\"a\"]\n\n[[records]]",
-            );
+            )
         },
         &["text.names", "write header = 0 with it"],
     ),
     (
         "text-separator",
         "a separator that no table has",
-        |d| {
-            edit(d, "format = 1", "format = 2");
-            edit(d, "[[records]]", "[text]\nseparator = \"|\"\n\n[[records]]");
-        },
+        |d| second(d, "[[records]]", "[text]\nseparator = \"|\"\n\n[[records]]"),
         &["unknown value `|`, expected one of `,`, `;`"],
     ),
     (
         "rows-turned",
         "rows from the last to the first",
-        |d| {
-            edit(d, "format = 1", "format = 2");
-            edit(d, "period = 40", "period = 40\nrows = [80, 1]");
-        },
+        |d| second(d, "period = 40", "period = 40\nrows = [80, 1]"),
         &["records[0].rows", "write the first and the last row"],
     ),
     (
         "rows-too-many",
         "rows that the file does not have",
-        |d| {
-            edit(d, "format = 1", "format = 2");
-            edit(d, "period = 40", "period = 40\nrows = [1, 200]");
-        },
+        |d| second(d, "period = 40", "period = 40\nrows = [1, 200]"),
         &["rows = [1, 200], but column `y1` has 120 rows"],
     ),
     (
         "columns-unasked",
         "a place for a column that no channel has",
-        |d| {
-            edit(d, "format = 1", "format = 2");
-            edit(d, "period = 40", "period = 40\ncolumns = { u3 = \"force\" }");
-        },
+        |d| second(d, "period = 40", "period = 40\ncolumns = { u3 = \"force\" }"),
         &[
             "records[0].columns",
             "`u3` is no channel of this bundle; nearest: `u1`, `u2`",

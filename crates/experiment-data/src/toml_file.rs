@@ -1,5 +1,9 @@
 //! `experiment.toml` as text: reading with positions, and writing.
 
+mod keys;
+
+pub(crate) use self::keys::KEYS;
+use self::keys::{OF_SECOND, UNREAD, listed};
 use crate::description::{ChannelGroup, Channels, Description, RecordEntry};
 use crate::description_check::{Fault, check_entries, check_head, check_places, fault};
 use crate::key_path::{KeyPath, Step};
@@ -284,88 +288,6 @@ fn needs_second(d: &Description) -> bool {
         || d.records
             .iter()
             .any(|r| r.rows.is_some() || !r.columns.is_empty() || !r.injection.offset.is_empty())
-}
-
-/// The keys of each table; `*` stands for any index.
-pub(crate) const KEYS: [(&str, &[&str]); 12] = [
-    (
-        "",
-        &[
-            "format",
-            "name",
-            "sample_rate",
-            "channels",
-            "controller",
-            "geometry",
-            "text",
-            "records",
-        ],
-    ),
-    (
-        "channels",
-        &["output", "input", "reference", "scheduling", "auxiliary"],
-    ),
-    ("channels.output", GROUP),
-    ("channels.input", GROUP),
-    ("channels.reference", GROUP),
-    ("channels.scheduling", GROUP),
-    ("channels.auxiliary", GROUP),
-    (
-        "controller",
-        &[
-            "reference_numerator",
-            "feedback_numerator",
-            "denominator",
-            "limit",
-        ],
-    ),
-    ("geometry", &["force_from_input", "motor_from_output"]),
-    (
-        "records[*]",
-        &[
-            "file",
-            "kind",
-            "period",
-            "use",
-            "position",
-            "injection",
-            "columns",
-            "rows",
-        ],
-    ),
-    ("records[*].injection", GROUP),
-    (
-        "text",
-        &["separator", "decimal", "header", "names", "units_row", "skip"],
-    ),
-];
-const GROUP: &[&str] = &["columns", "units", "scale", "offset"];
-
-/// Of these, the ones that a description of format 1 does not have.
-const OF_SECOND: [(&str, &[&str]); 4] = [
-    ("", &["text"]),
-    ("channels.", &["offset"]),
-    ("records[*]", &["columns", "rows"]),
-    ("records[*].injection", &["offset"]),
-];
-
-/// Keys of format 2 that are not read yet.
-const UNREAD: [(&str, &[&str]); 5] = [
-    ("channels.", &["quantity"]),
-    (
-        "controller",
-        &["output_transform", "input_transform", "monomials"],
-    ),
-    ("geometry", &["monomials"]),
-    ("records[*]", &["clipped", "repeat", "quantity"]),
-    ("records[*].injection", &["quantity"]),
-];
-
-fn listed(list: &[(&str, &[&str])], pattern: &str, key: &str) -> bool {
-    list.iter().any(|(of, keys)| {
-        let fits = pattern == *of || (of.ends_with('.') && pattern.starts_with(of));
-        fits && keys.contains(&key)
-    })
 }
 
 /// The first unknown key in the order of the file: its offset, its full name, the problem.

@@ -11,6 +11,7 @@ mod noise;
 mod page;
 mod places;
 mod responses;
+mod words;
 
 pub use account::{Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors, Tested, Value};
 pub use axis::{AxisErrors, AxisStage};

@@ -1,6 +1,7 @@
 //! A first `experiment.toml` from record files: what names and data tell is filled in, the rest is marked.
 
 mod clock;
+mod gaps;
 mod lay;
 mod period;
 mod position;
@@ -15,6 +16,7 @@ use crate::PipelineError;
 use crate::encode::visible;
 use clock::Clock;
 use experiment_data::Text;
+use gaps::{lost, part_of};
 use rate::{Rate, TimeColumn};
 use see::Seen;
 use std::collections::HashMap;
@@ -358,42 +360,6 @@ fn name_of(path: &Path, folder: &Path) -> Option<String> {
         '/' => name.to_owned(),
         other => name.replace(other, "/"),
     })
-}
-
-/// The rows of the longest stretch without a gap, and of these whole periods, the last ones; none if that is all.
-fn part_of(from: usize, to: usize, rows: usize, period: Option<usize>) -> Option<[usize; 2]> {
-    let length = to - from;
-    let used = match period {
-        Some(period) if period > 1 && length / period >= 2 => length - length % period,
-        _ => length,
-    };
-    (used < rows).then(|| [to - used + 1, to])
-}
-
-/// What is said about lost samples.
-fn lost(seen: &Seen, gaps: &[(usize, usize)], part: Option<[usize; 2]>) -> String {
-    let missing: usize = gaps.iter().map(|(_, count)| count).sum();
-    let shown: Vec<String> = gaps
-        .iter()
-        .take(4)
-        .map(|(row, count)| {
-            let place = match seen.line_of_row(*row) {
-                Some(line) => format!("line {line}"),
-                None => format!("row {row}"),
-            };
-            format!("{count} behind {place}")
-        })
-        .collect();
-    let more = if gaps.len() > 4 { ", ..." } else { "" };
-    let used = part.map_or(String::new(), |[a, b]| {
-        format!("; rows {a} to {b}, the longest stretch without a gap, are used")
-    });
-    format!(
-        "{}: {missing} {} missing: {}{more}{used}",
-        seen.file.display(),
-        if missing == 1 { "sample is" } else { "samples are" },
-        shown.join(", ")
-    )
 }
 
 /// The deepest folder that holds all files.

@@ -24,7 +24,7 @@ pub use settings::{CheckedRigidBodySettings, Estimator, RigidBodySettings};
 use crate::{LtiIdentError, Segment};
 use lpv_core::{Discrete, Record, RigidBody, RigidBodyAxis, Signals};
 use nalgebra::{DMatrix, DVector};
-use regression::{Rows, Solution};
+use regression::{Rows, Solution, solution};
 
 /// A rigid body with what its fit says about each axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -395,30 +395,6 @@ fn on_others(
         force: force.clone(),
     };
     Ok(regression::solve(&rows, &rows.regressors).ok())
-}
-
-/// Instruments win where they were asked for, or where they do not lose much: references that do not move the axis say
-/// little about it.
-fn solution(
-    rows: &Rows,
-    instruments: Option<DMatrix<f64>>,
-    asked: Estimator,
-) -> Result<(Estimator, Solution), LtiIdentError> {
-    const LARGEST_LOSS: f64 = 3.0;
-    let by_instruments = instruments.map(|z| regression::solve(rows, &z));
-    if let (Some(result), Estimator::ReferenceInstruments) = (&by_instruments, asked) {
-        return Ok((asked, result.clone()?));
-    }
-    let plain = regression::solve(rows, &rows.regressors)?;
-    match by_instruments {
-        Some(Ok(found))
-            if found.deviations[0] <= LARGEST_LOSS * plain.deviations[0]
-                && (found.relative_error_percent < 100.0 || plain.relative_error_percent >= 100.0) =>
-        {
-            Ok((Estimator::ReferenceInstruments, found))
-        }
-        _ => Ok((Estimator::LeastSquares, plain)),
-    }
 }
 
 /// The columns of all segments, one below the other.

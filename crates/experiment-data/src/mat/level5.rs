@@ -1,3 +1,8 @@
+//! MATLAB 5: a header of 128 bytes, then elements with a tag each, compressed or not.
+
+mod fields;
+
+use self::fields::fields;
 use super::catalog::{Item, Kind};
 use super::element::{COMPRESSED, Damage, Elements, MATRIX};
 use super::{Array, DEEPEST};
@@ -381,48 +386,3 @@ fn matrix<R: Read>(
 
 /// Letters of the longest name of a signal that is read.
 const LONGEST_NAME: u64 = 256;
-
-/// The fields of a struct, or of each element of a struct array.
-fn fields<R: Read>(
-    e: &mut Elements<R>,
-    path: &str,
-    elements: u64,
-    depth: usize,
-    wanted: &mut Wanted<'_>,
-    name: &mut String,
-) -> Result<(), Stop> {
-    let tag = e.tag()?;
-    let length = e.data(tag)?;
-    let length = e.i32s(&length).first().copied().unwrap_or(0);
-    let length = usize::try_from(length).unwrap_or(0);
-    if length == 0 {
-        return Err("field names of no length".into());
-    }
-    let tag = e.tag()?;
-    let names = e.data(tag)?;
-    let count = (names.len() / length) as u64;
-    // A false number of elements ends with the bytes, if there are fields.
-    for k in 0..elements.saturating_mul(count) {
-        let at = (k % count) as usize * length;
-        let field = &names[at..at + length];
-        let field = field.split(|b| *b == 0).next().unwrap_or_default();
-        let field = String::from_utf8_lossy(field);
-        let full = if elements == 1 {
-            format!("{path}.{field}")
-        } else {
-            format!("{path}({}).{field}", k / count + 1)
-        };
-        let tag = e.tag()?;
-        if tag.kind != MATRIX {
-            return Err("a field that is no array".into());
-        }
-        if wanted.index(&full).is_none() && !wanted.enters(&full) {
-            e.skip(tag)?;
-            continue;
-        }
-        let outside = e.enter(tag)?;
-        matrix(e, &full, depth + 1, wanted, name)?;
-        e.leave(outside)?;
-    }
-    Ok(())
-}

@@ -1,7 +1,7 @@
 //! Diagnosis from frequency responses, of an axis with one input that has no moves.
 
-use super::account::in_words;
 use super::places::{channel, placed, units};
+use super::words::in_words;
 use super::{
     Characterisation, Diagnosed, Diagnosis, Errors, Evidence, Explanation, FoundEffect, OutputError,
     ResponseErrors, Tested, Value, figures, saved,

@@ -1,12 +1,11 @@
 //! One look at a record while it is read, whole or a period at a time, and what all looks say together.
 
 use super::clock::{Uneven, is_clock, uneven};
-use super::compare::{Names, Voice, compare};
+use super::compare::Voice;
 use super::dead_time::{dead_time, trend};
 use super::held::held;
 use super::loop_only::is_feedback_only;
 use super::periods::Periods;
-use super::places::places;
 use super::replay::mismatches;
 use super::saturation::saturation;
 use super::wrap::wrap;
@@ -15,7 +14,6 @@ use experiment_data::{Bundle, Controller};
 use frf_estimation::PeriodicEstimate;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Record, RecordKind, Signals};
-use rayon::prelude::*;
 use realfft::RealFftPlanner;
 
 /// Samples of a record that are looked at for patterns within it.
@@ -416,61 +414,7 @@ pub(crate) fn voices(looks: &[Look], estimate: &PeriodicEstimate) -> Vec<Voice> 
         .collect()
 }
 
-/// What all records say, each by itself and against each other.
-pub(crate) fn examine<'b>(
-    bundle: &Bundle,
-    looks: impl Iterator<Item = &'b Look>,
-    voices: &[Voice],
-) -> Vec<Finding> {
-    let looks: Vec<&Look> = looks.collect();
-    let channels = &bundle.description().channels;
-    let names = Names {
-        outputs: &channels.output.columns,
-        inputs: &channels.input.columns,
-    };
-    let mut found: Vec<Finding> = looks.iter().flat_map(|l| l.findings.iter().cloned()).collect();
-    let at = looks
-        .iter()
-        .filter_map(|l| Some((l.record.as_str(), l.scheduling?)));
-    found.extend(places(&at.collect::<Vec<_>>()));
-    for other in compare(voices, &names) {
-        // The cause goes before what it does to the controller.
-        let follows =
-            |f: &Finding| matches!(f, Finding::ControllerMismatch { record, .. } if record == other.place());
-        found.retain(|f| !follows(f));
-        found.push(other);
-    }
-    found
-}
-
-/// Files up to this size are searched for a column of times that the description does not name.
-const SMALL: u64 = 1 << 26;
-
-/// What columns of times say that are in the files and not in the description.
-pub(crate) fn clocks(bundle: &Bundle, wanted: impl Fn(usize) -> bool + Sync) -> Vec<Finding> {
-    let c = &bundle.description().channels;
-    let groups = [&c.output, &c.input, &c.reference, &c.scheduling, &c.auxiliary];
-    let named = |column: &str| groups.iter().any(|g| g.columns.iter().any(|c| c == column));
-    let of = |index: usize| -> Option<Finding> {
-        let path = bundle.record_path(index).ok()?;
-        let kind = path.extension()?.to_str()?.to_lowercase();
-        if !matches!(kind.as_str(), "csv" | "npz") || path.metadata().ok()?.len() > SMALL {
-            return None;
-        }
-        let columns = experiment_data::list_columns(&path).ok()?;
-        let clock = columns
-            .into_iter()
-            .map(|c| c.name)
-            .find(|c| is_clock(c) && !named(c))?;
-        let samples = experiment_data::read_columns(&path, &[clock.as_str()]).ok()?;
-        let record = bundle.record_name(index).ok()?.to_owned();
-        clock_finding(record, clock, samples.first()?)
-    };
-    let indices: Vec<usize> = (0..bundle.len()).filter(|i| wanted(*i)).collect();
-    indices.into_par_iter().filter_map(of).collect()
-}
-
-fn clock_finding(record: String, column: String, t: &[f64]) -> Option<Finding> {
+pub(super) fn clock_finding(record: String, column: String, t: &[f64]) -> Option<Finding> {
     Some(match uneven(t)? {
         Uneven::Lost { samples, behind } => Finding::LostSamples {
             record,

@@ -1,5 +1,6 @@
 //! Linear equations, least squares and instruments, with the colour of the residual in the covariance.
 
+use super::Estimator;
 use crate::LtiIdentError;
 use nalgebra::{DMatrix, DVector};
 
@@ -79,4 +80,28 @@ fn part_sums(z: &DMatrix<f64>, residual: &DVector<f64>) -> Vec<DVector<f64>> {
         z.rows(from, to - from).tr_mul(&residual.rows(from, to - from))
     };
     (0..PARTS).map(sum).collect()
+}
+
+/// Instruments win where they were asked for, or where they do not lose much: references that do not move the axis say
+/// little about it.
+pub(super) fn solution(
+    rows: &Rows,
+    instruments: Option<DMatrix<f64>>,
+    asked: Estimator,
+) -> Result<(Estimator, Solution), LtiIdentError> {
+    const LARGEST_LOSS: f64 = 3.0;
+    let by_instruments = instruments.map(|z| solve(rows, &z));
+    if let (Some(result), Estimator::ReferenceInstruments) = (&by_instruments, asked) {
+        return Ok((asked, result.clone()?));
+    }
+    let plain = solve(rows, &rows.regressors)?;
+    match by_instruments {
+        Some(Ok(found))
+            if found.deviations[0] <= LARGEST_LOSS * plain.deviations[0]
+                && (found.relative_error_percent < 100.0 || plain.relative_error_percent >= 100.0) =>
+        {
+            Ok((Estimator::ReferenceInstruments, found))
+        }
+        _ => Ok((Estimator::LeastSquares, plain)),
+    }
 }

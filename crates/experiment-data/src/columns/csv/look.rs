@@ -1,12 +1,14 @@
 //! How a text table is laid out, found by looking at its first lines.
 
 mod above;
+mod row;
 
 use super::cell::number;
 use super::split::{Splitter, words};
 use crate::RecordError;
 use crate::text::{Decimal, Separator, Text};
 use above::Above;
+use row::{Cell, Row, common_width, solid_columns};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -340,67 +342,6 @@ impl Head {
             None => vec![words(&text)],
         }
     }
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Cell {
-    Number,
-    Empty,
-    Words,
-}
-
-impl Cell {
-    fn of(field: &[u8], decimal: Decimal) -> Self {
-        if field.trim_ascii().is_empty() {
-            Self::Empty
-        } else if number(field, decimal).is_some() {
-            Self::Number
-        } else {
-            Self::Words
-        }
-    }
-}
-
-struct Row {
-    line: u64,
-    cells: Vec<Cell>,
-}
-
-impl Row {
-    /// Two numbers or more, and nothing else.
-    fn looks_like_data(&self) -> bool {
-        let numbers = self.cells.iter().filter(|c| **c == Cell::Number).count();
-        numbers > 1 && !self.cells.contains(&Cell::Words)
-    }
-}
-
-/// The number of fields that most rows with numbers have; the larger one where two are as frequent.
-fn common_width<'a>(rows: impl Iterator<Item = &'a Row>) -> Option<usize> {
-    let mut widths: Vec<usize> = rows
-        .filter(|r| r.cells.contains(&Cell::Number))
-        .map(|r| r.cells.len())
-        .collect();
-    widths.sort_unstable();
-    widths
-        .chunk_by(|a, b| a == b)
-        .map(|group| (group.len(), group[0]))
-        .max()
-        .map(|(_, width)| width)
-}
-
-/// Columns that hold numbers, but for a hole here and there.
-fn solid_columns<'a>(rows: impl Iterator<Item = &'a Row>, width: usize) -> Vec<usize> {
-    let (mut count, mut numbers, mut words) = (0usize, vec![0usize; width], vec![0usize; width]);
-    for row in rows.filter(|r| r.cells.len() == width && r.cells.contains(&Cell::Number)) {
-        count += 1;
-        for (k, cell) in row.cells.iter().enumerate() {
-            numbers[k] += usize::from(*cell == Cell::Number);
-            words[k] += usize::from(*cell == Cell::Words);
-        }
-    }
-    (0..width)
-        .filter(|&k| 10 * numbers[k] >= 9 * count && 20 * words[k] <= count)
-        .collect()
 }
 
 fn blank(line: &[u8]) -> bool {

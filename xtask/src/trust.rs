@@ -85,12 +85,15 @@ pub(crate) struct Entry {
     pub(crate) seconds: f64,
 }
 
+/// Makes a case from its random numbers, runs it and judges it.
+type Make = Box<dyn Fn(&mut Draw, &Lab) -> Result<Judged, TaskError> + Sync + Send>;
+
 /// One case to be run.
 pub(crate) struct Case {
     part: &'static str,
     kind: String,
     index: u64,
-    make: Box<dyn Fn(&mut Draw, &Lab) -> Result<Judged, TaskError> + Sync + Send>,
+    make: Make,
 }
 
 impl Case {

@@ -196,12 +196,12 @@ pub(crate) fn loop_radius(machine: &Linear, loops: &[Controller]) -> f64 {
         let (d0, d1) = (c.feedback[0], c.feedback.get(1).copied().unwrap_or(0.0));
         let row = machine.c.row(i);
         let column = machine.b.column(i);
-        let from_y = &column * &row * d0;
+        let from_y = column * row * d0;
         let mut top = a.view_mut((0, 0), (n, n));
         top -= &from_y;
         a.view_mut((0, n + i), (n, 1)).copy_from(&column);
         a.view_mut((n + i, 0), (1, n))
-            .copy_from(&(&row * -(d1 + pole * d0)));
+            .copy_from(&(row * -(d1 + pole * d0)));
         a[(n + i, n + i)] = pole;
     }
     Linear {

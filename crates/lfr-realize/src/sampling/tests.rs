@@ -169,7 +169,7 @@ fn a_slow_clock_takes_the_same_samples() {
         let slow = with(time).unwrap();
         assert!((slow.s[(0, 4)] - plain.s[(0, 4)]).abs() < 1e-12 * plain.s[(0, 4)].abs());
         assert!((slow.s[(3, 3)] - plain.s[(3, 3)]).abs() < 1e-12);
-        let (chain, expected) = (slow.chain.unwrap(), plain.chain.unwrap());
+        let (chain, expected) = (slow.chain.unwrap(), plain.chain.as_ref().unwrap());
         // Entry (0, 4) of the result by entry (1, 4) of the generator: rows and columns of four.
         let (at, by) = (4 * 4, 4 * 4 + 1);
         let scaled = chain[(at, by)] / (time * time);

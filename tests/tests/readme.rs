@@ -30,8 +30,8 @@ fn read(name: &str) -> String {
 /// Runs cargo as the tests were built: the whole workspace, the same profile, no network.
 fn cargo(arguments: &[&str]) -> Output {
     let output = Command::new(env!("CARGO"))
-        .args(arguments)
         .arg("--offline")
+        .args(arguments)
         .current_dir(root())
         .output()
         .unwrap();

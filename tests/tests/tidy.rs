@@ -17,7 +17,10 @@ use std::process::Command;
 const MOST_LINES: usize = 400;
 
 /// Files that may be longer, and why.
-const LONG_FILES: [(&str, &str); 0] = [];
+const LONG_FILES: [(&str, &str); 1] = [(
+    "crates/lpv-cli/src/finding.rs",
+    "one enum: what can be found in data, each with its fields and its sentence",
+)];
 
 /// Largest file of the repository, in bytes: data sets are generated, not stored.
 const MOST_BYTES: u64 = 100_000;

@@ -78,7 +78,7 @@ pub(crate) struct New {
     #[arg(long, value_name = "COLUMN", value_delimiter = ',')]
     pub(crate) scheduling: Vec<String>,
     /// Samples per second.
-    #[arg(long, value_name = "HZ", value_parser = rate)]
+    #[arg(long, value_name = "HZ", value_parser = rate, allow_negative_numbers = true)]
     pub(crate) sample_rate: Option<f64>,
     /// Samples a period, of all files.
     #[arg(long, value_name = "SAMPLES", value_parser = period)]

@@ -11,6 +11,7 @@ mod held;
 #[cfg(test)]
 mod kit;
 mod loop_only;
+mod of_place;
 mod periods;
 mod places;
 mod replay;
@@ -21,9 +22,10 @@ mod watch;
 mod wrap;
 
 pub(crate) use compare::Voice;
+pub(crate) use of_place::{saturations, voices};
 pub(crate) use together::{clocks, examine};
 pub(crate) use told::{contradictions, lines, serialize, told};
-pub(crate) use watch::{Look, Watch, saturations, voices};
+pub(crate) use watch::{Look, Watch};
 
 use serde::{Deserialize, Serialize};
 

@@ -220,6 +220,7 @@ impl Verdict {
         let mut causes: Vec<Cause> = contradictions
             .into_iter()
             .map(|what| Cause::Data { what })
+            .filter(|cause| !self.causes.contains(cause))
             .collect();
         if causes.is_empty() {
             return self;

@@ -23,8 +23,8 @@ pub use settings::{CheckedRigidBodySettings, Estimator, RigidBodySettings};
 
 use crate::{LtiIdentError, Segment};
 use lpv_core::{Discrete, Record, RigidBody, RigidBodyAxis, Signals};
-use nalgebra::{DMatrix, DVector};
-use regression::{Rows, Solution, solution};
+use nalgebra::DVector;
+use regression::{Rows, Solution, solution, stacked};
 
 /// A rigid body with what its fit says about each axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -395,12 +395,4 @@ fn on_others(
         force: force.clone(),
     };
     Ok(regression::solve(&rows, &rows.regressors).ok())
-}
-
-/// The columns of all segments, one below the other.
-fn stacked(segments: &[Vec<Vec<f64>>]) -> DMatrix<f64> {
-    let rows = segments.iter().map(|s| s[0].len()).sum();
-    let columns = segments.first().map_or(0, Vec::len);
-    let values = (0..columns).flat_map(|j| segments.iter().flat_map(move |s| s[j].iter().copied()));
-    DMatrix::from_iterator(rows, columns, values)
 }

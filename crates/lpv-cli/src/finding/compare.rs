@@ -102,7 +102,8 @@ fn odd_ones(voices: &[Voice], names: &Names<'_>) -> Vec<Finding> {
     let (ny, nu) = (first.outputs.len(), first.inputs.len());
     let alike = |v: &&Voice| v.frequencies_hz == first.frequencies_hz;
     let voices: Vec<&Voice> = voices.iter().filter(alike).collect();
-    if voices.len() < 2 || first.frequencies_hz.len() < LINES {
+    // With several inputs, one record and lever arms that change sign along the stroke look like another sign.
+    if nu != 1 || voices.len() < 2 || first.frequencies_hz.len() < LINES {
         return Vec::new();
     }
     let mut found = Vec::new();

@@ -46,7 +46,9 @@ pub(crate) fn clocks(bundle: &Bundle, wanted: impl Fn(usize) -> bool + Sync) -> 
     let of = |index: usize| -> Option<Finding> {
         let path = bundle.record_path(index).ok()?;
         let kind = path.extension()?.to_str()?.to_lowercase();
-        if !matches!(kind.as_str(), "csv" | "npz") || path.metadata().ok()?.len() > SMALL {
+        if !matches!(kind.as_str(), "csv" | "txt" | "dat" | "log" | "asc" | "tsv")
+            || path.metadata().ok()?.len() > SMALL
+        {
             return None;
         }
         let columns = experiment_data::list_columns(&path).ok()?;

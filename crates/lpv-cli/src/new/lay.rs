@@ -97,7 +97,9 @@ impl Groups {
         let advances = |name: &&String| {
             let is_letter = name.chars().filter(|c| c.is_alphabetic()).count() == 1;
             let says_nothing = is_letter || role_of(name).is_none() || name.starts_with("X_");
-            says_nothing && matches!(clock(name), Some(Clock::Even(_) | Clock::Lost { .. }))
+            says_nothing
+                && !column(name).is_some_and(counts_rows)
+                && matches!(clock(name), Some(Clock::Even(_) | Clock::Lost { .. }))
         };
         let name = named
             .iter()

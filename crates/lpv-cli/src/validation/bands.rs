@@ -172,7 +172,7 @@ mod tests {
     #[test]
     fn an_error_is_found_in_its_band_whatever_the_unit() {
         for units in [1e-12, 1.0, 1e12] {
-            let (model, estimate) = pair(0.01, 0.2, [150.0, 400.0], units);
+            let (model, estimate) = pair(0.01, 0.2, [150.0, 401.0], units);
             let found = bands(&[model], &[estimate]);
             assert!(found.len() > 6, "{found:?}");
             for b in &found {

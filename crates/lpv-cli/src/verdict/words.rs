@@ -27,6 +27,7 @@ pub(super) fn sentence(worth: Worth, basis: Basis, facts: &[Cause], causes: &[Ca
         _ => causes.iter().take(NAMED).map(ToString::to_string).collect(),
     };
     let basis = match basis {
+        _ if worth == Worth::ContradictoryData => "",
         Basis::HeldOut => " (held-out records)",
         Basis::Fitted => " (fitted records, none was held out)",
         Basis::Nothing => "",

@@ -72,7 +72,9 @@ fn an_output_that_is_held_and_a_counter_that_runs_over_are_named_first() {
 fn records_of_one_place_that_disagree_and_one_with_another_sign_are_named_first() {
     let desk = Desk::new();
     let [u, y] = columns(1e-3);
-    let slower: Vec<f64> = response(&mode(), &response(&mode(), &u));
+    let mut e = Noise(5);
+    let twice = response(&mode(), &response(&mode(), &u));
+    let slower: Vec<f64> = twice.iter().map(|y| y + 0.1 * e.sample()).collect();
     desk.write("bundle/a.csv", csv(&[("u", &u), ("y", &y)]));
     desk.write("bundle/b.csv", csv(&[("u", &u), ("y", &slower)]));
     let both = |names: &[&str]| {

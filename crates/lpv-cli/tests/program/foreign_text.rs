@@ -54,7 +54,7 @@ fn a_terminal_gets_no_commands() {
     ] {
         let out = desk.done(line);
         shows_only_text(&out);
-        assert!(!out.lines().any(|l| l.starts_with("error")), "{out}");
+        assert!(!out.lines().any(|l| l.starts_with("error:")), "{out}");
     }
     desk.done("report m.json");
     shows_only_text(&desk.text("report.html"));

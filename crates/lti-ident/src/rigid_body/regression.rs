@@ -105,3 +105,11 @@ pub(super) fn solution(
         _ => Ok((Estimator::LeastSquares, plain)),
     }
 }
+
+/// The columns of all segments, one below the other.
+pub(super) fn stacked(segments: &[Vec<Vec<f64>>]) -> DMatrix<f64> {
+    let rows = segments.iter().map(|s| s[0].len()).sum();
+    let columns = segments.first().map_or(0, Vec::len);
+    let values = (0..columns).flat_map(|j| segments.iter().flat_map(move |s| s[j].iter().copied()));
+    DMatrix::from_iterator(rows, columns, values)
+}

@@ -360,7 +360,7 @@ fn a_table_without_geometry_and_a_file_for_a_folder_are_refused() {
     assert!(!desk.path("other").exists());
     // Without a geometry the small LFR of the bundle is the base.
     let said = desk.done("diagnose bundle -o found");
-    assert!(said.contains("nothing-missing"), "{said}");
+    assert!(said.contains("nothing is missing"), "{said}");
     let found: serde_json::Value = serde_json::from_str(&desk.text("found/diagnosis.json")).unwrap();
     assert!(found["base_model"].as_str().unwrap().contains("LFR"));
 }

@@ -74,7 +74,7 @@ fn records_of_one_place_that_disagree_and_one_with_another_sign_are_named_first(
     let [u, y] = columns(1e-3);
     let mut e = Noise(5);
     let twice = response(&mode(), &response(&mode(), &u));
-    let slower: Vec<f64> = twice.iter().map(|y| y + 0.1 * e.sample()).collect();
+    let slower: Vec<f64> = twice.iter().map(|y| y + 1e-3 * e.sample()).collect();
     desk.write("bundle/a.csv", csv(&[("u", &u), ("y", &y)]));
     desk.write("bundle/b.csv", csv(&[("u", &u), ("y", &slower)]));
     let both = |names: &[&str]| {

@@ -64,7 +64,9 @@ fn size(path: &Path) -> Result<u64, RecordError> {
 
 fn open(path: &Path) -> Result<NpzArchive<BufReader<File>>, RecordError> {
     let file = File::open(path).map_err(RecordError::io("open"))?;
-    NpzArchive::new(BufReader::new(file)).map_err(|e| malformed("", &e.to_string()))
+    // Headers are looked at more than once; values pass by the buffer.
+    const BUFFER: usize = 1 << 10;
+    NpzArchive::new(BufReader::with_capacity(BUFFER, file)).map_err(|e| malformed("", &e.to_string()))
 }
 
 /// Every vector of real numbers, in the order of the archive.

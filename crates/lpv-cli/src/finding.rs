@@ -170,7 +170,7 @@ pub enum Finding {
     },
     /// The inputs do not explain an output.
     #[error(
-        "{record}: inputs explain less than half of an output's power linearly ({percent:.0} %); disturbances, noise or nonlinearity dominate"
+        "{record}: inputs explain little of an output's power linearly ({percent:.0} %); disturbances, noise or nonlinearity dominate"
     )]
     Unexplained {
         /// The record.

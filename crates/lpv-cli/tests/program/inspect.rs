@@ -159,7 +159,7 @@ fn coherence_of_a_transient_record() {
         let median = number(&found, "/records/0/coherence/0/median");
         assert!((low..=high).contains(&median), "{median}");
         assert_eq!(found["experiments"], serde_json::json!([]));
-        let warned = found["warnings"].to_string().contains("explain less than half");
+        let warned = found["warnings"].to_string().contains("explain little");
         assert_eq!(warned, median < 0.5);
     }
 }

@@ -179,7 +179,7 @@ fn settings_that_make_no_sense_leave_no_folder() {
     assert!(with(&|f| f.machine.beam_mass_kg = -1.0).contains("beam_mass_kg = -1"));
     assert!(with(&|f| f.positions.values = vec![0.4]).contains("outside the stroke"));
     assert!(with(&|f| f.multisine.periods = 1).contains("2 or more"));
-    assert!(with(&|f| f.multisine.periods = usize::MAX).contains("periods"));
+    assert!(with(&|f| f.multisine.periods = usize::MAX).contains("more than 4,194,304 samples a record"));
     assert!(with(&|f| f.moves.kinds = vec![]).contains("at least one kind"));
     assert!(with(&|f| f.moves.estimation = usize::MAX).contains("at most"));
     assert!(with(&|f| f.sample_rate = 0.0).contains("sample-rate = 0"));

@@ -1,5 +1,6 @@
 //! What can go wrong between a bundle and a model, and the exit code that says whose fault it was.
 
+use lpv_core::counted;
 use std::path::{Path, PathBuf};
 
 /// Every refusal of the pipeline.
@@ -122,8 +123,8 @@ pub enum PipelineError {
     },
     /// A model with other channels than the bundle.
     #[error(
-        "the model has {} input(s) and {} output(s), the bundle {} and {}; take the bundle that the model was made from, or one with its channels",
-        model.0, model.1, bundle.0, bundle.1
+        "the model has {} and {}, the bundle {} and {}; take the bundle that the model was made from, or one with its channels",
+        counted(model.0, "input"), counted(model.1, "output"), bundle.0, bundle.1
     )]
     Channels {
         /// Inputs and outputs of the model.

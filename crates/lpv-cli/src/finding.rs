@@ -27,6 +27,7 @@ pub(crate) use together::{clocks, examine};
 pub(crate) use told::{contradictions, lines, serialize, told};
 pub(crate) use watch::{Look, Watch};
 
+use lpv_core::counted;
 use serde::{Deserialize, Serialize};
 
 /// How much a finding matters.
@@ -196,7 +197,8 @@ pub enum Finding {
     },
     /// A log that repeats values.
     #[error(
-        "{record}, column `{column}`: each value stands {samples:.2} samples; {}",
+        "{record}, column `{column}`: each value is held for {} samples; {}",
+        (samples * 100.0).round() / 100.0,
         if *every { "the log runs faster than what it logs: keep one row of each value, and divide `sample_rate` by as much" }
         else if *wrong { "the other signals change with each sample: log this one at the full rate, or keep the rows in which it is new and set `sample_rate` to theirs" }
         else { "right where the actuator holds it; otherwise log it at the full rate" }
@@ -206,7 +208,7 @@ pub enum Finding {
         record: String,
         /// The column.
         column: String,
-        /// Samples that a value stands, on average.
+        /// Samples for which a value is held, on average.
         samples: f64,
         /// Whether inputs and outputs all do.
         every: bool,
@@ -215,7 +217,8 @@ pub enum Finding {
     },
     /// A counter that runs over.
     #[error(
-        "{record}, column `{column}`: jumps by {modulus} {times} time(s), first in row {row}: a counter that runs over; add or subtract {modulus} from there on (unwrap), and read the record again"
+        "{record}, column `{column}`: jumps by {modulus} {}, first in row {row}: a counter that runs over; add or subtract {modulus} from there on (unwrap), and read the record again",
+        counted(*times, "time")
     )]
     CounterWraps {
         /// The record.
@@ -231,7 +234,8 @@ pub enum Finding {
     },
     /// Missing samples.
     #[error(
-        "{record}, column `{column}`: {samples} sample(s) are missing, the first behind row {row}; cut the record there, or measure again without loss"
+        "{record}, column `{column}`: {} missing, the first behind row {row}; cut the record there, or measure again without loss",
+        counted(*samples, "sample")
     )]
     LostSamples {
         /// The record.
@@ -245,7 +249,8 @@ pub enum Finding {
     },
     /// Times that stand still or go back.
     #[error(
-        "{record}, column `{column}`: stands still or goes back {times} time(s), first behind row {row}; leave out the rows that are there twice, or sort them"
+        "{record}, column `{column}`: stands still or goes back {}, first behind row {row}; leave out the rows that are there twice, or sort them",
+        counted(*times, "time")
     )]
     DoubleSamples {
         /// The record.

@@ -11,7 +11,7 @@ use crate::signal::median;
 use crate::small::{SmallStage, small_lfr};
 use crate::validation::{decibel, frozen_error};
 use lfr_realize::{Realization, realize};
-use lpv_core::{Discrete, Frf, FrfEstimate, Model, StateSpace, WellPosedness};
+use lpv_core::{Discrete, Frf, FrfEstimate, Model, StateSpace, WellPosedness, counted};
 use lpv_ident::{Interpolation, LeaveOneOut, LocalFits, LpvObfModel, RegressionSettings, recommend, regress};
 
 /// A model of a machine that moves: every stage with its account.
@@ -119,7 +119,8 @@ pub fn identify(
     let outside: usize = poles.fits.iter().map(|f| f.account.unstable_poles.len()).sum();
     if outside > 0 {
         poles.reasons.push(format!(
-            "warning: {outside} estimated pole(s) lie on or outside the unit circle; set `order`, use more periods, or look for distortion with `lpv inspect --lines`"
+            "warning: {} on or outside the unit circle; set `order`, use more periods, or look for distortion with `lpv inspect --lines`",
+            counted(outside, "estimated pole")
         ));
     }
     if estimates.len() == 1 {

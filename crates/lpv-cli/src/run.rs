@@ -14,6 +14,7 @@ use lpv_cli::{
     IdentifyConfig, ModelFile, PipelineError, Structure, convert, diagnose, encode, identify_bundle, inspect,
     new, report, simulate,
 };
+use lpv_core::counted;
 use serde::Serialize;
 use std::path::Path;
 
@@ -213,11 +214,11 @@ fn run_simulate(a: &Simulate) -> Result<Done, PipelineError> {
     });
     told(a.json, &figures, [], || {
         format!(
-            "{} records, {} samples, written to {}\nthe first {} period(s) of each multisine hold its transient; error of the integration {:.1e}",
+            "{} records, {} samples, written to {}\nthe transient takes the first {} of each multisine; error of the integration {:.1e}",
             account.records,
             account.samples,
             shown(&account.bundle),
-            account.transient_periods,
+            counted(account.transient_periods, "period"),
             account.integration_error
         )
     })

@@ -9,7 +9,7 @@ use crate::signal::{finite, median};
 use crate::validation::{FrozenError, decibel, frozen_error};
 use crate::verdict::Verdict;
 use crate::{Identified, MovingStage, PipelineError, SizeRow};
-use lpv_core::{Discrete, Frf, FrfEstimate, Model};
+use lpv_core::{Discrete, Frf, FrfEstimate, Model, counted};
 use serde::{Deserialize, Serialize};
 
 /// The figures of one identification.
@@ -311,11 +311,11 @@ fn percents(values: &[f64]) -> String {
 impl FrequencySummary {
     fn text(&self) -> String {
         format!(
-            "{} position(s), {} lines, FRF noise {:.2} % in the median ({:.1} dB)\n\
+            "{}, {} lines, FRF noise {:.2} % in the median ({:.1} dB)\n\
              modes at the middle position:\n{}\n\
              frozen error against the FRF: largest {:.1} dB (at {:.4}), median {:.1} dB; rms by output {}\n\
              error over the noise of the FRF, median: {:.2}; cost of the fits over its expectation: {:.3}",
-            self.positions,
+            counted(self.positions, "position"),
             self.lines,
             self.frf_noise_percent,
             self.frf_noise_db,

@@ -62,6 +62,7 @@
 
 mod clock;
 mod connect;
+mod counted;
 mod discretise;
 mod error;
 mod frf;
@@ -86,6 +87,7 @@ mod spline;
 mod star;
 
 pub use clock::{Clock, Continuous, Discrete, same_clock};
+pub use counted::counted;
 pub use error::CoreError;
 pub use frf::{Frf, FrfEstimate};
 pub use function::{BasisKind, FunctionBasis, MatrixFunction, matern52};

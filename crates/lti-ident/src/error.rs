@@ -1,6 +1,6 @@
 //! What can be wrong with an identification.
 
-use lpv_core::CoreError;
+use lpv_core::{CoreError, counted};
 
 /// Every refusal of this crate. The fields carry the facts; the text says what to do about them.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -125,8 +125,8 @@ pub enum LtiIdentError {
     },
     /// Rigid-body axes of a machine with other numbers of inputs and outputs.
     #[error(
-        "a rigid-body axis needs one output for each input; the bundle has {} input(s) ({}) and {} output(s) ({}): name as many outputs as inputs in [channels]",
-        inputs.len(), inputs.join(", "), outputs.len(), outputs.join(", ")
+        "a rigid-body axis needs one output for each input; the bundle has {} ({}) and {} ({}): name as many outputs as inputs in [channels]",
+        counted(inputs.len(), "input"), inputs.join(", "), counted(outputs.len(), "output"), outputs.join(", ")
     )]
     Axes {
         /// Names of the inputs.

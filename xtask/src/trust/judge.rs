@@ -28,13 +28,27 @@ pub(crate) struct Judged {
     pub(crate) error: Option<f64>,
 }
 
+/// A line without the place of the machine on which it was said: it is kept on a page.
+fn without_home(line: &str) -> String {
+    let places = [
+        (Some(crate::root().display().to_string()), "."),
+        (std::env::var("HOME").ok().filter(|h| h.len() > 1), "~"),
+    ];
+    places
+        .into_iter()
+        .fold(line.to_owned(), |line, (place, short)| match place {
+            Some(place) => line.replace(&place, short),
+            None => line,
+        })
+}
+
 impl Judged {
     /// Of a run and what is right.
     pub(crate) fn new(is_right: bool, said: &Said, command: &str, wanted: &str) -> Self {
         Self {
             is_right,
             is_silent: false,
-            said: said.first().chars().take(220).collect(),
+            said: without_home(&said.first()).chars().take(220).collect(),
             wanted: wanted.to_owned(),
             command: command.to_owned(),
             error: None,

@@ -121,7 +121,7 @@ fn killed(draw: &mut Draw, lab: &Lab, command: &'static str) -> Result<Judged, T
 }
 
 fn refused_whole(next: &Said) -> bool {
-    next.first().contains("already") || next.first().contains("not empty")
+    next.first().contains("exists")
 }
 
 /// A file that was there and is gone or is neither the old nor a whole one of its kind.

@@ -34,12 +34,15 @@ impl Said {
     pub(crate) fn all(&self) -> String {
         format!("{}\n{}", self.out, self.err).to_lowercase()
     }
-    /// Lines that warn.
+    /// Lines that warn, or name a contradiction of the data.
     pub(crate) fn warnings(&self) -> Vec<String> {
         self.out
             .lines()
             .chain(self.err.lines())
-            .filter(|l| l.trim_start_matches("- ").starts_with("warning"))
+            .filter(|l| {
+                let line = l.trim_start_matches("- ");
+                line.starts_with("warning") || line.starts_with("contradiction")
+            })
             .map(str::to_owned)
             .collect()
     }
@@ -134,13 +137,21 @@ fn peak(status: &Path) -> u64 {
         .unwrap_or(0)
 }
 
-/// The value under a key, wherever it stands first.
-pub(crate) fn find<'a>(value: &'a Value, key: &str) -> Option<&'a Value> {
+/// The first value under a key that fits.
+pub(crate) fn find_where<'a>(value: &'a Value, key: &str, fits: fn(&Value) -> bool) -> Option<&'a Value> {
     match value {
-        Value::Object(map) => map.get(key).or_else(|| map.values().find_map(|v| find(v, key))),
-        Value::Array(all) => all.iter().find_map(|v| find(v, key)),
+        Value::Object(map) => map
+            .get(key)
+            .filter(|v| fits(v))
+            .or_else(|| map.values().find_map(|v| find_where(v, key, fits))),
+        Value::Array(all) => all.iter().find_map(|v| find_where(v, key, fits)),
         _ => None,
     }
+}
+
+/// The value under a key, wherever it stands first.
+pub(crate) fn find<'a>(value: &'a Value, key: &str) -> Option<&'a Value> {
+    find_where(value, key, |_| true)
 }
 
 /// The word of a verdict: what the result is worth; empty where there is none.

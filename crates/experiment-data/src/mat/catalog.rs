@@ -286,7 +286,7 @@ fn remedy(name: &str, what: &str) -> String {
     } else {
         return String::new();
     };
-    format!("in MATLAB: {lines} then save('x.mat', ...) with these variables")
+    format!("in MATLAB: {lines} then save('x.mat', ...) with these variables as plain arrays")
 }
 
 #[cfg(test)]

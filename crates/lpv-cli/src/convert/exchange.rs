@@ -7,7 +7,7 @@ use crate::{ModelFile, PipelineError};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{
     Clock, Continuous, DeltaBlock, Discrete, InnovationModel, Lfr, LfrBlocks, LpvStateSpace, Model,
-    RigidBody, RigidBodyAxis, SchedulingRange, StateSpace,
+    RigidBody, RigidBodyAxis, SchedulingRange, StateSpace, counted,
 };
 
 /// Named matrices of a model, and its frozen systems on a grid.
@@ -31,8 +31,7 @@ pub(super) struct Exchange {
 
 /// The model in a few words.
 pub fn describe(model: &Model) -> String {
-    let plural = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
-    let io = |ny: usize, nu: usize| format!("{}, {}", plural(nu, "input"), plural(ny, "output"));
+    let io = |ny: usize, nu: usize| format!("{}, {}", counted(nu, "input"), counted(ny, "output"));
     let lfr =
         |states, deltas, ny, nu| format!("LFR with {states} states and {deltas} deltas, {}", io(ny, nu));
     match model {

@@ -8,7 +8,7 @@ use crate::summary::{HeldOut, OrderRow, Summary, TimeSummary};
 use crate::{Direct, FitFocus, IdentifyConfig, PipelineError};
 use experiment_data::Bundle;
 use lpv_core::nalgebra::DMatrix;
-use lpv_core::{Discrete, FrfEstimate, Model, Record, StateSpace};
+use lpv_core::{Discrete, FrfEstimate, Model, Record, StateSpace, counted};
 use lti_ident::{DirectTerm, Focus, InnovationFit, InnovationSettings, OrderEntry, Segment};
 use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, fit};
 use rayon::prelude::*;
@@ -46,7 +46,7 @@ pub(super) fn in_time(
         Some(focus) => (focus, "as asked".to_owned()),
         None if integrators > 0 => (
             FitFocus::Prediction,
-            format!("{integrators} integrator(s) would let a simulation drift"),
+            format!("{} would let a simulation drift", counted(integrators, "integrator")),
         ),
         None if closed => (
             FitFocus::Prediction,

@@ -2,6 +2,7 @@
 
 use super::{ErrorFigure, RecordCheck, Validation};
 use crate::table::TextTable;
+use lpv_core::counted;
 use std::fmt::Write as _;
 
 impl Validation {
@@ -16,10 +17,10 @@ impl Validation {
                 .collect();
             let _ = writeln!(
                 out,
-                "frozen response against the {} records, {} position(s): median error {:.1} dB (noise of the response {:.1} dB), \
+                "frozen response against the {} records, {}: median error {:.1} dB (noise of the response {:.1} dB), \
                  largest {:.1} dB at {:.4}; error over its noise {:.2} in the median; rms by output {}",
                 f.source,
-                f.positions.len().max(1),
+                counted(f.positions.len().max(1), "position"),
                 f.error.median_db,
                 f.noise_db,
                 f.error.strict_max_db,

@@ -42,7 +42,7 @@ fn an_output_that_is_held_and_a_counter_that_runs_over_are_named_first() {
     one(&desk, &u, &held);
     let (line, row) = first(&desk, "held-samples");
     assert!(
-        line.starts_with("contradiction: run, column `y`: each value stands 4.00 samples"),
+        line.starts_with("contradiction: run, column `y`: each value is held for 4 samples"),
         "{line}"
     );
     assert_eq!(

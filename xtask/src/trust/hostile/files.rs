@@ -3,8 +3,9 @@
 use super::{Draw, Judged, Lab, TaskError, Watch, small};
 use crate::trust::bundle::Description;
 use crate::trust::kinds::records::Places;
-use crate::trust::program::{find, watch, worth};
+use crate::trust::program::{find, find_where, watch, worth};
 use crate::trust::rig::Rig;
+use serde_json::Value;
 use std::fs::{self, File, Permissions};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 
@@ -206,7 +207,7 @@ pub(super) fn position_offset_merges(draw: &mut Draw, lab: &Lab) -> Result<Judge
     let mut watch = Watch::new("five places");
     watch.run(lab, &["identify", ".", "-o", "m.json"])?;
     let json = lab.json("m.json");
-    let found = find(&json, "positions").and_then(serde_json::Value::as_u64);
+    let found = find_where(&json, "positions", Value::is_u64).and_then(Value::as_u64);
     let refused = ["not-a-model", "contradictory-data"].contains(&worth(&json).as_str());
     watch.check(found == Some(5) || refused, &format!("{found:?} places"));
     Ok(watch.judged())

@@ -7,57 +7,65 @@ use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
 /// standard error where it cannot.
 pub(super) struct Quiet {
     file: File,
-    /// Where the next byte would go, once there was an error.
-    lost: Option<u64>,
+    /// Where the next byte goes, or would go if there had been no error: positions go on growing, as what was begun counts on it.
+    at: u64,
+    is_lost: bool,
 }
 
 impl Quiet {
+    /// A file at its beginning.
     pub(super) fn new(file: File) -> Self {
-        Self { file, lost: None }
+        Self {
+            file,
+            at: 0,
+            is_lost: false,
+        }
     }
 
     pub(super) fn into_inner(self) -> File {
         self.file
     }
 
-    fn lose<T>(&mut self, error: io::Error) -> io::Result<T> {
-        if error.kind() != ErrorKind::Interrupted {
-            self.lost = Some(0);
+    fn keep<T>(&mut self, result: io::Result<T>) -> io::Result<T> {
+        if result.as_ref().is_err_and(|e| e.kind() != ErrorKind::Interrupted) {
+            self.is_lost = true;
         }
-        Err(error)
+        result
     }
 }
 
 impl Write for Quiet {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        if let Some(at) = &mut self.lost {
-            *at += bytes.len() as u64;
-            return Ok(bytes.len());
-        }
-        self.file.write(bytes).or_else(|e| self.lose(e))
+        let taken = if self.is_lost {
+            bytes.len()
+        } else {
+            let result = self.file.write(bytes);
+            self.keep(result)?
+        };
+        self.at += taken as u64;
+        Ok(taken)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        match self.lost {
-            Some(_) => Ok(()),
-            None => self.file.flush().or_else(|e| self.lose(e)),
+        if self.is_lost {
+            return Ok(());
         }
+        let result = self.file.flush();
+        self.keep(result)
     }
 }
 
 impl Seek for Quiet {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        match (&mut self.lost, to) {
-            (None, _) => self.file.seek(to).or_else(|e| self.lose(e)),
-            (Some(at), SeekFrom::Start(start)) => {
-                *at = start;
-                Ok(start)
+        self.at = match (self.is_lost, to) {
+            (false, _) => {
+                let result = self.file.seek(to);
+                self.keep(result)?
             }
-            (Some(at), SeekFrom::Current(by) | SeekFrom::End(by)) => {
-                *at = at.saturating_add_signed(by);
-                Ok(*at)
-            }
-        }
+            (true, SeekFrom::Start(start)) => start,
+            (true, SeekFrom::Current(by) | SeekFrom::End(by)) => self.at.saturating_add_signed(by),
+        };
+        Ok(self.at)
     }
 }
 
@@ -70,8 +78,10 @@ mod tests {
     fn only_the_first_error_is_told() {
         let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let mut quiet = Quiet::new(full);
+        quiet.seek(SeekFrom::Start(7)).unwrap();
         let error = quiet.write(b"abc").unwrap_err();
         assert_eq!(error.kind(), ErrorKind::StorageFull);
+        assert_eq!(quiet.stream_position().unwrap(), 7);
         assert_eq!(quiet.write(b"abc").unwrap(), 3);
         assert_eq!(quiet.seek(SeekFrom::Start(10)).unwrap(), 10);
         assert_eq!(quiet.write(b"abc").unwrap(), 3);

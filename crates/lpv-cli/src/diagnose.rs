@@ -8,6 +8,7 @@ mod explanation;
 mod figures;
 mod left;
 mod noise;
+mod observer;
 mod page;
 mod places;
 mod responses;
@@ -33,6 +34,7 @@ use figures::Along;
 use lpv_core::{FrfEstimate, Model, Purpose, Record, RigidBody, RigidBodyAxis, SchedulingRange};
 use lpv_report::Figure;
 use noise::{roughness, unrepeated};
+use observer::Observer;
 use residual_trace::{Base, Case, Explained, Trace, Track, equivalent_force, sensor_noise, trace};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -78,14 +80,12 @@ pub fn diagnose(
             }),
         };
     }
-    let Some(controller) = &description.controller else {
-        return Err(PipelineError::Structure {
-            problem: "a diagnosis simulates the closed loop: give the bundle its [controller] and [channels.reference]",
-        });
-    };
     let transient = |i: usize| !description.records[i].is_periodic();
-    let records = load_records(bundle, transient, progress)?;
+    let mut records = load_records(bundle, transient, progress)?;
     let contradictions = finding::contradictions(&examine_records(bundle, &records));
+    if description.controller.is_none() {
+        records = records.into_iter().map(observer::followed).collect();
+    }
     let mut reasons = Vec::new();
     let (fit_records, judge_records) = split(records, &mut reasons)?;
     let Start {
@@ -103,6 +103,17 @@ pub fn diagnose(
         progress,
     )?;
     let substeps = base.parts(clock.sample_time());
+    let (controller, observer_hz) = match &description.controller {
+        Some(controller) => (controller.clone(), None),
+        None => {
+            let observer = Observer::new(&base, &fit_records, clock)?;
+            reasons.push(format!(
+                "no [controller]: the model follows the records through an observer of {:.3} Hz, driven by the logged inputs",
+                observer.hz
+            ));
+            (observer.controller, Some(observer.hz))
+        }
+    };
     let start = controller.start()?;
     let tracks = |records: &[Record]| -> Result<Vec<Track>, PipelineError> {
         Ok(records
@@ -110,7 +121,9 @@ pub fn diagnose(
             .map(|r| Track::new(r, clock.sample_time(), substeps, Some(&start)))
             .collect::<Result<Vec<_>, _>>()?)
     };
-    reasons.extend(wrong_controller(&fit_records, &start));
+    if observer_hz.is_none() {
+        reasons.extend(wrong_controller(&fit_records, &start));
+    }
     let (fitted, judged) = (tracks(&fit_records)?, tracks(&judge_records)?);
     let noise = match unrepeated(bundle, progress)? {
         (_, left) if left.is_empty() => {
@@ -147,6 +160,12 @@ pub fn diagnose(
     axis.extend(axis::errors(&found, &start, clock, &judge_records, &judged)?);
     let diagnosis = Diagnosis {
         axis,
+        error_of: match observer_hz {
+            Some(_) => "observer",
+            None => "closed loop",
+        }
+        .to_owned(),
+        observer_hz,
         ..Diagnosis::new(bundle, &found, &judged, reasons)
     }
     .in_view_of(contradictions);

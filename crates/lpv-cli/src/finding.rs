@@ -24,7 +24,7 @@ mod wrap;
 pub(crate) use compare::Voice;
 pub(crate) use of_place::{saturations, voices};
 pub(crate) use together::{clocks, examine};
-pub(crate) use told::{contradictions, lines, serialize, told};
+pub(crate) use told::{contradictions, explanations, lines, serialize, told};
 pub(crate) use watch::{Look, Watch};
 
 use lpv_core::counted;
@@ -347,7 +347,7 @@ pub enum Finding {
     },
     /// An output that follows late.
     #[error(
-        "{record}, column `{column}`: follows the input {samples} samples late; a model holds a dead time as as many states: shift the column forward by as many rows, and add the delay to the model"
+        "{record}, column `{column}`: follows the input {samples} samples late; a model holds a dead time as so many states; shift the column forward by as many rows and add the delay to the model"
     )]
     DeadTime {
         /// The record.
@@ -359,7 +359,7 @@ pub enum Finding {
     },
     /// An output that drifts.
     #[error(
-        "{record}, column `{column}`: the level moves by {rise:.3e} over the record in a straight line, whatever the inputs do; if that is the sensor and no axis that runs free, take the line out of the column, or the model explains it by a slow mode"
+        "{record}, column `{column}`: the level moves by {rise:.3e} over the record in a straight line, whatever the inputs do: a drift of the sensor, or an axis that runs free; of a sensor, take the line out of the column, or the model explains it by a slow mode"
     )]
     Trend {
         /// The record.

@@ -5,7 +5,7 @@ mod in_time;
 use self::in_time::in_time;
 use crate::deviation::FrozenDeviation;
 use crate::diagnose::{self, Explanation};
-use crate::finding::{self, Severity};
+use crate::finding::Severity;
 use crate::inspect::inspect;
 use crate::moves::Moves;
 use crate::pipeline::{Identified, identify};
@@ -120,8 +120,7 @@ fn judged(
         // A model that cannot be run along a record is written all the same, and the first line says so.
         Err(error) => Verdict::unjudged(&error),
     };
-    let contradictions = finding::contradictions(&outcome.summary.findings);
-    outcome.summary.verdict = Some(verdict.in_view_of(contradictions));
+    outcome.summary.verdict = Some(verdict.in_view_of(&outcome.summary.findings));
     Ok(outcome)
 }
 

@@ -6,6 +6,7 @@ mod tests;
 mod words;
 
 use crate::PipelineError;
+use crate::finding::{self, Finding};
 use serde::{Deserialize, Serialize};
 
 /// A judgement of a model, with the facts behind it.
@@ -215,8 +216,27 @@ impl Verdict {
         Self::new(Worth::Unjudged, Basis::Nothing, &[], causes)
     }
 
+    /// The same in view of what was found in the data: contradictions take its worth away, and what explains an error is named
+    /// beside it.
+    pub(crate) fn in_view_of(self, findings: &[Finding]) -> Self {
+        self.contradicted(finding::contradictions(findings))
+            .explained(finding::explanations(findings))
+    }
+
+    /// The same with what explains its errors, in words; unchanged for a good model.
+    fn explained(mut self, explanations: Vec<String>) -> Self {
+        let errs = matches!(self.worth, Worth::NotAModel | Worth::Approximate);
+        if explanations.is_empty() || !errs || self.causes.is_empty() {
+            return self;
+        }
+        let rest = self.causes.split_off(1);
+        let named = explanations.into_iter().map(|what| Cause::Data { what });
+        self.causes.extend(named.chain(rest));
+        Self::new(self.worth, self.basis, &[], self.causes)
+    }
+
     /// The same in view of data that contradict themselves, told in words; unchanged without.
-    pub(crate) fn in_view_of(self, contradictions: impl IntoIterator<Item = String>) -> Self {
+    fn contradicted(self, contradictions: impl IntoIterator<Item = String>) -> Self {
         let mut causes: Vec<Cause> = contradictions
             .into_iter()
             .map(|what| Cause::Data { what })

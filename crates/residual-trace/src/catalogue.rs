@@ -64,6 +64,34 @@ pub fn all() -> impl Iterator<Item = &'static Effect> {
     KINDS.into_iter().flatten()
 }
 
+/// Whether an effect changes slowly with where a motor is: along a motion that only goes on, this cannot be told from a change in time.
+pub(crate) fn changes_with_position(effect: &Effect) -> bool {
+    [&cable_stiffness::EFFECTS[..], &position_dependent_gain::EFFECTS]
+        .into_iter()
+        .flatten()
+        .any(|e| e.is(effect))
+}
+
+/// What presliding friction is called whose distance the records do not show: below what the readings resolve, or without a
+/// motion that turns.
+pub(crate) fn as_seen(
+    effect: &'static Effect,
+    values: &[f64],
+    noise: Pair,
+    turns: impl Fn(usize) -> bool,
+) -> &'static Effect {
+    /// Part of the noise of a reading: over many reversals a distance that is shorter than one is seen still.
+    const UNSEEN: f64 = 0.5;
+    if !hysteresis::EFFECTS.iter().any(|e| e.is(effect)) {
+        return effect;
+    }
+    let channel = effect.channel.min(1);
+    if values[1] >= UNSEEN * noise[channel] && turns(channel) {
+        return effect;
+    }
+    coulomb_friction::at_rest(effect.channel).unwrap_or(effect)
+}
+
 /// Of those in a list, the best first, that are equal to the best: the one that comes first in the catalogue leads.
 pub(crate) fn first_of_equals<T>(
     list: &mut [T],

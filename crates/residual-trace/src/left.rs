@@ -61,6 +61,8 @@ pub(crate) fn what_is_left(
     channels: usize,
 ) -> Vec<Left> {
     let mut all = Vec::new();
+    // An observer answers to the noise of its readings, a sample later with the outputs and at once with the inputs.
+    let behind = if tracks.iter().any(|t| t.follows) { 2 } else { 0 };
     let auxiliaries = tracks.iter().map(|t| t.auxiliary.len()).min().unwrap_or(0);
     for output in 0..channels {
         let errors: Vec<&[f64]> = white
@@ -107,7 +109,7 @@ pub(crate) fn what_is_left(
                     1 => name.to_owned(),
                     _ => format!("{name} {}", channel + 1),
                 };
-                test(words, 0, along(&|t, r, k| signal(t, r, k, channel)));
+                test(words, behind, along(&|t, r, k| signal(t, r, k, channel)));
             }
         }
         for signal in 0..auxiliaries {

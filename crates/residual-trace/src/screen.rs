@@ -63,6 +63,34 @@ impl Screen<'_> {
         largest_span(records.map(|record| record.iter().map(|m| m.motor_position[motor])))
     }
 
+    /// Whether position and time grow alike: in every record the motor starts at one place and goes one way at a nearly constant
+    /// speed, so that a force that depends on where it is cannot be told from friction that changes in time.
+    pub fn grows_with_time(&self, motor: usize) -> bool {
+        /// Part of the motion that grows with time, and of the travel in which records start.
+        const ALIKE: f64 = 0.9;
+        const START: f64 = 0.05;
+        let starts = || {
+            let first = |record: &Vec<Motion>| record.first().map(|m| m.motor_position[motor]);
+            self.motions.iter().filter_map(first)
+        };
+        let travel = self.travel(motor);
+        let spread = starts().fold(f64::NEG_INFINITY, f64::max) - starts().fold(f64::INFINITY, f64::min);
+        travel > 0.0
+            && spread <= START * travel
+            && self.motions.iter().all(|record| {
+                let n = record.len() as f64;
+                let middle = record.iter().map(|m| m.motor_position[motor]).sum::<f64>() / n;
+                let (mut qq, mut qt, mut tt) = (0.0, 0.0, 0.0);
+                for (k, m) in record.iter().enumerate() {
+                    let (q, t) = (m.motor_position[motor] - middle, k as f64 - 0.5 * (n - 1.0));
+                    qq += q * q;
+                    qt += q * t;
+                    tt += t * t;
+                }
+                qt * qt >= ALIKE * qq * tt
+            })
+    }
+
     /// Shortest and longest periods that the readings of a sensor show: two steps of their grid, and their largest travel in a
     /// record.
     pub fn periods(&self, output: usize) -> (f64, f64) {
@@ -92,6 +120,12 @@ impl Screen<'_> {
     /// Further measured signals.
     pub fn auxiliaries(&self) -> usize {
         self.tracks.iter().map(|t| t.auxiliary.len()).min().unwrap_or(0)
+    }
+
+    /// Shortest record in time.
+    pub fn shortest(&self) -> f64 {
+        let duration = |t: &Track| t.step * t.samples as f64;
+        self.tracks.iter().map(duration).fold(f64::INFINITY, f64::min)
     }
 
     /// Longest record in time.

@@ -34,6 +34,8 @@ pub struct Track {
     pub(crate) start: Start,
     /// Outputs of which that is what the sensor tells, as far as its noise lets see; else it is where the machine is.
     pub(crate) is_read: [bool; 2],
+    /// Whether the reference is what was measured: then its noise is in what an observer makes of it.
+    pub(crate) follows: bool,
     /// The controller at the first sample, unless it is at rest.
     pub(crate) moving: Option<ControllerState>,
 }
@@ -106,12 +108,14 @@ impl Track {
         });
         let references = pairs(&record.references.columns);
         let moving = controller.and_then(|c| c.begun(record));
-        let mut is_read = [moving.is_some(); 2];
+        // An observer follows what was measured: it begins as that does.
+        let follows = record.references.columns == record.outputs.columns;
+        let mut is_read = [moving.is_some() || follows; 2];
         let mut start = Start {
             position: references[0],
             speed: [0.0; 2],
         };
-        if moving.is_some() {
+        if moving.is_some() || follows {
             for (i, y) in record.outputs.columns.iter().enumerate() {
                 let [position, rise] = beginning(y);
                 (start.position[i], start.speed[i]) = (position, rise / step);
@@ -124,6 +128,7 @@ impl Track {
         Ok(Self {
             start,
             is_read,
+            follows,
             moving,
             bound,
             name: record.name.clone(),

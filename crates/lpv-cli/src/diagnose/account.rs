@@ -25,6 +25,12 @@ pub struct Diagnosis {
     /// What makes these records worthless: each contradicts another, itself or its description.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub contradictions: Vec<String>,
+    /// Of what the errors are: `closed loop`; `observer` where nobody knows the controller; `response`.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub error_of: String,
+    /// Bandwidth of the observer, Hz.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub observer_hz: Option<f64>,
     /// What was added, in order.
     pub effects: Vec<FoundEffect>,
     /// Deviation of the noise of one sample as it leaves the loop, by output.
@@ -237,6 +243,8 @@ impl Diagnosis {
             verdict: found.verdict.name().to_owned(),
             verdict_in_words: in_words(found.verdict.name(), &effects, &before, &after),
             contradictions: Vec::new(),
+            error_of: "closed loop".to_owned(),
+            observer_hz: None,
             effects,
             noise_floor: noise.into_iter().collect(),
             before,

@@ -85,7 +85,7 @@ impl Explanation {
             .effects
             .iter()
             .map(|found| {
-                let mut places = catalogue::all().filter(|e| e.name == found.effect).peekable();
+                let mut places = catalogue::all().filter(|e| is_of(e, found)).peekable();
                 places.peek().ok_or(PipelineError::Structure {
                     problem: "the model has an effect that the catalogue of this version does not know; diagnose the bundle again",
                 })?;
@@ -140,4 +140,11 @@ impl Explanation {
             .chain(self.effects.iter().map(effect))
             .collect()
     }
+}
+
+/// Whether the catalogue means this by the name: some effects have two forms, with parameters of their own.
+fn is_of(effect: &Effect, found: &FoundEffect) -> bool {
+    let forms = catalogue::all().filter(|e| e.name == found.effect && e.channel == effect.channel);
+    let has = |e: &Effect| e.parameters.iter().all(|p| found.parameters.contains_key(p.name));
+    effect.name == found.effect && (has(effect) || !forms.into_iter().any(has))
 }

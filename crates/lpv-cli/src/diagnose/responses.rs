@@ -229,6 +229,8 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
         verdict: verdict.to_owned(),
         verdict_in_words: in_words(verdict, &effects, &before, &after),
         contradictions: Vec::new(),
+        error_of: "response".to_owned(),
+        observer_hz: None,
         effects,
         noise_floor: by_output(bundle, &noise),
         before,

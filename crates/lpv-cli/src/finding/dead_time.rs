@@ -3,56 +3,62 @@
 use lpv_core::nalgebra::{DMatrix, DVector};
 
 /// Longest dead time that is looked for, and the shortest that matters, samples.
-const LONGEST: usize = 120;
+const LONGEST: usize = 100;
 const SHORTEST: usize = 5;
-/// Past outputs and delayed inputs of the law that is fitted.
-const ORDER: usize = 4;
-const INPUTS: usize = 3;
+/// Past outputs of the law that is fitted: so many that what noise adds to them is white in what is left.
+const ORDER: usize = 12;
 /// Rows of the fit.
 const ROWS: usize = 4000;
-/// Part of what the past outputs leave that the late inputs must explain, and the part of that that early ones may.
-const EXPLAINED: f64 = 0.03;
-const EARLY: f64 = 0.1;
+/// What inputs explain over what chance does, in variances of the rest: the first ones behind a dead time at least so much.
+const SEEN: f64 = 80.0;
+/// Inputs behind a dead time that are looked at together.
+const FIRST: usize = 6;
 
-/// Samples by which the output follows the input late, where a law with this dead time foretells the output much better.
+/// Samples by which the output follows the input late: in a law with past outputs and all inputs the latest ones explain nothing
+/// that the earlier ones do not, and the first ones behind them do.
+///
+/// With the inputs in the order from the earliest to the latest, the rows of `Q^T y` of an orthogonal decomposition are what each
+/// input adds to those before; without effect their squares over the variance of the rest are chi-squared.
 pub(super) fn dead_time(u: &[f64], y: &[f64]) -> Option<usize> {
-    let start = LONGEST + INPUTS;
-    let rows = u.len().checked_sub(start)?.min(ROWS);
-    if rows < 40 * (ORDER + INPUTS) {
+    let start = LONGEST.max(ORDER);
+    let rows = u.len().min(y.len()).checked_sub(start)?.min(ROWS);
+    let columns = 1 + ORDER + LONGEST;
+    if rows < 5 * columns {
         return None;
     }
-    let size = |x: &[f64]| crate::signal::deviation(x).max(f64::MIN_POSITIVE);
-    let (u_size, y_size) = (size(u), size(y));
-    let u0 = crate::signal::mean(u);
-    let y0 = crate::signal::mean(y);
-    let target = DVector::from_fn(rows, |k, _| (y[k + start] - y0) / y_size);
-    let past = DMatrix::from_fn(rows, ORDER + 1, |k, j| match j {
-        0 => 1.0,
-        _ => (y[k + start - j] - y0) / y_size,
-    });
-    let q = past.clone().qr().q();
-    let own = &target - &q * q.tr_mul(&target);
-    // What past outputs leave, by inputs so late.
-    let left = |delay: usize| -> Option<f64> {
-        let inputs = DMatrix::from_fn(rows, INPUTS, |k, j| (u[k + start - delay - j] - u0) / u_size);
-        let inputs = &inputs - &q * q.tr_mul(&inputs);
-        let normal = inputs.tr_mul(&inputs);
-        let solution = normal.svd(true, true).solve(&inputs.tr_mul(&own), 1e-12).ok()?;
-        Some((&own - inputs * solution).norm())
+    let scale = |x: &[f64]| {
+        let size = crate::signal::deviation(x);
+        (size > 0.0).then(|| (crate::signal::mean(x), size))
     };
-    let early = (0..SHORTEST.saturating_sub(INPUTS))
-        .filter_map(left)
-        .fold(f64::INFINITY, f64::min);
-    let (delay, best) = (SHORTEST..=LONGEST)
-        .filter_map(|d| Some((d, left(d)?)))
-        .min_by(|a, b| a.1.total_cmp(&b.1))?;
-    // The first that is as good: later inputs come in with those before.
-    let first = (SHORTEST..=delay)
-        .find(|d| left(*d).is_some_and(|l| l < 1.02 * best))
-        .unwrap_or(delay);
-    let explained = |left: f64| 1.0 - (left / own.norm()).powi(2);
-    let late = explained(best);
-    (late > EXPLAINED && explained(early) < EARLY * late).then_some(first)
+    let ((u0, u_size), (y0, y_size)) = (scale(u)?, scale(y)?);
+    let y_at = |k: usize| (y[k] - y0) / y_size;
+    let matrix = DMatrix::from_fn(rows, columns + 1, |k, j| match j {
+        0 => 1.0,
+        _ if j <= ORDER => y_at(k + start - j),
+        _ if j == columns => y_at(k + start),
+        // Lags from the largest to none.
+        _ => (u[k + start - (columns - 1 - j)] - u0) / u_size,
+    });
+    let r = matrix.qr().r();
+    let freedom = (rows - columns) as f64;
+    let rest = r[(columns, columns)].powi(2) / freedom;
+    // By lag, from none on.
+    let adds: Vec<f64> = (0..LONGEST)
+        .map(|lag| r[(columns - 1 - lag, columns)].powi(2) / rest)
+        .collect();
+    let mut sum = 0.0;
+    let mut delay = 0;
+    for (lag, add) in adds.iter().enumerate() {
+        sum += add;
+        let count = (lag + 1) as f64;
+        if sum > count + 4.0 * (2.0 * count).sqrt() + 8.0 {
+            break;
+        }
+        delay = lag + 1;
+    }
+    let first: f64 = adds.iter().skip(delay).take(FIRST).sum();
+    // A sample of delay is what any machine has.
+    (delay > SHORTEST && delay < LONGEST && first > SEEN).then_some(delay - 1)
 }
 
 /// Parts of a record whose means tell a drift.

@@ -44,6 +44,22 @@ pub(crate) fn contradictions(findings: &[Finding]) -> Vec<String> {
         .collect()
 }
 
+/// What explains that a model errs, in words: the machine does something that no model of this kind has, or the sensor does.
+pub(crate) fn explanations(findings: &[Finding]) -> Vec<String> {
+    let explains = |f: &&Finding| {
+        matches!(
+            f,
+            Finding::DeadTime { .. }
+                | Finding::Trend { .. }
+                | Finding::LevelDrifts { .. }
+                | Finding::PeriodDrifts { .. }
+                | Finding::CommandSaturates { .. }
+        )
+    };
+    let all: Vec<Finding> = findings.iter().filter(explains).cloned().collect();
+    told(&all).into_iter().map(|(_, sentence)| sentence).collect()
+}
+
 /// Of one kind, and with the same parity where there is one.
 fn same(a: &Finding, b: &Finding) -> bool {
     let parity = |f: &Finding| match f {

@@ -5,6 +5,7 @@ use super::rate::{Physics, TimeColumn};
 use super::roles::{Role, base_factor, is_speed, role_of, role_of_unit, unit_of};
 use super::see::Seen;
 use super::{Groups, Known, RecordFile, position};
+use std::collections::HashSet;
 
 /// Names first, then units; what neither tells is auxiliary.
 pub(super) fn by_name(columns: &[String], seen: &[Seen], known: &Known) -> Groups {
@@ -34,17 +35,20 @@ pub(super) fn by_name(columns: &[String], seen: &[Seen], known: &Known) -> Group
         scheduling: pick(&known.scheduling, Role::Scheduling),
         auxiliary: Vec::new(),
     };
-    groups.auxiliary = columns.iter().filter(|c| !groups.uses(c)).cloned().collect();
+    let used: HashSet<&String> = [
+        &groups.output,
+        &groups.input,
+        &groups.reference,
+        &groups.scheduling,
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    groups.auxiliary = columns.iter().filter(|c| !used.contains(c)).cloned().collect();
     groups
 }
 
 impl Groups {
-    fn uses(&self, name: &String) -> bool {
-        [&self.output, &self.input, &self.reference, &self.scheduling]
-            .into_iter()
-            .any(|group| group.contains(name))
-    }
-
     fn all(&mut self) -> [&mut Vec<String>; 5] {
         [
             &mut self.output,
@@ -108,9 +112,10 @@ impl Groups {
             .or(named.first().copied())
             .or_else(|| columns.iter().filter(free).find(advances))?
             .clone();
+        let named: HashSet<&String> = named.into_iter().collect();
         for group in self.all() {
             // Two clocks tell the same.
-            group.retain(|n| *n != name && !named.contains(&n));
+            group.retain(|n| *n != name && !named.contains(n));
         }
         Some(TimeColumn {
             unit: seen.unit(&name).to_owned(),
@@ -139,8 +144,9 @@ impl Groups {
             let moving: Vec<String> = self.scheduling.iter().filter(|n| !dead(n)).cloned().collect();
             let found = position::resting_columns(&candidates, records);
             if !found.is_empty() && moving.iter().all(|m| found.contains(m)) {
+                let gone: HashSet<&String> = found.iter().collect();
                 for group in self.all() {
-                    group.retain(|n| !found.contains(n));
+                    group.retain(|n| !gone.contains(n));
                 }
                 for name in &found {
                     guesses.push(format!(
@@ -166,6 +172,9 @@ impl Groups {
     }
 }
 
+/// Positions and speeds that are tried with each other: the first ones of a table.
+const MOST_PAIRED: usize = 32;
+
 /// The ratio of a speed column to the differences of a position column, where one follows the other.
 pub(super) fn speed_of_position<'a>(
     columns: &[String],
@@ -174,7 +183,7 @@ pub(super) fn speed_of_position<'a>(
 ) -> Option<Physics> {
     let named = |speed: bool| {
         let fits = move |c: &&String| role_of(c) != Some(Role::Reference) && is_speed(c) == Some(speed);
-        columns.iter().filter(fits).collect::<Vec<_>>()
+        columns.iter().filter(fits).take(MOST_PAIRED).collect::<Vec<_>>()
     };
     let unit = |name: &str| {
         let own = seen.unit(name);

@@ -3,6 +3,9 @@
 use super::RecordFile;
 use super::roles::{Role, is_no_position, role_of};
 
+/// No machine is scheduled by more signals.
+const MOST_TAKEN: usize = 64;
+
 /// The columns that rest in every file and differ between files. Of several, those whose names speak of a position; and of
 /// columns that tell the same twice, the first.
 pub(super) fn resting_columns(candidates: &[String], records: &[RecordFile]) -> Vec<String> {
@@ -26,6 +29,9 @@ pub(super) fn resting_columns(candidates: &[String], records: &[RecordFile]) -> 
     };
     let mut taken: Vec<(&String, Vec<f64>)> = Vec::new();
     for (name, values) in resting {
+        if taken.len() == MOST_TAKEN {
+            break;
+        }
         if rank(name) == best && !taken.iter().any(|(_, earlier)| is_same(earlier, &values)) {
             taken.push((name, values));
         }

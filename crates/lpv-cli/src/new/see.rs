@@ -79,11 +79,13 @@ pub(super) fn see(file: &Path, path: &Path) -> Result<Seen, PipelineError> {
 /// where two are as frequent. Settings and short tables beside the signals are none.
 fn rows_of_record(columns: &[Column]) -> u64 {
     let longest = columns.iter().map(|c| c.rows).max().unwrap_or(0);
-    let count = |rows: u64| columns.iter().filter(|c| c.rows == rows).count();
-    columns
-        .iter()
-        .filter(|c| 10 * c.rows > longest)
-        .map(|c| (count(c.rows), c.rows))
+    let mut counts: HashMap<u64, usize> = HashMap::new();
+    for c in columns.iter().filter(|c| 10 * c.rows > longest) {
+        *counts.entry(c.rows).or_default() += 1;
+    }
+    counts
+        .into_iter()
+        .map(|(rows, count)| (count, rows))
         .max()
         .map_or(0, |(_, rows)| rows)
 }

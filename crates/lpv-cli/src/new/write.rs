@@ -3,6 +3,7 @@
 use super::roles::unit_of;
 use super::{Plan, RecordFile};
 use experiment_data::Text;
+use std::collections::HashSet;
 use std::fmt::Write as _;
 
 /// The description, with a mark at every line that needs the user.
@@ -168,17 +169,20 @@ fn record(r: &RecordFile, plan: &Plan<'_>, place: Option<&String>) -> String {
     if let Some([first, last]) = r.part {
         let _ = writeln!(out, "rows = [{first}, {last}]  # GUESS");
     }
-    let channels = [
+    let channels: HashSet<&String> = [
         &groups.output,
         &groups.input,
         &groups.reference,
         &groups.scheduling,
         &groups.auxiliary,
-    ];
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
     let sources: Vec<String> = r
         .sources
         .iter()
-        .filter(|(name, _)| channels.iter().any(|g| g.contains(name)))
+        .filter(|(name, _)| channels.contains(name))
         .map(|(name, source)| format!("{} = {}", quoted(name), quoted(source)))
         .collect();
     if !sources.is_empty() {

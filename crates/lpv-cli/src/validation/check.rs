@@ -314,7 +314,7 @@ pub(crate) fn validate_knowing(
     let findings = examine_records(bundle, &transient);
     let verdict = Verdict::of(frozen.as_ref(), &records, stability, closed_loop, &notes);
     let validation = Validation {
-        verdict: verdict.in_view_of(finding::contradictions(&findings)),
+        verdict: verdict.in_view_of(&findings),
         findings,
         model: crate::convert::describe(&file.model),
         frozen,

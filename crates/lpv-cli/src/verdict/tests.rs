@@ -168,8 +168,8 @@ fn contradictions_come_first_and_nothing_to_compare_is_said() {
     let nothing = Verdict::of(None, &[], Stability::Stable, false, &["no record".to_owned()]);
     assert_eq!((nothing.worth, nothing.basis), (Worth::Unjudged, Basis::Nothing));
     let good = Verdict::of(Some(&frozen(&[NOISE; 12])), &[], Stability::Stable, false, &[]);
-    assert_eq!(good.clone().in_view_of([]), good);
-    let doubted = good.in_view_of(["record b: u has the opposite sign".to_owned()]);
+    assert_eq!(good.clone().contradicted([]), good);
+    let doubted = good.contradicted(["record b: u has the opposite sign".to_owned()]);
     assert_eq!(doubted.worth, Worth::ContradictoryData);
     assert!(doubted.sentence.contains("record b"), "{}", doubted.sentence);
     assert!(!doubted.worth.is_usable());

@@ -3,7 +3,7 @@
 use crate::base::{Forces, Pair};
 use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
-pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+pub(super) static EFFECTS: [Effect; 4] = [at::<0>(), at::<1>(), sticking::<0>(), sticking::<1>()];
 
 const fn at<const CHANNEL: usize>() -> Effect {
     Effect {
@@ -32,6 +32,32 @@ const fn at<const CHANNEL: usize>() -> Effect {
                 creep: v[1],
             })
         },
+    }
+}
+
+/// The form in which a machine rests, at a channel.
+pub(super) fn at_rest(channel: usize) -> Option<&'static Effect> {
+    EFFECTS[2..].iter().find(|e| e.channel == channel)
+}
+
+/// The same where the machine rests in it: what presliding friction is called whose distance no reading resolves.
+const fn sticking<const CHANNEL: usize>() -> Effect {
+    Effect {
+        parameters: &[
+            EffectParameter {
+                name: "level",
+                unit: "u",
+                scale: Scale::NotNegative,
+            },
+            EffectParameter {
+                name: "presliding_distance",
+                unit: "y",
+                scale: Scale::Logarithmic,
+            },
+        ],
+        starts: |_| Vec::new(),
+        block: |v, machine| super::hysteresis::builds_up(super::motor_forces(machine, CHANNEL, v[0]), v[1]),
+        ..at::<CHANNEL>()
     }
 }
 

@@ -37,13 +37,13 @@ const fn at<const CHANNEL: usize>() -> Effect {
             let travel = screen.travel(CHANNEL);
             [0.002, 0.02, 0.1].map(|part| vec![0.0, part * travel]).to_vec()
         },
-        block: |v, machine| {
-            Box::new(Dahl {
-                level: super::motor_forces(machine, CHANNEL, v[0]),
-                distance: v[1],
-            })
-        },
+        block: |v, machine| builds_up(super::motor_forces(machine, CHANNEL, v[0]), v[1]),
     }
+}
+
+/// Friction with these levels at the motors, which it reaches over a distance.
+pub(super) fn builds_up(level: Pair, distance: f64) -> Box<dyn Block> {
+    Box::new(Dahl { level, distance })
 }
 
 /// A bristle that bends with the motion up to `distance`: `z' = v - |v| z / distance`, force `-F z / distance`.

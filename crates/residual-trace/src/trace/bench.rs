@@ -110,6 +110,22 @@ impl<'a> Bench<'a> {
         })
     }
 
+    /// Whether an output goes back in a fitted record, by more than its noise.
+    pub(super) fn turns(&self, output: usize) -> bool {
+        /// Deviations of the noise that are a way.
+        const WAY: f64 = 10.0;
+        let least = WAY * self.case.noise[output];
+        self.case.fitted.iter().any(|track| {
+            let ends = (f64::NEG_INFINITY, f64::INFINITY, false, false);
+            let values = track.outputs.iter().map(|y| y[output]);
+            let (.., falls, rises) = values.fold(ends, |(high, low, falls, rises), y| {
+                let (high, low) = (high.max(y), low.min(y));
+                (high, low, falls || y < high - least, rises || y > low + least)
+            });
+            falls && rises
+        })
+    }
+
     pub(super) fn cost(&'a self, model: &Explained) -> f64 {
         self.problem()
             .residual(model)

@@ -6,6 +6,7 @@ use super::noise::loop_noise;
 use super::{Case, Contest, ITERATIONS, Judged, LEFT, NOISE, Trace, Verdict};
 use crate::TraceError;
 use crate::base::Pair;
+use crate::catalogue;
 use crate::effect::EffectParameter;
 use crate::fit::{Explained, Fitted, Problem, Seen, deviations};
 use crate::force::prediction_errors;
@@ -83,6 +84,14 @@ impl Contest {
                     added.then = bench.by_force(&added.then)?.model;
                 }
             }
+        }
+        let candidates = &mut self.candidates;
+        for ((effect, values), added) in self.now.model.effects.iter_mut().zip(&mut self.added) {
+            let turns = |channel| bench.turns(channel);
+            let seen = catalogue::as_seen(effect, values, bench.case.noise, turns);
+            let tried = candidates.iter_mut().filter(|t| t.effect.is(effect));
+            tried.for_each(|t| t.effect = seen);
+            (*effect, added.effect) = (seen, seen);
         }
         let model = self.now.model.clone();
         let machine = self.now.give_deviations(&mut self.added);

@@ -13,6 +13,8 @@ use rayon::prelude::*;
 const FINALISTS: usize = 4;
 /// Effects whose promise is compared with what they do.
 const LOOKED_AT: usize = 10;
+/// Periods of a disturbance that every record must hold.
+const PERIODS: f64 = 3.0;
 /// Part of the price of its parameters that an effect must promise.
 const PROMISE: f64 = 1.0;
 
@@ -148,11 +150,15 @@ fn is_possible(bench: &Bench<'_>, model: &Explained, screen: &Screen<'_>) -> boo
         let (shortest, longest) = match (p.scale, effect.family) {
             (Scale::Wavelength, Family::Sensor) => screen.periods(effect.channel),
             (Scale::Wavelength, _) => (0.0, screen.travel(effect.channel)),
+            // One period of a record is any slow change.
+            (Scale::Frequency, Family::Disturbance) => (PERIODS / screen.shortest(), f64::INFINITY),
             _ => return true,
         };
         *v >= shortest && *v <= longest
     };
+    let is_trend = catalogue::changes_with_position(effect) && screen.grows_with_time(effect.channel.min(1));
     effect.allows(values)
+        && !is_trend
         && values.iter().zip(effect.parameters).all(is_seen)
         && bench.lasts(model, model.effects.len() - 1)
 }

@@ -1,0 +1,92 @@
+//! An observer in the place of a controller that nobody knows.
+//!
+//! A free axis that is simulated with the recorded inputs alone drifts away from its record. Here a weak feedback keeps it there:
+//! the recorded inputs are the injection, the measured outputs the reference, and
+//! `u = u_logged + k_p (y - y_hat) + k_d d(y - y_hat)/dt` with `k_p = J w^2`, `k_d = 2 d w J`. Errors slower than `w` are made
+//! smaller by it, which the likelihood takes into account: it is that of the error one step ahead, whitened.
+
+use crate::PipelineError;
+use crate::signal::mean;
+use experiment_data::Controller;
+use lpv_core::{Discrete, Record};
+use residual_trace::Base;
+use std::f64::consts::{PI, TAU};
+
+/// Bandwidth over the mean frequency of the motion.
+const OVER_MOTION: f64 = 2.0;
+/// It has at least so many periods in the longest record: a wrong force at rest, which makes a free axis drift, then costs little.
+const PERIODS: f64 = 8.0;
+/// And at most this part of the sample rate, where the sampled feedback is still that of the formula.
+const MOST: f64 = 0.02;
+/// Damping.
+const DAMPING: f64 = 0.7;
+
+/// An observer.
+pub(super) struct Observer {
+    /// What stands in for the controller.
+    pub(super) controller: Controller,
+    /// Its bandwidth, Hz.
+    pub(super) hz: f64,
+}
+
+impl Observer {
+    /// Of a servo axis.
+    ///
+    /// # Errors
+    /// [`PipelineError::Structure`] for any other base.
+    pub(super) fn new(base: &Base, records: &[Record], clock: Discrete) -> Result<Self, PipelineError> {
+        let Base::Axis(_) = base else {
+            return Err(PipelineError::Structure {
+                problem: "without its controller only an axis with one input and one output is diagnosed: give the bundle its \
+                          [controller] and [channels.reference]",
+            });
+        };
+        let inertia = base.parameters()[0].value.abs();
+        let h = clock.sample_time();
+        let longest = records.iter().map(Record::len).max().unwrap_or(0) as f64 * h;
+        let slowest = PERIODS / longest.max(h);
+        let hz = (OVER_MOTION * mean_frequency(records, h))
+            .max(slowest)
+            .min(MOST / h);
+        let w = TAU * hz;
+        let (stiffness, damping) = (inertia * w * w, 2.0 * DAMPING * w * inertia);
+        let feedback = vec![vec![stiffness + damping / h, -damping / h]];
+        Ok(Self {
+            controller: Controller {
+                reference_numerator: feedback.clone(),
+                feedback_numerator: feedback,
+                denominator: vec![vec![1.0]],
+                limit: None,
+            },
+            hz,
+        })
+    }
+}
+
+/// The record as the observer wants it: what was measured is the reference, what was logged the injection.
+pub(super) fn followed(record: Record) -> Record {
+    Record {
+        references: record.outputs.clone(),
+        injection: record.inputs.clone(),
+        ..record
+    }
+}
+
+/// Mean frequency of the motion, Hz: root of the power of its speed over that of its position.
+fn mean_frequency(records: &[Record], h: f64) -> f64 {
+    let (mut speed, mut position) = (0.0, 0.0);
+    for y in records.iter().filter_map(|r| r.outputs.columns.first()) {
+        let middle = mean(y);
+        position += y.iter().map(|v| (v - middle).powi(2)).sum::<f64>();
+        // Central differences of a distance over which the noise of a reading is small.
+        let reach = (y.len() / 200).clamp(1, 50);
+        speed += (reach..y.len().saturating_sub(reach))
+            .map(|k| ((y[k + reach] - y[k - reach]) / (2.0 * reach as f64 * h)).powi(2))
+            .sum::<f64>();
+    }
+    if position > 0.0 {
+        (speed / position).sqrt() / (2.0 * PI)
+    } else {
+        0.0
+    }
+}

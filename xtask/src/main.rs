@@ -7,6 +7,7 @@ mod diagnosed;
 mod effects;
 mod experiment;
 mod figures;
+mod fuzz;
 mod identification;
 mod measured;
 mod measured_page;
@@ -50,6 +51,9 @@ enum Task {
     /// Make inputs of every kind that has misled the program, hold what it says against the truth, and write docs/trust.md.
     #[command(after_help = "Example:\n  cargo xtask trust --quick")]
     Trust(trust::Options),
+    /// Fuzz every reader of files, with coverage counters: no panic, no input over 5 s, no memory over 1 GiB.
+    #[command(after_help = "Example:\n  cargo xtask fuzz --seconds 60 --only npz,csv")]
+    Fuzz(fuzz::Fuzz),
     /// Count the instructions of the hot kernels under valgrind.
     #[command(after_help = "Example:\n  cargo xtask bench --check")]
     Bench(Bench),
@@ -189,6 +193,7 @@ fn main() -> ExitCode {
         Task::Small(options) => run_small(&options).map(|()| true),
         Task::Blind(options) => run_blind(&options),
         Task::Trust(options) => trust::run(&options),
+        Task::Fuzz(options) => fuzz::run(&options),
         Task::Bench(options) => run_instructions(&options),
         Task::Effects(options) => {
             let folder = if options.bless {

@@ -12,6 +12,7 @@ mod observer;
 mod page;
 mod places;
 mod responses;
+mod spring;
 mod words;
 
 pub use account::{Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors, Tested, Value};
@@ -31,7 +32,10 @@ use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
 use base::Start;
 use experiment_data::{Bundle, ControllerState, Description};
 use figures::Along;
-use lpv_core::{FrfEstimate, Model, Purpose, Record, RigidBody, RigidBodyAxis, SchedulingRange};
+use lpv_core::nalgebra::DMatrix;
+use lpv_core::{
+    Continuous, FrfEstimate, Model, Purpose, Record, RigidBody, RigidBodyAxis, SchedulingRange, StateSpace,
+};
 use lpv_report::Figure;
 use noise::{roughness, unrepeated};
 use observer::Observer;
@@ -291,6 +295,13 @@ fn saved(
     let parameters = base.parameters();
     match base {
         Base::XyTable(table) => Ok(Model::ContinuousLpv(table.to_lpv(range_of(positions)?)?)),
+        Base::Axis(axis) if axis.stiffness().is_some() => {
+            let [a, b, c] = base.frozen(0.0)?;
+            let d = DMatrix::zeros(c.nrows(), b.ncols());
+            Ok(Model::ContinuousStateSpace(StateSpace::new(
+                a, b, c, d, Continuous,
+            )?))
+        }
         Base::Axis(_) => {
             let value = |i: usize| (parameters[i].value, deviations.get(i).copied());
             let known = |d: Option<f64>| d.filter(|d| d.is_finite()).unwrap_or(0.0);

@@ -131,6 +131,7 @@ impl Base {
     pub fn name(&self) -> &str {
         match self {
             Self::XyTable(_) => "xy-table from first principles",
+            Self::Axis(b) if b.stiffness().is_some() => "axis on a spring to ground",
             Self::Axis(_) => "servo axis",
             Self::Lpv(b) => b.name(),
         }
@@ -217,6 +218,10 @@ impl Base {
     /// Whether it is the table with its couplings.
     pub(crate) fn is_table(&self) -> bool {
         matches!(self, Self::XyTable(_))
+    }
+    /// Whether a spring holds it to the ground.
+    pub(crate) fn is_on_spring(&self) -> bool {
+        matches!(self, Self::Axis(axis) if axis.stiffness().is_some())
     }
     /// Whether each input drives a motor of its own.
     pub fn has_motors_of_their_own(&self) -> bool {

@@ -48,7 +48,7 @@ pub static KINDS: [&[Effect]; 23] = [
     &actuator_lag::EFFECTS,
     &extra_mode::EFFECTS,
     from_ref(&payload::EFFECT),
-    from_ref(&cubic_stiffness::EFFECT),
+    &cubic_stiffness::EFFECTS,
     from_ref(&scheduling_rate::EFFECT),
     from_ref(&second_scheduling::EFFECT),
     &periodic_disturbance::EFFECTS,

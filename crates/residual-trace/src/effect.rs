@@ -109,11 +109,28 @@ pub enum Needs {
     OwnMotor(usize),
     /// Two inputs, each of which drives a motor of its own.
     TwoMotors,
+    /// An input of this channel that drives a motor of its own, which no spring of the base holds.
+    FreeMotor(usize),
+    /// An axis that a spring of the base holds to the ground.
+    Spring,
     /// The masses and couplings of the xy-table from first principles.
     Table,
 }
 
 impl Needs {
+    /// Whether a machine has it.
+    fn are_met(&self, base: &Base) -> bool {
+        match self {
+            Self::Nothing => true,
+            Self::TwoChannels => base.channels() > 1,
+            Self::CoupledMotors => !base.has_motors_of_their_own(),
+            Self::OwnMotor(channel) => base.has_motors_of_their_own() && *channel < base.channels(),
+            Self::TwoMotors => base.has_motors_of_their_own() && base.channels() > 1,
+            Self::FreeMotor(channel) => Self::OwnMotor(*channel).are_met(base) && !base.is_on_spring(),
+            Self::Spring => base.is_on_spring(),
+            Self::Table => base.is_table(),
+        }
+    }
     /// Of what acts at the motors of a channel: where they are coupled, those of the first channel are all.
     pub(crate) const fn motor(channel: usize) -> Self {
         match channel {
@@ -169,14 +186,7 @@ impl Effect {
     }
     /// Whether a machine has what the effect acts on.
     pub fn suits(&self, base: &Base) -> bool {
-        match self.needs {
-            Needs::Nothing => true,
-            Needs::TwoChannels => base.channels() > 1,
-            Needs::CoupledMotors => !base.has_motors_of_their_own(),
-            Needs::OwnMotor(channel) => base.has_motors_of_their_own() && channel < base.channels(),
-            Needs::TwoMotors => base.has_motors_of_their_own() && base.channels() > 1,
-            Needs::Table => base.is_table(),
-        }
+        self.needs.are_met(base)
     }
     /// Whether the effect exists with these values, in the order of its parameters.
     pub fn allows(&self, values: &[f64]) -> bool {

@@ -176,7 +176,7 @@ impl Exchange {
             match explanation.base {
                 BaseKind::Identified =>
                     "those that were identified: multiply A by the factor of the frequencies, and B by the gains over it",
-                BaseKind::XyTable | BaseKind::ServoAxis => "the linear part",
+                BaseKind::XyTable | BaseKind::ServoAxis | BaseKind::SpringAxis => "the linear part",
             },
             explanation.lines().join("; ")
         );

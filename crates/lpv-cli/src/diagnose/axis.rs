@@ -76,7 +76,9 @@ fn check(
         return Ok(None);
     };
     let closed = model.closed_loop(controller, track);
-    let [mass, viscous, offset] = std::array::from_fn(|i| model.base.parameters()[i].value);
+    let parameters = model.base.parameters();
+    let [mass, viscous, offset, stiffness] =
+        std::array::from_fn(|i| parameters.get(i).map_or(0.0, |p| p.value));
     let force = |m: &lti_ident::rigid_body::Motion| -> Vec<f64> {
         let motions: Vec<Motion> = m
             .position
@@ -95,7 +97,8 @@ fn check(
             .iter()
             .zip(&m.acceleration)
             .zip(&effects)
-            .map(|((v, a), f)| mass * a + viscous * v + offset - f[0])
+            .zip(&m.position)
+            .map(|(((v, a), f), q)| mass * a + viscous * v + stiffness * q + offset - f[0])
             .collect()
     };
     let closed = closed.map(|run| (first(run.outputs), first(run.inputs)));

@@ -1,6 +1,6 @@
 //! The model that effects are added to.
 
-use super::BaseKind;
+use super::{BaseKind, spring};
 use crate::config::IdentifyConfig;
 use crate::poles::fit_poles;
 use crate::progress::Progress;
@@ -66,7 +66,7 @@ pub(super) fn start(
     }
     let channels = &description.channels;
     if channels.scheduling.is_empty() && channels.input.len() == 1 && channels.output.len() == 1 {
-        return Ok(plain(servo_axis(fitted, clock)?));
+        return Ok(plain(servo_axis(fitted, clock, reasons)?));
     }
     let config = IdentifyConfig {
         structure: (!channels.scheduling.is_empty()).then_some(Structure::Lpv),
@@ -282,7 +282,21 @@ pub(crate) fn table(
     Ok((fit, responses.estimates))
 }
 
-fn servo_axis(records: &[Record], clock: Discrete) -> Result<Base, PipelineError> {
+/// A free axis, or one on a spring to ground where that leaves much less of the force.
+fn servo_axis(records: &[Record], clock: Discrete, reasons: &mut Vec<String>) -> Result<Base, PipelineError> {
+    /// Part of the force that a free axis leaves which one on a spring may leave.
+    const LEFT: f64 = 0.5;
+    // What is wrong with the records, the free axis says.
+    let sprung = spring::axis(records, clock).unwrap_or_default();
+    let free = free_axis(records, clock);
+    match (sprung, free) {
+        (Some(found), Err(_)) => Ok(found.held(reasons)),
+        (Some(found), Ok(_)) if found.left < LEFT * found.left_free => Ok(found.held(reasons)),
+        (_, free) => free,
+    }
+}
+
+fn free_axis(records: &[Record], clock: Discrete) -> Result<Base, PipelineError> {
     let segments: Vec<Segment<'_>> = records.iter().map(Segment::whole).collect();
     let identify = |dry_friction: bool| {
         let settings = RigidBodySettings::new().dry_friction(dry_friction).check()?;

@@ -8,7 +8,7 @@ use experiment_data::Bundle;
 use lpv_core::Model;
 use residual_trace::catalogue;
 use residual_trace::effect::Effect;
-use residual_trace::{Base, Explained, table_from_geometry};
+use residual_trace::{Axis, Base, Explained, table_from_geometry};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -34,6 +34,8 @@ pub enum BaseKind {
     XyTable,
     /// One servo axis.
     ServoAxis,
+    /// One axis on a spring to ground.
+    SpringAxis,
     /// The model of the file.
     Identified,
 }
@@ -42,6 +44,7 @@ impl BaseKind {
     pub(super) fn of(base: &Base) -> Self {
         match base {
             Base::XyTable(_) => Self::XyTable,
+            Base::Axis(axis) if axis.stiffness().is_some() => Self::SpringAxis,
             Base::Axis(_) => Self::ServoAxis,
             Base::Lpv(_) => Self::Identified,
         }
@@ -78,6 +81,8 @@ impl Explanation {
                 Base::XyTable(table_from_geometry(geometry, [1.0, 1.0], 0.02)?)
             }
             BaseKind::ServoAxis => axis_of(model)?,
+            // All that it has is among its parameters.
+            BaseKind::SpringAxis => Base::Axis(Axis::new(1.0, 0.0, 0.0).on_spring(1.0)),
             BaseKind::Identified => Base::Lpv(lpv(model, bundle)?),
         };
         let base = base.with_values(|name| self.base_parameters.get(name).map(|v| v.value));

@@ -58,7 +58,7 @@ pub(super) fn dead_time(u: &[f64], y: &[f64]) -> Option<usize> {
     }
     let first: f64 = adds.iter().skip(delay).take(FIRST).sum();
     // A sample of delay is what any machine has.
-    (delay > SHORTEST && delay < LONGEST && first > SEEN).then_some(delay - 1)
+    (delay > SHORTEST && delay < LONGEST && first > SEEN).then(|| delay - 1)
 }
 
 /// Parts of a record whose means tell a drift.

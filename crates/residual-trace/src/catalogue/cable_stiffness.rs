@@ -34,7 +34,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
         name: "cable-stiffness",
         family: Family::PositionForce,
         channel: CHANNEL,
-        needs: Needs::OwnMotor(CHANNEL),
+        needs: Needs::FreeMotor(CHANNEL),
         meaning: "spring to ground, from a cable or hose",
         parameters: const {
             &[

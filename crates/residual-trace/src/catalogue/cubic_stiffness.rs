@@ -1,23 +1,52 @@
-//! A coupling that stiffens with deflection.
+//! A coupling or spring that stiffens with deflection.
 
 use crate::base::Forces;
 use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
 
-pub(super) static EFFECT: Effect = Effect {
-    name: "cubic-stiffness",
-    family: Family::Structure,
-    channel: 0,
-    needs: Needs::Table,
-    meaning: "coupling between beam and carriage that stiffens with its deflection",
-    parameters: &[EffectParameter {
-        name: "cubic",
-        unit: "1/y^2",
-        scale: Scale::Linear,
-    }],
-    extends: None,
-    starts: |_| vec![vec![0.0]],
-    block: |v, _| Box::new(Cubic(v[0])),
-};
+pub(super) static EFFECTS: [Effect; 2] = [
+    Effect {
+        name: "cubic-stiffness",
+        family: Family::Structure,
+        channel: 0,
+        needs: Needs::Table,
+        meaning: "coupling between beam and carriage that stiffens with its deflection",
+        parameters: &[EffectParameter {
+            name: "cubic",
+            unit: "1/y^2",
+            scale: Scale::Linear,
+        }],
+        extends: None,
+        starts: |_| vec![vec![0.0]],
+        block: |v, _| Box::new(Cubic(v[0])),
+    },
+    Effect {
+        name: "cubic-stiffness",
+        family: Family::Structure,
+        channel: 0,
+        needs: Needs::Spring,
+        meaning: "spring to ground whose force is not proportional to its deflection",
+        parameters: &[
+            EffectParameter {
+                name: "square",
+                unit: "u/y^2",
+                scale: Scale::Linear,
+            },
+            EffectParameter {
+                name: "cube",
+                unit: "u/y^3",
+                scale: Scale::Linear,
+            },
+        ],
+        extends: None,
+        starts: |_| vec![vec![0.0; 2]],
+        block: |v, _| {
+            Box::new(Spring {
+                square: v[0],
+                cube: v[1],
+            })
+        },
+    },
+];
 
 /// `k e (1 + cubic e^2)` in the translation.
 #[derive(Debug)]
@@ -26,5 +55,19 @@ struct Cubic(f64);
 impl Block for Cubic {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
         forces.coupling[0] += self.0 * at.machine.coupling_stiffness()[0] * at.motion.deflection[0].powi(3);
+    }
+}
+
+/// What a spring to ground has beside `k y`.
+#[derive(Debug)]
+struct Spring {
+    square: f64,
+    cube: f64,
+}
+
+impl Block for Spring {
+    fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
+        let y = at.motion.motor_position[0];
+        forces.motors[0] -= y * y * (self.square + self.cube * y);
     }
 }

@@ -44,7 +44,9 @@ pub fn fit_table(
     clock: Discrete,
     modes_hz: &[f64],
 ) -> Result<FrozenFit, TraceError> {
-    let geometrical = table_from_geometry(geometry, [1.0, 1.0], 0.02)?;
+    let times = weight(geometry, estimates, clock)?;
+    let make = |modes, damping| Ok(table_from_geometry(geometry, modes, damping)?.weighing(times));
+    let geometrical: XyTable = make([1.0, 1.0], 0.02)?;
     let told = Told {
         values: Told::of(&Base::XyTable(geometrical.clone())),
         deviation: 0.03,
@@ -56,10 +58,10 @@ pub fn fit_table(
             e.select(|k, _| k % every == 0)
         })
         .collect();
-    let mut starts = scan(geometry, &few, clock)?;
+    let mut starts = scan(&make, &few, clock)?;
     for &one in modes_hz {
         for &other in modes_hz.iter().filter(|other| **other != one) {
-            let table = table_from_geometry(geometry, [one, other], 0.02)?;
+            let table = make([one, other], 0.02)?;
             starts.extend(SHARES.map(|share| table.with_carriage_share(share)));
         }
     }
@@ -131,6 +133,31 @@ pub fn fit_table(
             ..FrozenFit::new(strict, 1e4)
         },
     })
+}
+
+/// Masses over those of the geometry, by the gain at the lowest lines: a geometry tells the masses in the unit of the inputs, and
+/// these may be logged in another. One where they agree.
+fn weight(geometry: &Geometry, estimates: &[FrfEstimate], clock: Discrete) -> Result<f64, TraceError> {
+    /// Lines at which the machine is rigid.
+    const LINES: usize = 3;
+    /// A factor that masses may have.
+    const ALIKE: f64 = 2.0;
+    let mut ratios = Vec::new();
+    for e in estimates {
+        let lines = e.frf().frequencies_hz();
+        let Some(highest) = lines.last() else { continue };
+        let stiff = table_from_geometry(geometry, [3.0 * highest; 2], 0.02)?;
+        let low = &lines[..LINES.min(lines.len())];
+        let Some(model) = response(&stiff, e.position().unwrap_or(0.0), low, clock) else {
+            continue;
+        };
+        ratios.extend((0..low.len()).map(|k| model.line(k).norm() / e.frf().line(k).norm()));
+    }
+    ratios.retain(|r| r.is_finite() && *r > 0.0);
+    ratios.sort_by(f64::total_cmp);
+    let middle = ratios.get(ratios.len() / 2).copied().unwrap_or(1.0);
+    let agrees = middle < ALIKE && middle > 1.0 / ALIKE;
+    Ok(if agrees { 1.0 } else { middle })
 }
 
 fn response(table: &XyTable, p: f64, lines: &[f64], clock: Discrete) -> Option<Frf> {

@@ -15,6 +15,7 @@ use crate::memory::Allowance;
 use npyz::WriterBuilder;
 use npyz::npz::{NpzArchive, NpzWriter, array_name_from_file_name, file_name_from_array_name};
 use npyz::zip;
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::Path;
@@ -66,7 +67,24 @@ fn open(path: &Path) -> Result<NpzArchive<BufReader<File>>, RecordError> {
     let file = File::open(path).map_err(RecordError::io("open"))?;
     // Headers are looked at more than once; values pass by the buffer.
     const BUFFER: usize = 1 << 10;
-    NpzArchive::new(BufReader::with_capacity(BUFFER, file)).map_err(|e| malformed("", &e.to_string()))
+    let mut archive =
+        NpzArchive::new(BufReader::with_capacity(BUFFER, file)).map_err(|e| malformed("", &e.to_string()))?;
+    let zip = archive.zip_archive();
+    // Names are unique in the index of the archive, entries are not.
+    if zip.file_names().count() < zip.len() {
+        let mut seen = HashSet::new();
+        for index in 0..zip.len() {
+            let entry = zip.by_index_raw(index).map_err(|e| refused("", &e))?;
+            let name = array_name_from_file_name(entry.name()).unwrap_or(entry.name());
+            if !seen.insert(name.to_owned()) {
+                return Err(malformed(
+                    name,
+                    "the archive holds two arrays of this name; write each under a name of its own",
+                ));
+            }
+        }
+    }
+    Ok(archive)
 }
 
 /// Every vector of real numbers, in the order of the archive.

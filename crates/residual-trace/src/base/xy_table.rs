@@ -124,6 +124,23 @@ impl XyTable {
         table
     }
 
+    /// The same with all masses, inertias, stiffnesses and dampings so many times as large: the same modes, another gain.
+    pub(crate) fn weighing(mut self, times: f64) -> Self {
+        for value in [
+            &mut self.carriage_mass,
+            &mut self.carriage_inertia,
+            &mut self.beam_mass,
+            &mut self.beam_inertia,
+        ]
+        .into_iter()
+        .chain(&mut self.stiffness)
+        .chain(&mut self.damping)
+        {
+            *value *= times;
+        }
+        self
+    }
+
     /// The same with this share of the inertia on the carriage, and the same mode of rotation.
     pub(crate) fn with_carriage_share(&self, share: f64) -> Self {
         let total = self.carriage_inertia + self.beam_inertia;

@@ -2,15 +2,14 @@
 
 use super::{SHARES, response};
 use crate::TraceError;
-use crate::base::{XyTable, table_from_geometry};
-use experiment_data::Geometry;
+use crate::base::XyTable;
 use lpv_core::{Discrete, FrfEstimate};
 use rayon::prelude::*;
 
 /// Starts without a guess: tables with the masses of the geometry and modes anywhere among the lines, the nearest in the
 /// logarithm of the diagonal responses first.
 pub(super) fn scan(
-    geometry: &Geometry,
+    make: &impl Fn([f64; 2], f64) -> Result<XyTable, TraceError>,
     few: &[FrfEstimate],
     clock: Discrete,
 ) -> Result<Vec<XyTable>, TraceError> {
@@ -35,7 +34,7 @@ pub(super) fn scan(
     let at = |i: usize| low * (top / low).powf((i as f64 + 0.5) / GRID as f64);
     let mut tables = Vec::new();
     for i in 0..GRID * GRID {
-        let table = table_from_geometry(geometry, [at(i % GRID), at(i / GRID)], DAMPING)?;
+        let table = make([at(i % GRID), at(i / GRID)], DAMPING)?;
         tables.extend([SHARES[1], SHARES[2]].map(|share| table.with_carriage_share(share)));
     }
     let mut rated: Vec<(f64, XyTable)> = tables

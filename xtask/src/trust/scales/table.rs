@@ -84,6 +84,12 @@ fn rewritten(lab: &Lab, force: f64, time: f64) -> Result<(), TaskError> {
             }
         }
     }
+    // Masses stay what they are: forces of the motors are masses times lengths over the square of a time.
+    if let Some(geometry) = whole.get_mut("geometry").and_then(toml::Value::as_table_mut)
+        && let Some(value) = geometry.get_mut("force_from_input")
+    {
+        scale(value, 1.0 / (force * time * time));
+    }
     fs::write(lab.path("other/experiment.toml"), whole.to_string())?;
     for entry in fs::read_dir(lab.path("si/records"))? {
         let path = entry?.path();

@@ -57,6 +57,12 @@ pub(super) const CASES: &[Row] = &[
         &["damaged NPZ file, `y1`: Invalid checksum"],
     ),
     (
+        "npz-twice",
+        "two arrays of one name",
+        |d| one_file(d, "x.npz", &zeros(&["y", "u", "u"], 8), "y", "u"),
+        &["damaged NPZ file, `u`: the archive holds two arrays of this name"],
+    ),
+    (
         "npz-claim",
         "a header that claims 10 GiB",
         |d| grid_as(d, Npz, |f| shape(f, "(1342177280,)")),

@@ -1,9 +1,9 @@
 //! Targets of what the program reads beside records: models, settings, machines.
 
 use crate::targets::{Target, file};
-use lpv_cli::convert::{Target as Format, export, import};
-use lpv_cli::simulate::MachineFile;
-use lpv_cli::{IdentifyConfig, ModelFile};
+use lpv::convert::{Target as Format, export, import};
+use lpv::simulate::MachineFile;
+use lpv::{IdentifyConfig, ModelFile};
 
 /// All of them.
 pub const TARGETS: &[Target] = &[

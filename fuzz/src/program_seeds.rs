@@ -1,9 +1,9 @@
 //! Seeds of the targets of the program.
 
 use crate::seeds::put;
-use lpv_cli::convert::{Target as Format, export};
-use lpv_cli::simulate::MachineFile;
-use lpv_cli::{IdentifyConfig, ModelFile};
+use lpv::convert::{Target as Format, export};
+use lpv::simulate::MachineFile;
+use lpv::{IdentifyConfig, ModelFile};
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{Continuous, DeltaBlock, Discrete, Lfr, LfrBlocks, Model, SchedulingRange, StateSpace};
 use std::path::Path;

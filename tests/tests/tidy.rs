@@ -18,7 +18,7 @@ const MOST_LINES: usize = 400;
 
 /// Files that may be longer, and why.
 const LONG_FILES: [(&str, &str); 1] = [(
-    "crates/lpv-cli/src/finding.rs",
+    "crates/lpv/src/finding.rs",
     "one enum: what can be found in data, each with its fields and its sentence",
 )];
 
@@ -211,11 +211,11 @@ fn the_map_of_the_crates_is_the_one_that_cargo_sees() {
     none(&wrong);
 }
 
-/// Of the program's library only what simulates bundles may know the simulated machine.
+/// Of the facade only what simulates bundles may know the simulated machine.
 #[test]
 fn the_pipeline_does_not_know_the_machine() {
     let allowed = ["simulate.rs", "simulate/", "error.rs"];
-    let source = Path::new("crates/lpv-cli/src");
+    let source = Path::new("crates/lpv/src");
     let wrong: Vec<String> = files()
         .into_iter()
         .filter_map(|f| f.strip_prefix(source).ok().map(Path::to_path_buf))

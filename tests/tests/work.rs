@@ -4,8 +4,8 @@
 
 use experiment_data::{Bundle, RecordFormat};
 use frf_estimation::{Layout, PeriodicAccumulator, PeriodicEstimate, PeriodicSettings, SkipRule};
-use lpv_cli::simulate::{MachineFile, simulate};
-use lpv_cli::{estimate_bundle, silent};
+use lpv::simulate::{MachineFile, simulate};
+use lpv::{estimate_bundle, silent};
 use lpv_core::{Discrete, PeriodBlock};
 use lpv_ident::{RegressionSettings, regress};
 use obf_basis::{OrthonormalBasis, PoleSet};

@@ -6,9 +6,9 @@ mod score;
 
 use crate::TaskError;
 use experiment_data::{Bundle, RecordFormat};
-use lpv_cli::diagnose::{Diagnosis, diagnose};
-use lpv_cli::simulate::{CleanMoves, MachineFile, MultisineFile, PositionsFile, simulate};
-use lpv_cli::{IdentifyConfig, ModelFile, PipelineError, identify_bundle, silent};
+use lpv::diagnose::{Diagnosis, diagnose};
+use lpv::simulate::{CleanMoves, MachineFile, MultisineFile, PositionsFile, simulate};
+use lpv::{IdentifyConfig, ModelFile, PipelineError, identify_bundle, silent};
 use lpv_core::Discrete;
 pub(crate) use page::page;
 use rand::{RngExt, SeedableRng};
@@ -296,10 +296,10 @@ fn machine(seed: u64) -> Result<MachineFile, TaskError> {
                 crest_iterations: 10,
                 ..MultisineFile::default()
             },
-            moves: lpv_cli::simulate::MovesFile {
+            moves: lpv::simulate::MovesFile {
                 estimation: 3,
                 validation: 2,
-                ..lpv_cli::simulate::MovesFile::default()
+                ..lpv::simulate::MovesFile::default()
             },
             ..MachineFile::default()
         };

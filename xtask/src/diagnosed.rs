@@ -2,9 +2,9 @@
 
 use crate::TaskError;
 use crate::measured::open;
-use lpv_cli::diagnose::{Diagnosis, diagnose};
-use lpv_cli::silent;
-use lpv_cli::validation::{AxisCheck, ClosedLoopAxis};
+use lpv::diagnose::{Diagnosis, diagnose};
+use lpv::silent;
+use lpv::validation::{AxisCheck, ClosedLoopAxis};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::time::Instant;
@@ -66,7 +66,7 @@ pub(crate) fn section(all: &[Found]) -> String {
                 format!("{}: {}", e.effect, values.join(", "))
             })
             .collect();
-        let ratios = |e: &lpv_cli::diagnose::Errors| -> String {
+        let ratios = |e: &lpv::diagnose::Errors| -> String {
             let all: Vec<String> = e
                 .validation
                 .values()

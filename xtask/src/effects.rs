@@ -2,9 +2,9 @@
 
 use crate::TaskError;
 use experiment_data::{Bundle, RecordFormat};
-use lpv_cli::diagnose::{Diagnosed, diagnose};
-use lpv_cli::silent;
-use lpv_cli::simulate::{MachineFile, simulate};
+use lpv::diagnose::{Diagnosed, diagnose};
+use lpv::silent;
+use lpv::simulate::{MachineFile, simulate};
 use lpv_report::Figure;
 use residual_trace::catalogue::KINDS;
 use residual_trace::effect::{Effect, Family};

@@ -5,7 +5,7 @@ use crate::experiment::{Bench, Measured};
 use crate::identification::{BAND_HZ, ObfStage, TestGrid};
 use crate::size::NOISE;
 use crate::time::TimeStage;
-use lpv_cli::PoleStage;
+use lpv::PoleStage;
 use lpv_core::Frf;
 use lpv_core::num_complex::Complex;
 use lpv_report::{Axis, Colour, Figure, Panel, Series, Share, Style};

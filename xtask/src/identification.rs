@@ -4,8 +4,8 @@ use crate::TaskError;
 use crate::experiment::{Bench, median};
 use crate::size::{CHOSEN_FUNCTIONS, PAPER_GRID_DB, PAPER_TRUE_DB, TABLE_FUNCTIONS};
 use lfr_realize::{Realization, realize};
-use lpv_cli::validation::{FrozenError, channel_error};
-use lpv_cli::{IdentifyConfig, PoleStage, Polish, choose_basis, fit_poles, regress_on};
+use lpv::validation::{FrozenError, channel_error};
+use lpv::{IdentifyConfig, PoleStage, Polish, choose_basis, fit_poles, regress_on};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Frf, FrfEstimate, WellPosedness};
 use lpv_ident::{

@@ -3,9 +3,9 @@
 use crate::diagnosed::{self, Found};
 use crate::{TaskError, root};
 use experiment_data::Bundle;
-use lpv_cli::inspect::{Inspection, inspect};
-use lpv_cli::validation::{Scope, Validation, validate};
-use lpv_cli::{IdentifyConfig, ModelFile, Structure, Summary, identify_bundle, silent};
+use lpv::inspect::{Inspection, inspect};
+use lpv::validation::{Scope, Validation, validate};
+use lpv::{IdentifyConfig, ModelFile, Structure, Summary, identify_bundle, silent};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;

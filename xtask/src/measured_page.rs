@@ -2,7 +2,7 @@
 
 use crate::TaskError;
 use crate::measured::{Case, Measured};
-use lpv_cli::inspect::ExperimentInfo;
+use lpv::inspect::ExperimentInfo;
 use lpv_report::{Axis, Colour, Figure, Panel, Series, Style};
 use std::fmt::Write as _;
 

@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::works::Work;
 use experiment_data::{Bundle, BundleWriter, ChannelGroup, Description, RecordFormat};
-use lpv_cli::{estimate_bundle, silent};
+use lpv::{estimate_bundle, silent};
 use lpv_core::{Purpose, Record, RecordKind, Signals};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

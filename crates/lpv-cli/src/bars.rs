@@ -1,7 +1,7 @@
 //! What a run shows on standard error while it works, where that is a terminal: the step, what moves, the time that is left.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use lpv_cli::encode::visible;
+use lpv::encode::visible;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 

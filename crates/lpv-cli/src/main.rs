@@ -6,7 +6,7 @@ mod run;
 mod stop;
 
 use clap::Parser;
-use lpv_cli::encode;
+use lpv::encode;
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 

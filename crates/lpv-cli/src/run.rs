@@ -7,10 +7,10 @@ use crate::arguments::{
 use crate::{bars, stop};
 use clap::CommandFactory;
 use experiment_data::{Bundle, RecordFormat};
-use lpv_cli::convert::Target;
-use lpv_cli::output::{Inputs, Kind, Overwrite, Place, write_all, yield_to_end};
-use lpv_cli::validation::{Scope, validate};
-use lpv_cli::{
+use lpv::convert::Target;
+use lpv::output::{Inputs, Kind, Overwrite, Place, write_all, yield_to_end};
+use lpv::validation::{Scope, validate};
+use lpv::{
     IdentifyConfig, ModelFile, PipelineError, Structure, convert, diagnose, encode, identify_bundle, inspect,
     new, report, simulate,
 };

@@ -41,7 +41,7 @@ pub(crate) fn after(limit: Option<Duration>) {
 
 /// Ends the process, unless its results are in their places already: then there is nothing left to stop.
 fn end(why: &str, remedy: &str, code: i32) {
-    if lpv_cli::output::abandon() {
+    if lpv::output::abandon() {
         let step = bars::clear().map_or(String::new(), |step| format!(" during the step `{step}`"));
         say(&format!("{why}{step}; no result was written{remedy}"));
         std::process::exit(code);

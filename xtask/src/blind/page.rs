@@ -2,7 +2,7 @@
 
 use super::score::{Kind, Metrics, is_named, is_within, kind, names, reached, worst};
 use super::{CATALOGUE, Outcome, SEVERITIES};
-use lpv_cli::diagnose::EQUAL_DB;
+use lpv::diagnose::EQUAL_DB;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 

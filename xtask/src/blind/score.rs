@@ -1,7 +1,7 @@
 //! What the outcomes of the bench amount to.
 
 use super::{CATALOGUE, Outcome};
-use lpv_cli::diagnose::{Diagnosis, Errors};
+use lpv::diagnose::{Diagnosis, Errors};
 use serde::Serialize;
 
 /// `metrics.json`, in the order of the bars. None where no case belongs to a key.

@@ -219,7 +219,7 @@ impl Lab {
         std::fs::remove_file(self.path("m.json")).ok();
         let said = self.run(&all)?;
         let command = format!("lpv {}", all.join(" "));
-        let model = lpv_cli::ModelFile::read(&self.path("m.json")).ok();
+        let model = lpv::ModelFile::read(&self.path("m.json")).ok();
         let ratio = match (&model, truth) {
             // Other channels than the machine's: as wrong as can be.
             (Some(file), Some(truth)) => {

@@ -11,7 +11,7 @@ use super::machine::C64;
 use super::program::{Lab, Said, find, worth};
 use super::rig::Rig;
 use super::{Case, TaskError};
-use lpv_cli::ModelFile;
+use lpv::ModelFile;
 use serde_json::Value;
 
 /// How far the frozen responses may be apart.

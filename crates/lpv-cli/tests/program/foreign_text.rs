@@ -1,7 +1,7 @@
 //! Names and notes that would be code, formulas or commands somewhere else stay text.
 
 use crate::common::{Desk, PERIOD, csv, entry, mode_record};
-use lpv_cli::convert;
+use lpv::convert;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use std::process::Command;

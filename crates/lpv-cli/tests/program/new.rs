@@ -203,14 +203,13 @@ fn text_tables_of_all_kinds_need_no_edit() {
                         text += &([cell(t), cell(u[k]), cell(y[k])].join(separator) + "\n");
                     }
                     desk.write(&file, text);
-                    let draft =
-                        lpv_cli::new::draft(&[desk.path(&file)], &lpv_cli::new::Known::default()).unwrap();
+                    let draft = lpv::new::draft(&[desk.path(&file)], &lpv::new::Known::default()).unwrap();
                     let kind = format!(
                         "{separator:?} {decimal} {preamble:?} {units_row} {rate} {unit}: {}",
                         draft.text
                     );
                     assert!(draft.questions.is_empty(), "{:?} {kind}", draft.questions);
-                    draft.write(lpv_cli::new::Overwrite::Refuse).unwrap();
+                    draft.write(lpv::new::Overwrite::Refuse).unwrap();
                     let bundle = Bundle::open(&desk.path(&count.to_string())).unwrap();
                     let found = bundle.description().sample_rate_hz;
                     assert!((found / rate - 1.0).abs() < 1e-9, "{found} {kind}");

@@ -1,8 +1,8 @@
 //! `simulate`: the bundle that it writes is one that an engineer could have measured.
 
 use experiment_data::{Bundle, RecordFormat};
-use lpv_cli::PipelineError;
-use lpv_cli::simulate::{MachineFile, SimulateAccount, simulate};
+use lpv::PipelineError;
+use lpv::simulate::{MachineFile, SimulateAccount, simulate};
 use lpv_core::{Purpose, Record, RecordKind};
 use std::cell::RefCell;
 use std::collections::BTreeMap;

@@ -54,7 +54,7 @@ pub(crate) fn swings(draw: &mut Draw, rig: &Rig, samples: usize) -> Vec<f64> {
 pub(crate) fn rigid_body(lab: &Lab, axis: &Axis, words: &Words) -> Result<Judged, TaskError> {
     let arguments = ["identify", ".", "-o", "m.json", "--structure", "rigid-body"];
     let said = lab.run(&arguments)?;
-    let model = lpv_cli::ModelFile::read(&lab.path("m.json")).ok();
+    let model = lpv::ModelFile::read(&lab.path("m.json")).ok();
     let found = model.and_then(|f| match f.model {
         Model::RigidBody(body) => body.axes().first().copied(),
         _ => None,

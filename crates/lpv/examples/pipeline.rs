@@ -1,6 +1,6 @@
 //! The pipeline on responses that a program has at hand: a mode that moves with p, at nine positions.
 
-use lpv_cli::{Identified, IdentifyConfig, identify};
+use lpv::{Identified, IdentifyConfig, identify};
 use lpv_core::nalgebra::dmatrix;
 use lpv_core::{Discrete, FrfEstimate, StateSpace};
 
@@ -30,9 +30,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let identified = identify(
         &estimates,
         clock,
-        &lpv_cli::Moves::none("none were measured"),
+        &lpv::Moves::none("none were measured"),
         &config,
-        &lpv_cli::silent,
+        &lpv::silent,
     )?;
     for reason in identified.reasons() {
         println!("- {reason}");

@@ -20,7 +20,7 @@
 //!
 //! # Example
 //! ```
-//! use lpv_cli::{IdentifyConfig, Identified, Moves, identify, silent};
+//! use lpv::{IdentifyConfig, Identified, Moves, identify, silent};
 //! use lpv_core::{Discrete, FrfEstimate, StateSpace, nalgebra::dmatrix};
 //!
 //! let clock = Discrete::new(1.0)?;

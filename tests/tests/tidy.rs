@@ -468,3 +468,31 @@ fn the_readers_of_this_file_read_right() {
     let text = "see https:|docs.rs/x and sparse+http:|index.example:81/, or :|".replace('|', "//");
     assert_eq!(hosts(&text), ["docs.rs", "index.example:81"]);
 }
+
+/// The table of docs/theory.md leads to items that exist.
+#[test]
+fn each_equation_is_where_the_theory_says() {
+    let text = read("docs/theory.md");
+    let rows = text
+        .lines()
+        .filter(|l| l.starts_with('|') && l.contains("crates/"));
+    let mut wrong = Vec::new();
+    let mut count = 0;
+    for row in rows {
+        count += 1;
+        let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
+        let (item, file) = (cells[2].split('`').nth(1).unwrap_or(""), cells[3]);
+        let source = std::fs::read_to_string(root().join(file)).unwrap_or_default();
+        let declares = |keyword: &str| {
+            source
+                .split(&format!("{keyword} {item}"))
+                .skip(1)
+                .any(|rest| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_'))
+        };
+        if !["fn", "struct", "enum", "trait"].into_iter().any(declares) {
+            wrong.push(format!("docs/theory.md: {item} is not declared in {file}"));
+        }
+    }
+    assert!(count >= 15, "{count} equations");
+    none(&wrong);
+}

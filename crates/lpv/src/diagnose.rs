@@ -67,7 +67,7 @@ pub struct Diagnosed {
 /// scheduling, else a servo axis; of an axis without moves, from its frequency responses.
 ///
 /// # Errors
-/// A bundle without moves, controller or a base model; a model that does not fit the bundle; whatever is wrong with its records.
+/// A bundle without moves or a base model; one of several axes without its controller; a model that does not fit the bundle; whatever is wrong with its records.
 pub fn diagnose(
     bundle: &Bundle,
     model: Option<&ModelFile>,
@@ -84,10 +84,16 @@ pub fn diagnose(
             }),
         };
     }
+    let channels = &description.channels;
+    let is_known = description.controller.is_some();
+    let is_axis = (channels.input.len(), channels.output.len()) == (1, 1) && channels.scheduling.is_empty();
+    if !is_known && !is_axis {
+        return Err(observer::refused());
+    }
     let transient = |i: usize| !description.records[i].is_periodic();
     let mut records = load_records(bundle, transient, progress)?;
     let contradictions = finding::contradictions(&examine_records(bundle, &records));
-    if description.controller.is_none() {
+    if !is_known {
         records = records.into_iter().map(observer::followed).collect();
     }
     let mut reasons = Vec::new();

@@ -1,7 +1,8 @@
 //! `lpv diagnose`.
 
-use crate::common::{Desk, Noise, csv, entry, number, shared, stdout_of};
+use crate::common::{Desk, Noise, csv, entry, head, number, shared, stdout_of};
 use lpv_core::{Model, RigidBody, RigidBodyAxis};
+use std::f64::consts::TAU;
 use std::ffi::OsStr;
 
 fn diagnosis(name: &str) -> Option<serde_json::Value> {
@@ -134,7 +135,7 @@ fn the_friction_of_a_measured_axis() {
 }
 
 #[test]
-fn a_bundle_without_a_controller_is_refused() {
+fn a_machine_of_several_axes_needs_its_controller() {
     let Some(folder) = shared("cd-player-arm") else {
         return;
     };
@@ -356,7 +357,7 @@ fn a_table_without_geometry_and_a_file_for_a_folder_are_refused() {
         &Model::RigidBody(RigidBody::new(vec![axis]).unwrap()),
     );
     let said = desk.refused("diagnose bundle --model axis.json -o other");
-    assert!(said.contains("1 input ("), "{said}");
+    assert!(said.contains("1 input and 1 output"), "{said}");
     assert!(!desk.path("other").exists());
     // Without a geometry the small LFR of the bundle is the base.
     let said = desk.done("diagnose bundle -o found");
@@ -434,4 +435,140 @@ fn friction_above_the_inertial_force() {
     assert!(said.contains("record c: it has 19 samples"), "{said}");
     let said = desk.refused("diagnose axis --model none.json -o other");
     assert!(said.contains("none.json: cannot be read"), "{said}");
+}
+
+/// A mass on a guide with friction that holds it at rest, or on a spring, in small steps: readings and forces by sample.
+struct Guide {
+    mass: f64,
+    viscous: f64,
+    coulomb: f64,
+    spring: [f64; 2],
+    step: f64,
+}
+
+impl Guide {
+    fn run(&self, samples: usize, noise: &[f64], mut force: impl FnMut(usize, f64) -> f64) -> String {
+        const PARTS: usize = 20;
+        let dt = self.step / PARTS as f64;
+        let (mut q, mut v) = (0.0_f64, 0.0_f64);
+        let (mut y, mut u) = (Vec::new(), Vec::new());
+        for k in 0..samples {
+            y.push(q + noise[k]);
+            u.push(force(k, y[k]));
+            for _ in 0..PARTS {
+                let spring = q * (self.spring[0] + self.spring[1] * q * q);
+                let next = v + dt * (u[k] - self.viscous * v - spring) / self.mass;
+                let brake = dt * self.coulomb / self.mass;
+                v = next - next.clamp(-brake, brake);
+                q += dt * v;
+            }
+        }
+        csv(&[("y", &y), ("u", &u)])
+    }
+}
+
+/// Positions and forces alone, of two machines a thousand times apart: the controller moved them, and nobody wrote it down.
+#[test]
+fn friction_is_found_without_the_controller() {
+    for (mass, step) in [(2e-2, 1e-3), (2e1, 1e-2)] {
+        let desk = Desk::new();
+        let reach = 0.2;
+        let peak = mass * 5.8 * reach / (200.0_f64 * step).powi(2);
+        let guide = Guide {
+            mass,
+            viscous: 0.02 * mass / step / 100.0,
+            coulomb: 0.3 * peak,
+            spring: [0.0; 2],
+            step,
+        };
+        let mut description = head(1.0 / step);
+        for (seed, (file, purpose)) in [("a.csv", "estimation"), ("b.csv", "validation")]
+            .into_iter()
+            .enumerate()
+        {
+            let turn = 1.0 - 2.0 * seed as f64;
+            let path = |k: usize| {
+                let [t, wave] = [k as f64 / 200.0, 0.5 + 0.1 * seed as f64];
+                reach * turn * ((TAU * wave * t).sin() + 0.3 * (TAU * 0.31 * t).sin())
+            };
+            let w = 0.02 * TAU / step;
+            let mut last = 0.0;
+            let noise = Noise(seed as u64 + 1).samples(1200, 1e-5 * reach);
+            let record = guide.run(1200, &noise, |k, y| {
+                let e = path(k) - y;
+                let rate = (e - last) / step;
+                last = e;
+                mass * (w * w * e + 1.4 * w * rate)
+            });
+            desk.write(file, record);
+            description += &entry(file, None, purpose);
+        }
+        desk.write("experiment.toml", description);
+        desk.done("diagnose . -o found");
+        let found: serde_json::Value = serde_json::from_str(&desk.text("found/diagnosis.json")).unwrap();
+        assert_eq!(found["error_of"], "observer");
+        let effect = &found["effects"][0];
+        assert_eq!(
+            effect["effect"], "coulomb-friction",
+            "{mass}: {}",
+            found["verdict_in_words"]
+        );
+        let level = effect["parameters"]["level"]["value"].as_f64().unwrap();
+        assert!(
+            (level / guide.coulomb - 1.0).abs() < 0.1,
+            "{mass}: {level} for {}",
+            guide.coulomb
+        );
+        let fitted = found["base_parameters"]["mass"]["value"].as_f64().unwrap();
+        assert!((fitted / mass - 1.0).abs() < 0.05, "{fitted} for {mass}");
+    }
+}
+
+/// A mass on a spring that hardens, shaken without a loop.
+#[test]
+fn a_spring_to_ground_is_the_base_and_its_hardening_an_effect() {
+    let desk = Desk::new();
+    let (mass, step, scale) = (0.3, 1e-3, 5e-3);
+    let stiffness = mass * (TAU * 0.06 / step).powi(2);
+    let guide = Guide {
+        mass,
+        viscous: 0.1 * (mass * stiffness).sqrt(),
+        coulomb: 0.0,
+        spring: [stiffness, 0.3 * stiffness / (scale * scale)],
+        step,
+    };
+    let mut description = head(1.0 / step);
+    for (seed, (file, purpose)) in [("a.csv", "estimation"), ("b.csv", "validation")]
+        .into_iter()
+        .enumerate()
+    {
+        let mut random = Noise(seed as u64 + 7);
+        let mut force = 0.0;
+        let noise = random.samples(1500, 1e-4 * scale);
+        let record = guide.run(1500, &noise, |_, _| {
+            force = 0.7 * force + random.sample();
+            0.35 * stiffness * scale * force
+        });
+        desk.write(file, record);
+        description += &entry(file, None, purpose);
+    }
+    desk.write("experiment.toml", description);
+    desk.done("diagnose . -o found");
+    let found: serde_json::Value = serde_json::from_str(&desk.text("found/diagnosis.json")).unwrap();
+    assert_eq!(found["base_model"], "axis on a spring to ground");
+    assert_eq!(
+        found["effects"][0]["effect"], "cubic-stiffness",
+        "{}",
+        found["verdict_in_words"]
+    );
+    let cube = found["effects"][0]["parameters"]["cube"]["value"]
+        .as_f64()
+        .unwrap();
+    assert!(
+        (cube / guide.spring[1] - 1.0).abs() < 0.1,
+        "{cube} for {}",
+        guide.spring[1]
+    );
+    // The file keeps the machine: it can be validated on its own records.
+    desk.done("validate found/model.json .");
 }

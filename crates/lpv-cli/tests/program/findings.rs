@@ -117,7 +117,7 @@ fn lost_samples_are_counted_in_a_column_of_times() {
     );
     let (line, row) = first(&desk, "lost-samples");
     assert!(
-        line.contains("2 sample(s) are missing, the first behind row 701"),
+        line.contains("2 samples missing, the first behind row 701"),
         "{line}"
     );
     assert_eq!(row["samples"], 2);

@@ -36,10 +36,7 @@ impl Observer {
     /// [`PipelineError::Structure`] for any other base.
     pub(super) fn new(base: &Base, records: &[Record], clock: Discrete) -> Result<Self, PipelineError> {
         let Base::Axis(_) = base else {
-            return Err(PipelineError::Structure {
-                problem: "without its controller only an axis with one input and one output is diagnosed: give the bundle its \
-                          [controller] and [channels.reference]",
-            });
+            return Err(refused());
         };
         let inertia = base.parameters()[0].value.abs();
         let h = clock.sample_time();
@@ -60,6 +57,14 @@ impl Observer {
             },
             hz,
         })
+    }
+}
+
+/// What is said of a machine that needs its controller.
+pub(super) fn refused() -> PipelineError {
+    PipelineError::Structure {
+        problem: "without its controller only an axis with one input, one output and no scheduling is diagnosed: give the bundle its \
+                  [controller] and [channels.reference]",
     }
 }
 

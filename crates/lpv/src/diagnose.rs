@@ -24,7 +24,7 @@ pub use left::{Characterisation, LeftTest, LeftTests};
 pub(crate) use places::placed;
 pub(crate) use responses::is_traced_on_responses;
 
-use crate::finding;
+use crate::finding::{self, Finding};
 use crate::progress::{Progress, begin};
 use crate::responses::{examine_records, load_records};
 use crate::summary::Summary;
@@ -39,7 +39,7 @@ use lpv_core::{
 use lpv_report::Figure;
 use noise::{roughness, unrepeated};
 use observer::Observer;
-use residual_trace::{Base, Case, Explained, Trace, Track, equivalent_force, sensor_noise, trace};
+use residual_trace::{Base, Case, Explained, Trace, Track, Verdict, equivalent_force, sensor_noise, trace};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -92,7 +92,12 @@ pub fn diagnose(
     }
     let transient = |i: usize| !description.records[i].is_periodic();
     let mut records = load_records(bundle, transient, progress)?;
-    let contradictions = finding::contradictions(&examine_records(bundle, &records));
+    let mut findings = examine_records(bundle, &records);
+    if !is_known {
+        // The sines of a drive follow from its past too, and an observer takes the inputs as they are.
+        findings.retain(|f| !matches!(f, Finding::FeedbackOnly { .. }));
+    }
+    let contradictions = finding::contradictions(&findings);
     if !is_known {
         records = records.into_iter().map(observer::followed).collect();
     }
@@ -134,15 +139,28 @@ pub fn diagnose(
     if observer_hz.is_none() {
         reasons.extend(wrong_controller(&fit_records, &start));
     }
-    let (fitted, judged) = (tracks(&fit_records)?, tracks(&judge_records)?);
-    let noise = match unrepeated(bundle, progress)? {
+    let told = [tracks(&fit_records)?, tracks(&judge_records)?];
+    let [mut fitted, mut judged] = told.clone();
+    let is_observed = observer_hz.is_some();
+    if is_observed {
+        let bare = Explained {
+            base: base.clone(),
+            effects: Vec::new(),
+        };
+        [fitted, judged] = told.each_ref().map(|t| observer::settled(&bare, &start, t));
+    }
+    let mut noise = match unrepeated(bundle, progress)? {
         (_, left) if left.is_empty() => {
             reasons.push(
                 "no periodic records: the noise of a sample is taken from the third differences of the outputs, or of what the base \
                  leaves of them where those are smaller"
                     .to_owned(),
             );
-            roughness(&base, &start, &fitted)
+            let bare = Explained {
+                base: base.clone(),
+                effects: Vec::new(),
+            };
+            roughness(&bare, &start, &fitted)
         }
         (position, left) => sensor_noise(&base, &start, &fitted[0], position, &left)?,
     };
@@ -155,16 +173,28 @@ pub fn diagnose(
         )
     };
     begin(progress, "competition of effects");
-    let found = trace(&Case {
-        base: &base,
-        prior: prior.as_ref(),
-        free: free.as_ref().map(|(base, prior)| (base, prior)),
-        controller: &start,
-        noise,
-        fitted: &fitted,
-        judged: &judged,
-        on_fit: &on_fit,
-    })?;
+    let look = |noise, fitted: &[Track], judged: &[Track]| {
+        trace(&Case {
+            base: &base,
+            prior: prior.as_ref(),
+            free: free.as_ref().map(|(base, prior)| (base, prior)),
+            controller: &start,
+            noise,
+            fitted,
+            judged,
+            on_fit: &on_fit,
+        })
+    };
+    let mut found = look(noise, &fitted, &judged)?;
+    // Where a record begins, and what is noise, is told by the model that was found.
+    if is_observed && found.verdict != Verdict::NothingMissing {
+        [fitted, judged] = told
+            .each_ref()
+            .map(|t| observer::settled(&found.model, &start, t));
+        let seen = roughness(&found.model, &start, &fitted);
+        noise = std::array::from_fn(|i| noise[i].min(seen[i]));
+        found = look(noise, &fitted, &judged)?;
+    }
     reasons.extend(doubt::doubts(&found, bundle));
     let mut axis = axis::errors(&found, &start, clock, &fit_records, &fitted)?;
     axis.extend(axis::errors(&found, &start, clock, &judge_records, &judged)?);

@@ -210,9 +210,12 @@ impl Verdict {
 
     /// Of a model that could not be compared with any record.
     pub(crate) fn unjudged(error: &PipelineError) -> Self {
-        let causes = vec![Cause::NotJudged {
-            why: error.to_string(),
-        }];
+        Self::not_judged(&error.to_string())
+    }
+
+    /// Of a model that no record can judge, and why.
+    pub(crate) fn not_judged(why: &str) -> Self {
+        let causes = vec![Cause::NotJudged { why: why.to_owned() }];
         Self::new(Worth::Unjudged, Basis::Nothing, &[], causes)
     }
 

@@ -44,6 +44,8 @@ pub struct Track {
 const LOST: f64 = 1e6;
 /// Deviations of the noise within which a first reading is where the record begins.
 const SAME: f64 = 3.0;
+/// Samples that tell how a record begins.
+const BEGINNING: usize = 16;
 /// Samples that a record needs.
 const LEAST: usize = 32;
 
@@ -145,6 +147,30 @@ impl Track {
         })
     }
 
+    /// The first output and its rate, per unit of time.
+    pub fn beginning(&self) -> [f64; 2] {
+        [self.start.position[0], self.start.speed[0]]
+    }
+
+    /// Deviations with which the first samples tell them: of a parabola at least, since a machine may accelerate.
+    pub fn beginning_deviations(&self) -> [f64; 2] {
+        let y: Vec<f64> = self.outputs.iter().take(LEAST).map(|y| y[0]).collect();
+        let noise = roughness(y.windows(4).map(|w| [w[0], w[1], w[2], w[3]]));
+        // Rows 1, k, k^2 of the first samples; the covariance of value and rate at the first of them.
+        let rows = DMatrix::from_fn(BEGINNING, 3, |k, j| (k as f64).powi(j as i32));
+        let inverse = rows.tr_mul(&rows).try_inverse();
+        let part = |i: usize| inverse.as_ref().map_or(1.0, |m| m[(i, i)].sqrt());
+        [noise * part(0), noise * part(1) / self.step]
+    }
+
+    /// The same record of one output that begins elsewhere.
+    #[must_use]
+    pub fn beginning_at(&self, [position, speed]: [f64; 2]) -> Self {
+        let mut other = self.clone();
+        (other.start.position[0], other.start.speed[0]) = (position, speed);
+        other
+    }
+
     /// The same record with the scheduling held.
     pub(crate) fn at_rest(&self, position: f64) -> Self {
         Self {
@@ -205,10 +231,9 @@ fn half(substeps: usize) -> f64 {
 /// Value and rise per sample at the start of a signal: a polynomial through the first samples, of the degree with the shortest
 /// description.
 fn beginning(y: &[f64]) -> [f64; 2] {
-    /// Samples, and the highest degree.
-    const SAMPLES: usize = 16;
+    /// The highest degree.
     const DEGREE: i32 = 5;
-    let right = DVector::from_column_slice(&y[..SAMPLES.min(y.len())]);
+    let right = DVector::from_column_slice(&y[..BEGINNING.min(y.len())]);
     let n = right.len();
     let mut best = (f64::INFINITY, [y[0], 0.0]);
     for degree in 1..=DEGREE {

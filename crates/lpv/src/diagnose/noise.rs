@@ -5,7 +5,7 @@ use crate::progress::{Counter, Progress};
 use experiment_data::{Bundle, ControllerState, DataError};
 use lpv_core::Record;
 use rayon::prelude::*;
-use residual_trace::{Base, Explained, Track};
+use residual_trace::{Explained, Track};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Pairs of channels, by record and sample.
@@ -53,23 +53,19 @@ pub(super) fn unrepeated(bundle: &Bundle, progress: Progress<'_>) -> Result<(f64
     Ok((position, left.collect()))
 }
 
-/// Deviation of white noise with the third differences of the outputs, or with those of the errors of the base, which the moves do
+/// Deviation of white noise with the third differences of the outputs, or with those of the errors of a model, which the moves do
 /// not enlarge.
-pub(super) fn roughness(base: &Base, controller: &ControllerState, tracks: &[Track]) -> [f64; 2] {
+pub(super) fn roughness(model: &Explained, controller: &ControllerState, tracks: &[Track]) -> [f64; 2] {
     let third = |records: &[Vec<[f64; 2]>], i: usize| {
         let rows = records.iter().flat_map(|y| y.windows(4));
         residual_trace::roughness(rows.map(|w| [w[0][i], w[1][i], w[2][i], w[3][i]]))
     };
     let outputs: Vec<Vec<[f64; 2]>> = tracks.iter().map(|t| t.outputs.clone()).collect();
-    let bare = Explained {
-        base: base.clone(),
-        effects: Vec::new(),
-    };
     let errors = |track: &Track| -> Option<Vec<[f64; 2]>> {
-        let run = bare.closed_loop(controller, track)?;
+        let run = model.closed_loop(controller, track)?;
         Some(run.error(track))
     };
-    // Where the base diverges the outputs alone tell.
+    // Where the model diverges the outputs alone tell.
     let errors: Option<Vec<_>> = tracks.iter().map(errors).collect();
     std::array::from_fn(|i| {
         let left = errors.as_ref().map_or(f64::INFINITY, |e| third(e, i));

@@ -7,9 +7,10 @@
 
 use crate::PipelineError;
 use crate::signal::mean;
-use experiment_data::Controller;
+use experiment_data::{Controller, ControllerState};
+use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{Discrete, Record};
-use residual_trace::Base;
+use residual_trace::{Base, Explained, Track};
 use std::f64::consts::{PI, TAU};
 
 /// Bandwidth over the mean frequency of the motion.
@@ -94,4 +95,60 @@ fn mean_frequency(records: &[Record], h: f64) -> f64 {
     } else {
         0.0
     }
+}
+
+/// The records with the beginnings that a model makes of them. The first samples tell them with some deviation, and a rate that is
+/// wrong by it takes long to die out: least squares of that, and of the error along the record by its own size, so that a model
+/// which lacks much moves nothing.
+pub(super) fn settled(model: &Explained, controller: &ControllerState, tracks: &[Track]) -> Vec<Track> {
+    const STEPS: usize = 3;
+    tracks
+        .iter()
+        .map(|told| {
+            let mut track = told.clone();
+            for _ in 0..STEPS {
+                match better(model, controller, told, &track) {
+                    Some(next) => track = next,
+                    None => break,
+                }
+            }
+            track
+        })
+        .collect()
+}
+
+/// A likelier beginning than that of `track`, if there is one; the first samples tell that of `told`.
+fn better(model: &Explained, controller: &ControllerState, told: &Track, track: &Track) -> Option<Track> {
+    let errors = |track: &Track| -> Option<Vec<f64>> {
+        let run = model.closed_loop(controller, track)?;
+        Some(run.error(track).iter().map(|e| e[0]).collect())
+    };
+    let now = errors(track)?;
+    let size = (now.iter().map(|e| e * e).sum::<f64>() / now.len() as f64).sqrt();
+    let (first, deviations, at) = (told.beginning(), told.beginning_deviations(), track.beginning());
+    if !(size > 0.0 && deviations.iter().all(|d| d.is_finite() && *d > 0.0)) {
+        return None;
+    }
+    // Errors by their size, then departures from what the first samples tell.
+    let all = |errors: Vec<f64>, at: [f64; 2]| {
+        let departures = [0, 1].map(|i: usize| (at[i] - first[i]) / deviations[i]);
+        let scaled = errors.into_iter().map(|e| e / size);
+        DVector::from_iterator(now.len() + 2, scaled.chain(departures))
+    };
+    let moved = |i: usize| {
+        let mut at = at;
+        at[i] += deviations[i];
+        Some(all(errors(&track.beginning_at(at))?, at))
+    };
+    let here = all(now.clone(), at);
+    let rows = DMatrix::from_columns(&[moved(0)? - &here, moved(1)? - &here]);
+    let change = rows.svd(true, true).solve(&-&here, 1e-12).ok()?;
+    let at = [
+        at[0] + deviations[0] * change[0],
+        at[1] + deviations[1] * change[1],
+    ];
+    let next = track.beginning_at(at);
+    let there = all(errors(&next)?, at);
+    // Less is the rounding of a minimum.
+    (there.norm() < 0.9999 * here.norm()).then_some(next)
 }

@@ -11,6 +11,8 @@ const ORDER: usize = 12;
 const ROWS: usize = 4000;
 /// What inputs explain over what chance does, in variances of the rest: the first ones behind a dead time at least so much.
 const SEEN: f64 = 80.0;
+/// Part of an input's deviation that its other samples must leave.
+const FRESH: f64 = 0.05;
 /// Inputs behind a dead time that are looked at together.
 const FIRST: usize = 6;
 
@@ -40,6 +42,10 @@ pub(super) fn dead_time(u: &[f64], y: &[f64]) -> Option<usize> {
         _ => (u[k + start - (columns - 1 - j)] - u0) / u_size,
     });
     let r = matrix.qr().r();
+    // Of a sweep or band-limited noise each sample follows from the others, and what is left of it tells nothing.
+    if r[(columns - 1, columns - 1)].abs() < FRESH * (rows as f64).sqrt() {
+        return None;
+    }
     let freedom = (rows - columns) as f64;
     let rest = r[(columns, columns)].powi(2) / freedom;
     // By lag, from none on.
@@ -106,8 +112,12 @@ pub(super) fn trend(inputs: &[Vec<f64>], y: &[f64]) -> Option<f64> {
     let slope = rise / (PARTS * part) as f64;
     let rest: Vec<f64> = y.iter().enumerate().map(|(k, v)| v - slope * k as f64).collect();
     let deviation = scatter * inverse[(1, 1)].sqrt() * PARTS as f64;
-    (rise.abs() > STANDS_OUT * deviation && rise.abs() > MATTERS * crate::signal::deviation(&rest))
-        .then_some(rise)
+    // What the column does not hold, the inputs would have had to take back.
+    let (low, high) = crate::signal::range(y);
+    (rise.abs() <= high - low
+        && rise.abs() > STANDS_OUT * deviation
+        && rise.abs() > MATTERS * crate::signal::deviation(&rest))
+    .then_some(rise)
 }
 
 #[cfg(test)]

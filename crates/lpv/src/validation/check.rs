@@ -138,6 +138,10 @@ pub struct Evidence {
     pub runs: Vec<(Record, Run, Option<Run>)>,
 }
 
+/// Why a model of a diagnosis without a controller is not judged here.
+const OBSERVED: &str = "the bundle has no [controller], and the effects of this model are simulated with one: `lpv diagnose` told its \
+                        errors on held-out records, through an observer";
+
 /// Compares a model with everything that the bundle holds out.
 ///
 /// # Errors
@@ -312,7 +316,12 @@ pub(crate) fn validate_knowing(
     let stability = stability(&machine.at(&centre)?.poles()?, longest.unwrap_or(WITHOUT_RECORDS));
     let closed_loop = description.controller.is_some() || under_feedback(&runs);
     let findings = examine_records(bundle, &transient);
-    let verdict = Verdict::of(frozen.as_ref(), &records, stability, closed_loop, &notes);
+    // An open loop says nothing of a machine with effects, which a diagnosis has held at its records.
+    let is_observed = file.explanation.is_some() && description.controller.is_none();
+    let verdict = match is_observed && !records.is_empty() {
+        true => Verdict::not_judged(OBSERVED),
+        false => Verdict::of(frozen.as_ref(), &records, stability, closed_loop, &notes),
+    };
     let validation = Validation {
         verdict: verdict.in_view_of(&findings),
         findings,

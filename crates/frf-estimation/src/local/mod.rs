@@ -92,15 +92,17 @@ fn run(
         LocalLines::List(list) => list.clone(),
     };
     crate::settings::check_lines(&lines, data.lines)?;
-    let all = at_lines(&data, settings, &shape, &lines, fit);
+    let all = at_lines(&data, settings, &shape, &lines, fit, false);
     match (&settings.lines, all) {
-        // Outside the band of the excitation there is nothing to estimate.
+        // Outside the band of the excitation there is nothing to estimate, and at its edge not at every line.
         (LocalLines::All, Err(FrfError::LocalRank { line, .. })) => {
             let band = excited_band(&data, shape.half_width);
-            if band.is_empty() || band.contains(&line) {
-                return at_lines(&data, settings, &shape, &lines, fit);
-            }
-            at_lines(&data, settings, &shape, &band, fit)
+            let lines = if band.is_empty() || band.contains(&line) {
+                lines
+            } else {
+                band
+            };
+            at_lines(&data, settings, &shape, &lines, fit, true)
         }
         (_, all) => all,
     }
@@ -132,36 +134,49 @@ fn excited_band(data: &LocalData, half_width: usize) -> Vec<usize> {
     (1..=data.lines).filter(excited).collect()
 }
 
+/// Part of the lines that may be left out because the records do not tell the response there.
+const LEFT_OUT: f64 = 0.5;
+
+/// The estimate at some lines; with `lenient`, without those where the regressors are dependent, if they are not too many.
 fn at_lines(
     data: &LocalData,
     settings: &LocalSettings,
     shape: &Shape,
     lines: &[usize],
     fit: fn(&Window<'_>, &LocalSettings) -> Result<LocalFit, f64>,
+    lenient: bool,
 ) -> Result<LocalEstimate, FrfError> {
     let (ny, nu) = (data.outputs, data.inputs);
-    let frequencies_hz: Vec<f64> = lines.iter().map(|&k| k as f64 * data.resolution_hz).collect();
+    let mut kept: Vec<usize> = Vec::with_capacity(lines.len());
+    let mut refused: Option<FrfError> = None;
     let mut values = Vec::with_capacity(lines.len() * ny * nu);
-    let mut c_v = vec![C64::new(0.0, 0.0); lines.len() * ny * ny];
+    let mut c_v: Vec<C64> = Vec::with_capacity(lines.len() * ny * ny);
     let mut s = Vec::with_capacity(lines.len() * nu * nu);
     let mut by_line = Vec::with_capacity(lines.len());
     let simd = Scalar::new();
     let mut inverse = GainKernel::new(simd, nu, nu);
     let lanes = |numbers: &[C64]| -> Vec<_> { numbers.iter().copied().map(ComplexLanes::one).collect() };
-    for (l, &k) in lines.iter().enumerate() {
+    for &k in lines {
         let rank = |condition: f64| FrfError::LocalRank {
             line: k,
-            frequency_hz: frequencies_hz[l],
+            frequency_hz: k as f64 * data.resolution_hz,
             condition,
         };
         let window = Window::new(data, k, shape.half_width, settings.degree);
-        let local = fit(&window, settings).map_err(rank)?;
+        let local = match fit(&window, settings).map_err(rank) {
+            Ok(local) => local,
+            Err(dependent) if lenient => {
+                refused.get_or_insert(dependent);
+                continue;
+            }
+            Err(dependent) => return Err(dependent),
+        };
         by_line.push(local.condition);
-        let c_line = &mut c_v[l * ny * ny..(l + 1) * ny * ny];
+        kept.push(k);
         match settings.regressor {
             Regressor::Inputs => {
                 values.extend_from_slice(local.response.as_slice());
-                c_line.copy_from_slice(local.covariance.as_slice());
+                c_v.extend_from_slice(local.covariance.as_slice());
                 s.extend_from_slice(local.factor.as_slice());
             }
             // F = G_y G_u^-1, hence dF = [I -F] dG_z G_u^-1.
@@ -183,18 +198,25 @@ fn at_lines(
                     &mut f,
                 );
                 residual_covariance(simd, &covariance, &f, ny, nu, 1.0, &mut c);
-                write_lines(&c, c_line);
+                let first = c_v.len();
+                c_v.resize(first + ny * ny, C64::new(0.0, 0.0));
+                write_lines(&c, &mut c_v[first..]);
                 let g = DMatrix::from_iterator(nu, nu, inverse.gain().iter().map(|g| g.value()));
                 s.extend_from_slice((g.adjoint() * &local.factor * g).as_slice());
                 values.extend(f.iter().map(|f| f.value()));
             }
         }
     }
+    let most = (LEFT_OUT * lines.len() as f64) as usize;
+    if let Some(refused) = refused.filter(|_| lines.len() - kept.len() > most) {
+        return Err(refused);
+    }
+    let frequencies_hz: Vec<f64> = kept.iter().map(|&k| k as f64 * data.resolution_hz).collect();
     let frf = Frf::new(frequencies_hz, ny, nu, values)?;
     Ok(LocalEstimate {
-        condition: worst(&by_line, lines, frf.frequencies_hz()),
+        condition: worst(&by_line, &kept, frf.frequencies_hz()),
         estimate: FrfEstimate::new(frf, c_v, s, shape.degrees_of_freedom, data.position)?,
-        lines: lines.to_vec(),
+        lines: kept,
         window: 2 * shape.half_width + 1,
         equations: shape.equations,
         unknowns: shape.unknowns,

@@ -11,6 +11,7 @@ mod noise;
 mod observer;
 mod page;
 mod places;
+mod records;
 mod responses;
 mod spring;
 mod words;
@@ -34,11 +35,12 @@ use experiment_data::{Bundle, ControllerState, Description};
 use figures::Along;
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{
-    Continuous, FrfEstimate, Model, Purpose, Record, RigidBody, RigidBodyAxis, SchedulingRange, StateSpace,
+    Continuous, FrfEstimate, Model, Record, RigidBody, RigidBodyAxis, SchedulingRange, StateSpace,
 };
 use lpv_report::Figure;
 use noise::{roughness, unrepeated};
 use observer::Observer;
+use records::{split, wrong_controller};
 use residual_trace::{Base, Case, Explained, Trace, Track, Verdict, equivalent_force, sensor_noise, trace};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -355,73 +357,4 @@ fn saved(
             problem: "the model behind the base is gone",
         }),
     }
-}
-
-/// Words on the record whose inputs the controller gives worst, if that is bad.
-fn wrong_controller(records: &[Record], controller: &ControllerState) -> Option<String> {
-    /// Part of the inputs that rounding may make.
-    const SMALL: f64 = 1e-2;
-    let gap = |record: &Record| {
-        let mut controller = controller.begun(record).unwrap_or_else(|| controller.clone());
-        let (mut gap, mut size) = (0.0, 0.0);
-        for k in 0..record.len() {
-            let at = |columns: &[Vec<f64>]| columns.iter().map(|c| c[k]).collect::<Vec<f64>>();
-            let (logged, injected) = (at(&record.inputs.columns), at(&record.injection.columns));
-            let mut u = vec![0.0; logged.len()];
-            controller.step(
-                &at(&record.references.columns),
-                &at(&record.outputs.columns),
-                &mut u,
-            );
-            for (i, logged) in logged.iter().enumerate() {
-                gap += (u[i] + injected.get(i).copied().unwrap_or(0.0) - logged).powi(2);
-                size += logged * logged;
-            }
-        }
-        (gap / size).sqrt()
-    };
-    let (worst, name) = records
-        .iter()
-        .map(|r| (gap(r), &r.name))
-        .max_by(|a, b| a.0.total_cmp(&b.0))?;
-    (worst > SMALL).then(|| {
-        format!(
-            "the controller of the bundle gives the logged inputs of {name} with an error of {:.1} %: if they are those of the machine, \
-             check [controller] before you believe what was found",
-            100.0 * worst
-        )
-    })
-}
-
-/// Records to fit and to judge by; where none is held out, the last ones.
-fn split(
-    records: Vec<Record>,
-    reasons: &mut Vec<String>,
-) -> Result<(Vec<Record>, Vec<Record>), PipelineError> {
-    records.iter().try_for_each(Track::check)?;
-    let moves = |r: &Record| {
-        r.references
-            .columns
-            .iter()
-            .chain(&r.injection.columns)
-            .any(|c| c.iter().any(|v| *v != c[0]))
-    };
-    let (mut fitted, mut judged): (Vec<Record>, Vec<Record>) = records
-        .into_iter()
-        .filter(moves)
-        .partition(|r| r.purpose == Purpose::Estimation);
-    if judged.is_empty() && fitted.len() > 1 {
-        let kept = fitted.len() - fitted.len().div_ceil(3);
-        judged = fitted.split_off(kept);
-        reasons.push(format!(
-            "no record has use = \"validation\": the last {} of those for estimation judge",
-            judged.len()
-        ));
-    }
-    if fitted.is_empty() || judged.is_empty() {
-        return Err(PipelineError::Structure {
-            problem: "a diagnosis needs records along moves: at least one to fit and one with use = \"validation\" to judge by",
-        });
-    }
-    Ok((fitted, judged))
 }

@@ -163,10 +163,13 @@ pub(crate) fn run(options: &Options) -> Result<bool, TaskError> {
     entries.extend(made?);
     entries.sort_by(|a, b| (&a.part, &a.kind, a.index).cmp(&(&b.part, &b.kind, b.index)));
     let rows = page::rows(&entries);
-    let command = format!(
-        "cargo xtask trust --seeds {} --seed {}",
-        options.seeds, options.seed
-    );
+    let command = match options.quick {
+        true => "cargo xtask trust --quick".to_owned(),
+        false => format!(
+            "cargo xtask trust --seeds {} --seed {}",
+            options.seeds, options.seed
+        ),
+    };
     let text = page::page(&rows, &entries, &command);
     let metrics = page::metrics(&rows, &entries);
     reproduce::write_json(&options.output.join("trust.json"), &metrics)?;

@@ -69,7 +69,8 @@ pub struct Diagnosed {
 /// scheduling, else a servo axis; of an axis without moves, from its frequency responses.
 ///
 /// # Errors
-/// A bundle without moves or a base model; one of several axes without its controller; a model that does not fit the bundle; whatever is wrong with its records.
+/// A bundle without moves or a base model; one of several axes without its controller; a model that does not fit the bundle;
+/// whatever is wrong with its records.
 pub fn diagnose(
     bundle: &Bundle,
     model: Option<&ModelFile>,
@@ -144,11 +145,11 @@ pub fn diagnose(
     let told = [tracks(&fit_records)?, tracks(&judge_records)?];
     let [mut fitted, mut judged] = told.clone();
     let is_observed = observer_hz.is_some();
+    let bare = Explained {
+        base: base.clone(),
+        effects: Vec::new(),
+    };
     if is_observed {
-        let bare = Explained {
-            base: base.clone(),
-            effects: Vec::new(),
-        };
         [fitted, judged] = told.each_ref().map(|t| observer::settled(&bare, &start, t));
     }
     let mut noise = match unrepeated(bundle, progress)? {
@@ -158,10 +159,6 @@ pub fn diagnose(
                  leaves of them where those are smaller"
                     .to_owned(),
             );
-            let bare = Explained {
-                base: base.clone(),
-                effects: Vec::new(),
-            };
             roughness(&bare, &start, &fitted)
         }
         (position, left) => sensor_noise(&base, &start, &fitted[0], position, &left)?,
@@ -202,11 +199,7 @@ pub fn diagnose(
     axis.extend(axis::errors(&found, &start, clock, &judge_records, &judged)?);
     let diagnosis = Diagnosis {
         axis,
-        error_of: match observer_hz {
-            Some(_) => "observer",
-            None => "closed loop",
-        }
-        .to_owned(),
+        error_of: if is_observed { "observer" } else { "closed loop" }.to_owned(),
         observer_hz,
         ..Diagnosis::new(bundle, &found, &judged, reasons)
     }

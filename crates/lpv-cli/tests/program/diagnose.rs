@@ -527,52 +527,53 @@ fn friction_is_found_without_the_controller() {
 /// A mass on a spring that hardens, shaken without a loop.
 #[test]
 fn a_spring_to_ground_is_the_base_and_its_hardening_an_effect() {
-    let desk = Desk::new();
-    let (mass, step, scale) = (0.3, 1e-3, 5e-3);
-    let stiffness = mass * (TAU * 0.06 / step).powi(2);
-    let guide = Guide {
-        mass,
-        viscous: 0.1 * (mass * stiffness).sqrt(),
-        coulomb: 0.0,
-        spring: [stiffness, 0.3 * stiffness / (scale * scale)],
-        step,
-    };
-    let mut description = head(1.0 / step);
-    for (seed, (file, purpose)) in [("a.csv", "estimation"), ("b.csv", "validation")]
-        .into_iter()
-        .enumerate()
-    {
-        let mut random = Noise(seed as u64 + 7);
-        let mut force = 0.0;
-        let noise = random.samples(1500, 1e-4 * scale);
-        let record = guide.run(1500, &noise, |_, _| {
-            force = 0.7 * force + random.sample();
-            0.35 * stiffness * scale * force
-        });
-        desk.write(file, record);
-        description += &entry(file, None, purpose);
+    for (mass, step, scale) in [(3e-4, 1e-4, 1e-5), (0.3, 1e-3, 5e-3), (3e2, 1e-2, 2.0)] {
+        let desk = Desk::new();
+        let stiffness = mass * (TAU * 0.06 / step).powi(2);
+        let guide = Guide {
+            mass,
+            viscous: 0.1 * (mass * stiffness).sqrt(),
+            coulomb: 0.0,
+            spring: [stiffness, 0.3 * stiffness / (scale * scale)],
+            step,
+        };
+        let mut description = head(1.0 / step);
+        for (seed, (file, purpose)) in [("a.csv", "estimation"), ("b.csv", "validation")]
+            .into_iter()
+            .enumerate()
+        {
+            let mut random = Noise(seed as u64 + 7);
+            let mut force = 0.0;
+            let noise = random.samples(1500, 1e-4 * scale);
+            let record = guide.run(1500, &noise, |_, _| {
+                force = 0.7 * force + random.sample();
+                0.35 * stiffness * scale * force
+            });
+            desk.write(file, record);
+            description += &entry(file, None, purpose);
+        }
+        desk.write("experiment.toml", description);
+        desk.done("diagnose . -o found");
+        let found: serde_json::Value = serde_json::from_str(&desk.text("found/diagnosis.json")).unwrap();
+        assert_eq!(found["base_model"], "axis on a spring to ground");
+        assert_eq!(
+            found["effects"][0]["effect"], "cubic-stiffness",
+            "{}",
+            found["verdict_in_words"]
+        );
+        let cube = found["effects"][0]["parameters"]["cube"]["value"]
+            .as_f64()
+            .unwrap();
+        assert!(
+            (cube / guide.spring[1] - 1.0).abs() < 0.1,
+            "{cube} for {}",
+            guide.spring[1]
+        );
+        // What held it at its records is no part of the file.
+        let said = desk.done("validate found/model.json .");
+        assert!(
+            said.starts_with("not judged: the bundle has no [controller]"),
+            "{said}"
+        );
     }
-    desk.write("experiment.toml", description);
-    desk.done("diagnose . -o found");
-    let found: serde_json::Value = serde_json::from_str(&desk.text("found/diagnosis.json")).unwrap();
-    assert_eq!(found["base_model"], "axis on a spring to ground");
-    assert_eq!(
-        found["effects"][0]["effect"], "cubic-stiffness",
-        "{}",
-        found["verdict_in_words"]
-    );
-    let cube = found["effects"][0]["parameters"]["cube"]["value"]
-        .as_f64()
-        .unwrap();
-    assert!(
-        (cube / guide.spring[1] - 1.0).abs() < 0.1,
-        "{cube} for {}",
-        guide.spring[1]
-    );
-    // What held it at its records is no part of the file.
-    let said = desk.done("validate found/model.json .");
-    assert!(
-        said.starts_with("not judged: the bundle has no [controller]"),
-        "{said}"
-    );
 }

@@ -5,6 +5,7 @@
 
 mod clock;
 mod compare;
+mod copies;
 mod dead_time;
 mod facts;
 mod held;
@@ -50,6 +51,16 @@ pub enum Finding {
     /// No record is left to judge a model with.
     #[error("no record has use = \"validation\": nothing is left to judge a model with; hold one out")]
     NothingHeldOut,
+    /// A held-out record that a model was made from as well.
+    #[error(
+        "{record}: use = \"validation\", and the same samples stand in {of}, which is for estimation: it judges nothing; hold out a measurement of its own"
+    )]
+    HeldOutCopy {
+        /// The record.
+        record: String,
+        /// The one that it is a copy of.
+        of: String,
+    },
     /// Moves with references, and no controller to simulate them.
     #[error("no [controller]: moves cannot be simulated in closed loop; write down its coefficients")]
     NoController,
@@ -368,6 +379,22 @@ pub enum Finding {
         column: String,
         /// Rise over the record, in its unit.
         rise: f64,
+    },
+    /// A level that is not that of the records behind the model.
+    #[error(
+        "{record}, column `{column}`: lies {level:.3e} off what the model gives, all along ({percent:.1} % of the motion), and without this constant the error is {percent_left:.2} %: the zero of the sensor or a constant force is not that of the records behind the model; take the constant out of the column, or measure both with one zero"
+    )]
+    LevelDiffers {
+        /// The record.
+        record: String,
+        /// The output.
+        column: String,
+        /// Mean of the error, in its unit.
+        level: f64,
+        /// The same, percent of the motion.
+        percent: f64,
+        /// Error without it, percent of the motion.
+        percent_left: f64,
     },
     /// A response that stands out at few of its lines.
     #[error(

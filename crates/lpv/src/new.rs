@@ -333,10 +333,17 @@ fn refuse(file: &Path, problem: String) -> PipelineError {
 }
 
 fn check_known(first: &Path, known: &Known, common: &[String]) -> Result<(), PipelineError> {
-    for column in [&known.output, &known.input, &known.reference, &known.scheduling]
-        .into_iter()
-        .flatten()
-    {
+    let given = || {
+        let groups = [&known.output, &known.input, &known.reference, &known.scheduling];
+        groups.into_iter().flatten()
+    };
+    for (k, column) in given().enumerate() {
+        if given().take(k).any(|earlier| earlier == column) {
+            return Err(refuse(
+                first,
+                format!("column `{column}` is given twice; a column has one role"),
+            ));
+        }
         if !common.contains(column) {
             let nearest = crate::nearest_name(column, common.iter().map(String::as_str))
                 .map_or(String::new(), |n| format!("; nearest: `{n}`"));

@@ -221,7 +221,8 @@ impl Problem<'_> {
                     steps[j]
                 };
                 let mut best = None;
-                for _ in 0..8 {
+                let (mut sizes, mut shrunk) = (0, 0);
+                while sizes < 8 && shrunk < 24 {
                     let mut there = at.clone();
                     there[j] += h;
                     let there = model.with(&there);
@@ -230,9 +231,12 @@ impl Problem<'_> {
                         Grain::Rough => self.rough(&there),
                     };
                     let Some(moved) = moved else {
-                        h *= 0.01;
+                        // From nothing, in any unit, the way down may be long.
+                        h *= if at[j] == 0.0 { 1e-3 } else { 0.01 };
+                        shrunk += 1;
                         continue;
                     };
+                    sizes += 1;
                     let column: Vec<f64> = moved.iter().zip(residual).map(|(a, b)| (a - b) / h).collect();
                     let size = h * (column.iter().map(|c| c * c).sum::<f64>() / column.len() as f64).sqrt();
                     best = Some((h, column));

@@ -149,3 +149,37 @@ fn a_drift_is_taken_out() {
     let text = desk.done("inspect bundle");
     assert!(!text.contains("still show the transient"), "{text}");
 }
+
+#[test]
+fn a_held_out_record_with_another_zero_and_one_that_is_a_copy_are_named_first() {
+    let desk = Desk::new();
+    let mut e = Noise(11);
+    let mut run = |zero: f64, size: f64| {
+        let u = e.samples(3000, 1.0);
+        let motion = response(&mode(), &u);
+        let y: Vec<f64> = motion
+            .iter()
+            .map(|y| size * (y + 1e-3 * e.sample()) + zero)
+            .collect();
+        csv(&[("u", &u), ("y", &y)])
+    };
+    for (size, zero) in [(1.0, 0.0), (1.0, 0.5), (1e-9, -3e-9), (1e6, 4e7)] {
+        desk.write("bundle/a.csv", run(0.0, size));
+        desk.write("bundle/b.csv", run(zero, size));
+        let entries = entry("a.csv", None, "estimation") + &entry("b.csv", None, "validation");
+        desk.write("bundle/experiment.toml", head(10.0) + &entries);
+        let out = desk.lpv("identify bundle -o model.json --force");
+        let said = String::from_utf8(out.stdout).unwrap();
+        let first = said.lines().next().unwrap_or_default();
+        let named =
+            first.contains("b, column `y`: lies") && first.contains("without this constant the error is 0.");
+        assert_eq!(named, zero != 0.0, "zero {zero:e} of {size:e}: {first}");
+    }
+    let a = desk.bytes("bundle/a.csv");
+    desk.write("bundle/b.csv", a);
+    let said = String::from_utf8(desk.lpv("identify bundle -o model.json --force").stdout).unwrap();
+    assert!(
+        said.starts_with("do not use") && said.contains("the same samples stand in a"),
+        "{said}"
+    );
+}

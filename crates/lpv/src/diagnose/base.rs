@@ -288,10 +288,24 @@ fn servo_axis(records: &[Record], clock: Discrete, reasons: &mut Vec<String>) ->
     const LEFT: f64 = 0.5;
     // What is wrong with the records, the free axis says.
     let sprung = spring::axis(records, clock).unwrap_or_default();
+    let better = |found: &spring::Found| found.left < LEFT * found.left_free;
+    let (sprung, reversed): (Option<_>, Option<_>) = match sprung {
+        Some(found) if found.is_reversed() => (None, Some(found)),
+        other => (other, None),
+    };
+    if let (Some(found), [record, ..]) = (reversed.filter(|r| better(r)), records) {
+        return Err(LtiIdentError::OppositeSigns {
+            input: record.inputs.names[0].clone(),
+            output: record.outputs.names[0].clone(),
+            inertia: found.mass(),
+            deviation: found.deviation,
+        }
+        .into());
+    }
     let free = free_axis(records, clock);
     match (sprung, free) {
         (Some(found), Err(_)) => Ok(found.held(reasons)),
-        (Some(found), Ok(_)) if found.left < LEFT * found.left_free => Ok(found.held(reasons)),
+        (Some(found), Ok(_)) if better(&found) => Ok(found.held(reasons)),
         (_, free) => free,
     }
 }

@@ -10,6 +10,8 @@ use residual_trace::{Axis, Base};
 pub(super) struct Found {
     axis: Axis,
     stiffness: f64,
+    /// Standard deviation of the mass.
+    pub(super) deviation: f64,
     /// Root mean square of the force that is left, over that of the force.
     pub(super) left: f64,
     /// The same without the spring.
@@ -17,6 +19,16 @@ pub(super) struct Found {
 }
 
 impl Found {
+    /// Whether mass and stiffness are both below zero: what the input pushes up goes down.
+    pub(super) fn is_reversed(&self) -> bool {
+        self.stiffness < 0.0
+    }
+
+    /// The mass.
+    pub(super) fn mass(&self) -> f64 {
+        self.axis.mass()
+    }
+
     /// The base, with the reason for it.
     pub(super) fn held(self, reasons: &mut Vec<String>) -> Base {
         reasons.push(format!(
@@ -28,7 +40,7 @@ impl Found {
     }
 }
 
-/// The axis of some records; none where mass or stiffness is not above zero.
+/// The axis of some records; none where mass and stiffness have not the same sign.
 pub(super) fn axis(records: &[Record], clock: Discrete) -> Result<Option<Found>, PipelineError> {
     let positions: Vec<&[f64]> = records
         .iter()
@@ -62,19 +74,29 @@ pub(super) fn axis(records: &[Record], clock: Discrete) -> Result<Option<Found>,
         }
         let rows = DMatrix::from_fn(force.len(), columns.len(), |k, j| columns[j][k] / sizes[j]);
         let target = DVector::from_column_slice(&force);
-        let found = rows.clone().svd(true, true).solve(&target, 1e-12).ok()?;
-        let left = (&target - rows * &found).norm() / target.norm();
+        let svd = rows.clone().svd(true, true);
+        let found = svd.solve(&target, 1e-12).ok()?;
+        let left = (&target - rows * &found).norm();
         let values: Vec<f64> = found.iter().zip(&sizes).map(|(v, s)| v / s).collect();
-        Some((values, left))
+        // Of the first, whose row of V over the singular values has this norm.
+        let spread = svd.v_t.as_ref().map_or(0.0, |v_t| {
+            let parts = (0..columns.len()).map(|j| (v_t[(j, 0)] / svd.singular_values[j]).powi(2));
+            parts.sum::<f64>().sqrt()
+        });
+        let deviation = spread * left / ((force.len() - columns.len()) as f64).sqrt() / sizes[0];
+        Some((values, deviation, left / target.norm()))
     };
     let [a, v, q, one] = &columns;
-    let (Some((held, left)), Some((_, left_free))) = (solved(&[a, v, q, one]), solved(&[a, v, one])) else {
+    let (Some((held, deviation, left)), Some((_, _, left_free))) =
+        (solved(&[a, v, q, one]), solved(&[a, v, one]))
+    else {
         return Ok(None);
     };
-    let fits = held[0] > 0.0 && held[2] > 0.0 && left.is_finite();
+    let fits = held[0] * held[2] > 0.0 && left.is_finite();
     Ok(fits.then(|| Found {
         axis: Axis::new(held[0], held[1], held[3]),
         stiffness: held[2],
+        deviation,
         left,
         left_free,
     }))

@@ -30,6 +30,7 @@ impl Finding {
             | Self::CommandSaturates { .. }
             | Self::RecordStandsApart { .. }
             | Self::RecordsDisagree { .. }
+            | Self::HeldOutCopy { .. }
             | Self::PositionStandsApart { .. } => Severity::Contradiction,
             _ => Severity::Warning,
         }
@@ -64,6 +65,8 @@ impl Finding {
             | Self::DeadTime { record, .. }
             | Self::Trend { record, .. }
             | Self::RecordStandsApart { record, .. }
+            | Self::HeldOutCopy { record, .. }
+            | Self::LevelDiffers { record, .. }
             | Self::PositionStandsApart { record, .. } => record,
             Self::NothingHeldOut
             | Self::NoController
@@ -90,6 +93,7 @@ impl Finding {
             | Self::ReferenceIsInput { column, .. }
             | Self::DeadTime { column, .. }
             | Self::Trend { column, .. }
+            | Self::LevelDiffers { column, .. }
             | Self::RecordStandsApart { column, .. } => Some(column),
             _ => None,
         }

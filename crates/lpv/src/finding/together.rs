@@ -3,6 +3,7 @@
 use super::Finding;
 use super::clock::is_clock;
 use super::compare::{Names, Voice, compare};
+use super::copies::copies;
 use super::places::places;
 use super::watch::{Look, clock_finding};
 use experiment_data::Bundle;
@@ -25,6 +26,7 @@ pub(crate) fn examine<'b>(
         .iter()
         .filter_map(|l| Some((l.record.as_str(), l.scheduling?)));
     found.extend(places(&at.collect::<Vec<_>>()));
+    found.extend(copies(&looks));
     for other in compare(voices, &names) {
         // The cause goes before what it does to the controller.
         let follows =

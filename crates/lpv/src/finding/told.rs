@@ -52,6 +52,7 @@ pub(crate) fn explanations(findings: &[Finding]) -> Vec<String> {
             Finding::DeadTime { .. }
                 | Finding::Trend { .. }
                 | Finding::LevelDrifts { .. }
+                | Finding::LevelDiffers { .. }
                 | Finding::PeriodDrifts { .. }
                 | Finding::CommandSaturates { .. }
         )

@@ -299,6 +299,7 @@ pub(crate) fn validate_knowing(
         .collect::<Vec<_>>();
     let mut records = Vec::new();
     let mut runs = Vec::new();
+    let mut findings = examine_records(bundle, &transient);
     for (along, record) in checked.into_iter().zip(judged) {
         let along = along?;
         for note in along.notes {
@@ -306,6 +307,7 @@ pub(crate) fn validate_knowing(
                 notes.push(note);
             }
         }
+        findings.extend(along.findings);
         records.push(along.check);
         runs.push((record.clone(), along.open, along.closed));
     }
@@ -315,7 +317,6 @@ pub(crate) fn validate_knowing(
     let centre = machine.range().map_or_else(Vec::new, |r| r.centre());
     let stability = stability(&machine.at(&centre)?.poles()?, longest.unwrap_or(WITHOUT_RECORDS));
     let closed_loop = description.controller.is_some() || under_feedback(&runs);
-    let findings = examine_records(bundle, &transient);
     // An open loop says nothing of a machine with effects, which a diagnosis has held at its records.
     let is_observed = file.explanation.is_some() && description.controller.is_none();
     let verdict = match is_observed && !records.is_empty() {

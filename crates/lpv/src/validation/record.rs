@@ -3,10 +3,11 @@
 use super::check::{ErrorFigure, OutputCheck, RecordCheck};
 use super::disturbance::{errors_about, predictor};
 use super::machine::Machine;
-use super::simulate::{Frozen, Run, closed_loop, open_loop};
+use super::simulate::{Run, closed_loop, open_loop};
 use super::start::{at_rest, first_state};
 use super::{residual, rigid};
 use crate::PipelineError;
+use crate::finding::Finding;
 use crate::signal::{deviation, mean};
 use experiment_data::{Controller, Travel};
 use lpv_core::nalgebra::{DMatrix, DVector};
@@ -19,7 +20,10 @@ pub(super) fn is_refitted(explained: &Explained) -> bool {
 }
 
 /// A mean this many times the deviation is what the error consists of.
-const CONSTANT: f64 = 5.0;
+const CONSTANT: f64 = 3.0;
+
+/// A constant that counts, in parts of the motion.
+const OF_MOTION: f64 = 0.01;
 
 /// A one-step error this many times the closed-loop one comes from a prediction that does not hold on to the record.
 const LOST: f64 = 3.0;
@@ -29,6 +33,8 @@ pub(super) struct Along {
     pub(super) check: RecordCheck,
     pub(super) open: Run,
     pub(super) closed: Option<Run>,
+    /// Levels that differ.
+    pub(super) findings: Vec<Finding>,
     pub(super) notes: Vec<String>,
 }
 
@@ -144,18 +150,11 @@ impl Context<'_> {
                 record.name
             ));
         }
-        if self.machine.offsets().is_none() {
-            for (i, name) in record.outputs.names.iter().enumerate() {
-                let error = difference(closed.as_ref().map_or(&open.outputs, |run| &run.outputs), i);
-                if mean(&error).abs() > CONSTANT * deviation(&error) {
-                    notes.push(format!(
-                        "record {}: the error of {name} is a constant, {:.2e}; the model has no working point, so remove the constant from the signals or from the comparison",
-                        record.name,
-                        mean(&error)
-                    ));
-                }
-            }
-        }
+        let run = closed.as_ref().unwrap_or(&open);
+        let levels = record.outputs.names.iter().enumerate();
+        let findings = levels
+            .filter_map(|(i, name)| self.level(record, from, name, i, &difference(&run.outputs, i)))
+            .collect();
         let mut cross_correlation = Vec::new();
         for (residual, output) in residuals.iter().zip(&record.outputs.names) {
             for (u, input) in record.inputs.columns.iter().zip(&record.inputs.names) {
@@ -197,7 +196,25 @@ impl Context<'_> {
             check,
             open,
             closed,
+            findings,
             notes,
+        })
+    }
+
+    /// A level that no model of these records has: the error is a constant.
+    fn level(&self, record: &Record, from: usize, name: &str, i: usize, error: &[f64]) -> Option<Finding> {
+        let motion = deviation(&record.outputs.columns[i][from..]);
+        let noise = self.noise.map_or(0.0, |n| n[i]);
+        // Where the state of the start has decayed, which a wrong level bends.
+        let late = &error[error.len() / 2..];
+        let (level, left) = (mean(late), deviation(late));
+        let stands_out = level.abs() > CONSTANT * left && level.abs() > OF_MOTION * motion + CONSTANT * noise;
+        stands_out.then(|| Finding::LevelDiffers {
+            record: record.name.clone(),
+            column: name.to_owned(),
+            level,
+            percent: crate::signal::finite(100.0 * level.abs() / motion),
+            percent_left: crate::signal::finite(100.0 * left / motion),
         })
     }
 

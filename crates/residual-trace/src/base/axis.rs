@@ -52,7 +52,8 @@ impl Axis {
         }
     }
 
-    pub(crate) fn mass(&self) -> f64 {
+    /// Mass.
+    pub fn mass(&self) -> f64 {
         self.mass
     }
 

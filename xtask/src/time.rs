@@ -3,11 +3,10 @@
 use crate::TaskError;
 use crate::experiment::Bench;
 use crate::size::NOISE;
-use experiment_data::Controller;
 use lpv::PipelineError;
 use lpv::validation::{Frozen, Run, closed_loop, open_loop, rms_error};
 use lpv_core::nalgebra::DMatrix;
-use lpv_core::{Discrete, Lfr, Purpose, Record, StateSpace};
+use lpv_core::{Controller, Discrete, Lfr, Purpose, Record, StateSpace};
 use rayon::prelude::*;
 use serde::Serialize;
 use xytable_plant::{

@@ -1,7 +1,7 @@
 //! What an engineer writes down next to a measurement.
 
-use crate::{Controller, Geometry, Text};
-use lpv_core::{Purpose, RecordKind};
+use crate::Text;
+use lpv_core::{Controller, Geometry, Purpose, RecordKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -1,9 +1,12 @@
 //! Everything that can be told wrong from the description alone.
 
+mod of_loop;
+
 use crate::description::{ChannelGroup, Description, EntryKind, RecordEntry};
 use crate::key_path::KeyPath;
 use crate::nearest::nearest;
 use crate::{DescriptionError, RecordFormat, Text};
+use of_loop::{check_controller, check_geometry};
 use std::collections::HashMap;
 
 /// A problem and its key; the caller knows the file and finds the line.
@@ -60,10 +63,10 @@ pub(crate) fn check_head(d: &Description) -> Result<(), Fault> {
         }
     }
     if let Some(controller) = &d.controller {
-        controller.check(c.input.len(), c.output.len(), c.reference.len())?;
+        check_controller(controller, (c.input.len(), c.output.len(), c.reference.len()))?;
     }
     if let Some(geometry) = &d.geometry {
-        geometry.check(c.input.len(), c.output.len(), c.scheduling.len())?;
+        check_geometry(geometry, (c.input.len(), c.output.len(), c.scheduling.len()))?;
     }
     d.text.as_ref().map_or(Ok(()), check_text)
 }

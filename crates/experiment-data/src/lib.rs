@@ -57,11 +57,9 @@ mod bundle;
 mod checks;
 mod clipping;
 mod columns;
-mod controller;
 mod description;
 mod description_check;
 mod error;
-mod geometry;
 mod key_path;
 pub mod mat;
 mod memory;
@@ -80,10 +78,8 @@ pub use columns::{
     Column, ColumnInfo, Contents, PassedOver, RecordFormat, lines_of_rows, list_columns, look_into,
     read_columns, read_columns_as,
 };
-pub use controller::{Controller, ControllerState};
 pub use description::{ChannelGroup, Channels, Description, EntryKind, RecordEntry};
 pub use error::{DataError, DescriptionError, Place, RecordError, RecordPlace};
-pub use geometry::Geometry;
 pub use rest::{RestingPlace, Travel};
 pub use schema::schema;
 pub use text::{Decimal, Separator, Text};

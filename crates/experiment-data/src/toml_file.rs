@@ -8,7 +8,8 @@ use crate::description::{ChannelGroup, Channels, Description, RecordEntry};
 use crate::description_check::{Fault, check_entries, check_head, check_places, fault};
 use crate::key_path::{KeyPath, Step};
 use crate::nearest::nearest;
-use crate::{Controller, DataError, DescriptionError, Geometry, Place, Text};
+use crate::{DataError, DescriptionError, Place, Text};
+use lpv_core::{Controller, Geometry};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -128,6 +129,7 @@ pub(crate) struct DescriptionFile {
     controller: Option<ControllerFile>,
     /// What lies between the logged channels and the motors.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<GeometryTable>")]
     geometry: Option<Geometry>,
     /// How text files are laid out, as far as it is not found by looking. Format 2.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -156,6 +158,18 @@ struct ChannelsFile {
     /// Other measured signals.
     #[serde(default, skip_serializing_if = "ChannelGroup::is_empty")]
     auxiliary: ChannelGroup,
+}
+
+/// Motor forces from the inputs and motor coordinates from the outputs, rigid: `F = (T_0 + p T_1 + p^2 T_2) u`, `q = C y`; rows are
+/// motors.
+#[derive(JsonSchema)]
+#[schemars(rename = "Geometry", deny_unknown_fields)]
+#[allow(dead_code, reason = "the schema of lpv_core::Geometry, which serde reads")]
+struct GeometryTable {
+    /// `[T_0]`, `[T_0, T_1]` or `[T_0, T_1, T_2]`, each n_motors x n_u, rows first.
+    force_from_input: Vec<Vec<Vec<f64>>>,
+    /// C, n_motors x n_y, rows first.
+    motor_from_output: Vec<Vec<f64>>,
 }
 
 /// Digital controller, one loop an input: u = sat(B_r/A r - B_y/A y) + injection, coefficients of z^0, z^-1, ...

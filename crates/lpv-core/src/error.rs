@@ -14,6 +14,9 @@ pub enum CoreError {
         /// Column of the entry, from 0.
         column: usize,
     },
+    /// Coefficients that are no controller.
+    #[error(transparent)]
+    Controller(#[from] crate::ControllerFault),
     /// A dimension does not fit the others.
     #[error("{what}: expected {expected}, found {found}")]
     Dimension {

@@ -62,11 +62,13 @@
 
 mod clock;
 mod connect;
+mod controller;
 mod counted;
 mod discretise;
 mod error;
 mod frf;
 mod function;
+mod geometry;
 mod innovation;
 mod json;
 mod lfr;
@@ -87,10 +89,12 @@ mod spline;
 mod star;
 
 pub use clock::{Clock, Continuous, Discrete, same_clock};
+pub use controller::{Controller, ControllerFault, ControllerProblem, ControllerState};
 pub use counted::counted;
 pub use error::CoreError;
 pub use frf::{Frf, FrfEstimate};
 pub use function::{BasisKind, FunctionBasis, MatrixFunction, matern52};
+pub use geometry::Geometry;
 pub use innovation::InnovationModel;
 pub use json::{MODEL_VERSION, Model};
 pub use lfr::{DeltaBlock, Lfr, LfrBlocks, WellPosedness};

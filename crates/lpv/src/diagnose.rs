@@ -31,8 +31,9 @@ use crate::responses::{examine_records, load_records};
 use crate::summary::Summary;
 use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
 use base::Start;
-use experiment_data::{Bundle, ControllerState, Description};
+use experiment_data::{Bundle, Description};
 use figures::Along;
+use lpv_core::ControllerState;
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{
     Continuous, FrfEstimate, Model, Record, RigidBody, RigidBodyAxis, SchedulingRange, StateSpace,

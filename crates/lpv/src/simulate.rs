@@ -10,8 +10,8 @@ pub use machine_file::{MachineFile, MovesFile, MultisineFile, NoiseFile, Positio
 
 use crate::PipelineError;
 use crate::output::{Unfinished, place_all};
-use experiment_data::{BundleWriter, ChannelGroup, Controller, Description, Geometry, RecordFormat};
-use lpv_core::{Discrete, Purpose, Record, RecordKind, Signals};
+use experiment_data::{BundleWriter, ChannelGroup, Description, RecordFormat};
+use lpv_core::{Controller, Discrete, Geometry, Purpose, Record, RecordKind, Signals};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use xytable_plant::{

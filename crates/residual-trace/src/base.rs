@@ -247,7 +247,7 @@ impl Base {
 /// # Errors
 /// [`TraceError::NoBase`] where the geometry is that of neither kind.
 pub fn table_from_geometry(
-    geometry: &experiment_data::Geometry,
+    geometry: &lpv_core::Geometry,
     modes_hz: [f64; 2],
     damping: f64,
 ) -> Result<XyTable, TraceError> {

@@ -37,7 +37,4 @@ pub enum TraceError {
     /// Of lpv-core.
     #[error(transparent)]
     Core(#[from] lpv_core::CoreError),
-    /// Of the bundle.
-    #[error(transparent)]
-    Data(#[from] experiment_data::DataError),
 }

@@ -4,8 +4,7 @@ use crate::TraceError;
 use crate::base::Pair;
 use crate::fit::Explained;
 use crate::track::Track;
-use experiment_data::ControllerState;
-use lpv_core::{Continuous, Discrete, StateSpace};
+use lpv_core::{Continuous, ControllerState, Discrete, StateSpace};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 

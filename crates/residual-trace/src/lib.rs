@@ -48,8 +48,7 @@
 //! A mass that drags a Coulomb friction of 2 N, simulated by hand with many small steps, and an axis that knows nothing of it:
 //!
 //! ```
-//! use experiment_data::Controller;
-//! use lpv_core::{Purpose, Record, RecordKind, Signals};
+//! use lpv_core::{Controller, Purpose, Record, RecordKind, Signals};
 //! use residual_trace::{Axis, Base, Case, Track, Verdict, sensor_noise, trace};
 //!
 //! let controller = Controller {

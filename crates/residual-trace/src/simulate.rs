@@ -6,8 +6,8 @@ use crate::base::{Base, Body, Forces, MOST_STATES, Motion, Pair};
 use crate::effect::{Block, Moment};
 use crate::fit::Explained;
 use crate::track::Track;
-use experiment_data::ControllerState;
 use late::{Lag, delayed};
+use lpv_core::ControllerState;
 
 /// Response of a closed loop to the references of a record.
 #[derive(Debug, Clone, PartialEq)]

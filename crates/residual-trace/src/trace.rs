@@ -17,7 +17,7 @@ use crate::whiten::{SHORT, Whitening};
 pub use account::{Added, Judged, Trace, Tried, Verdict};
 use bench::Bench;
 use chosen::Chosen;
-use experiment_data::ControllerState;
+use lpv_core::ControllerState;
 use noise::loop_noise;
 pub use noise::sensor_noise;
 use select::select;

@@ -2,8 +2,7 @@
 
 use crate::TraceError;
 use crate::base::{Pair, Start};
-use experiment_data::ControllerState;
-use lpv_core::Record;
+use lpv_core::{ControllerState, Record};
 use nalgebra::{DMatrix, DVector};
 
 /// One record: signals by sample, and the scheduling between the samples.

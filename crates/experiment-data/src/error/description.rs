@@ -148,16 +148,9 @@ pub enum DescriptionError {
         /// Index of its first listing.
         first: usize,
     },
-    /// Coefficients for another number of loops.
-    #[error(
-        "a list of {found} polynomials for {expected} inputs; give one polynomial for all loops, or one a loop"
-    )]
-    Loops {
-        /// Number of inputs.
-        expected: usize,
-        /// Lists given.
-        found: usize,
-    },
+    /// Coefficients that are no controller.
+    #[error(transparent)]
+    Controller(#[from] lpv_core::ControllerProblem),
     /// More coefficients than any controller has.
     #[error(
         "a polynomial of {coefficients} coefficients for each of {loops} loops; a controller has at most {most} in all"
@@ -169,20 +162,6 @@ pub enum DescriptionError {
         loops: usize,
         /// Most coefficients of all loops.
         most: usize,
-    },
-    /// A polynomial without coefficients.
-    #[error("an empty polynomial; give at least one coefficient")]
-    EmptyPolynomial,
-    /// A denominator that starts with zero.
-    #[error(
-        "the first coefficient of the denominator is zero, so the controller is not causal; leave leading zeros out"
-    )]
-    NotCausal,
-    /// A saturation that is no positive number.
-    #[error("limit {value}; it must be finite and above zero")]
-    Limit {
-        /// What the file says.
-        value: f64,
     },
     /// Loops without signals to close them.
     #[error("{loops} loops (one an input) need as many {signal}s; the bundle has {found}")]

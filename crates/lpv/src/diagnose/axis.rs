@@ -2,8 +2,7 @@
 
 use crate::PipelineError;
 use crate::validation::{AxisCheck, check_axis};
-use experiment_data::ControllerState;
-use lpv_core::{Discrete, Record};
+use lpv_core::{ControllerState, Discrete, Record};
 use residual_trace::{Base, Explained, Motion, Trace, Track};
 use serde::{Deserialize, Serialize};
 

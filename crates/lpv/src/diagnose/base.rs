@@ -251,7 +251,7 @@ pub(super) fn lpv(model: &Model, bundle: &Bundle) -> Result<Lpv, PipelineError> 
 /// The xy-table, and its responses.
 pub(crate) fn table(
     bundle: &Bundle,
-    geometry: &experiment_data::Geometry,
+    geometry: &lpv_core::Geometry,
     clock: Discrete,
     reasons: &mut Vec<String>,
     progress: Progress<'_>,

@@ -2,8 +2,8 @@
 
 use crate::PipelineError;
 use crate::progress::{Counter, Progress};
-use experiment_data::{Bundle, ControllerState, DataError};
-use lpv_core::Record;
+use experiment_data::{Bundle, DataError};
+use lpv_core::{ControllerState, Record};
 use rayon::prelude::*;
 use residual_trace::{Explained, Track};
 use std::f64::consts::FRAC_1_SQRT_2;

@@ -7,9 +7,8 @@
 
 use crate::PipelineError;
 use crate::signal::mean;
-use experiment_data::{Controller, ControllerState};
 use lpv_core::nalgebra::{DMatrix, DVector};
-use lpv_core::{Discrete, Record};
+use lpv_core::{Controller, ControllerState, Discrete, Record};
 use residual_trace::{Base, Explained, Track};
 use std::f64::consts::{PI, TAU};
 

@@ -1,8 +1,7 @@
 //! Which records are fitted and which judge, and whether the controller is that of the records.
 
 use crate::PipelineError;
-use experiment_data::ControllerState;
-use lpv_core::{Purpose, Record};
+use lpv_core::{ControllerState, Purpose, Record};
 use residual_trace::Track;
 
 /// Words on the record whose inputs the controller gives worst, if that is bad.

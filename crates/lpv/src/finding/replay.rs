@@ -1,8 +1,7 @@
 //! Does the controller of the description give the inputs that were logged? One filter run over references and outputs tells.
 
-use experiment_data::Controller;
-use lpv_core::Record;
 use lpv_core::nalgebra::{DMatrix, DVector};
+use lpv_core::{Controller, Record};
 
 /// Samples that are replayed.
 const SAMPLES: usize = 20_000;

@@ -9,8 +9,8 @@ use super::periods::Periods;
 use super::replay::mismatches;
 use super::wrap::wrap;
 use super::{Finding, Paths};
-use experiment_data::{Bundle, Controller};
-use lpv_core::{Purpose, Record, RecordKind, Signals};
+use experiment_data::Bundle;
+use lpv_core::{Controller, Purpose, Record, RecordKind, Signals};
 use std::collections::BTreeSet;
 
 /// Samples of a record that are looked at for patterns within it.

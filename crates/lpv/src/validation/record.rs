@@ -9,9 +9,9 @@ use super::{residual, rigid};
 use crate::PipelineError;
 use crate::finding::Finding;
 use crate::signal::{deviation, mean};
-use experiment_data::{Controller, Travel};
+use experiment_data::Travel;
 use lpv_core::nalgebra::{DMatrix, DVector};
-use lpv_core::{Purpose, Record};
+use lpv_core::{Controller, Purpose, Record};
 use residual_trace::{Base, Explained, Response, Track};
 
 /// Whether the linear model alone is not what was explained: there are effects, or gains of an identified base.

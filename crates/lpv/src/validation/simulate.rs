@@ -1,9 +1,8 @@
 //! Models that run along a record.
 
 use crate::PipelineError;
-use experiment_data::Controller;
 use lpv_core::nalgebra::{DMatrix, DVector};
-use lpv_core::{Discrete, Record, SchedulingNodes, StateSpace};
+use lpv_core::{Controller, Discrete, Record, SchedulingNodes, StateSpace};
 
 /// A model that can be frozen at any p: what the simulations need.
 pub trait Frozen {

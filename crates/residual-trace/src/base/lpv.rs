@@ -4,10 +4,9 @@ mod grid;
 
 use super::{BaseParameter, Body, Forces, Motion, Pair, Start};
 use crate::TraceError;
-use experiment_data::Geometry;
 use grid::{Grid, ROOM, times};
 use lpv_core::linalg::eigenvalues;
-use lpv_core::{Continuous, CoreError, Discrete, StateSpace};
+use lpv_core::{Continuous, CoreError, Discrete, Geometry, StateSpace};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
@@ -264,8 +263,7 @@ mod tests {
     use super::{Forces, Lpv};
     use crate::base::{Base, Body, Start, table_from_geometry};
     use crate::{Explained, Track};
-    use experiment_data::{Controller, Geometry};
-    use lpv_core::{Continuous, Purpose, Record, RecordKind, Signals, StateSpace};
+    use lpv_core::{Continuous, Controller, Geometry, Purpose, Record, RecordKind, Signals, StateSpace};
     use nalgebra::DMatrix;
 
     fn geometry() -> Geometry {

@@ -2,8 +2,7 @@
 
 use crate::base::{Base, Pair};
 use crate::whiten::Whitening;
-use experiment_data::ControllerState;
-use lpv_core::{Discrete, StateSpace};
+use lpv_core::{ControllerState, Discrete, StateSpace};
 use nalgebra::DVector;
 use num_complex::Complex64 as C64;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
@@ -229,7 +228,7 @@ mod tests {
     use super::{Place, Pulses};
     use crate::whiten::Whitening;
     use crate::{Axis, Base, Pair};
-    use experiment_data::Controller;
+    use lpv_core::Controller;
 
     /// A signal leaves what the loop does to it sample by sample; and the saturation of the controller has no part in it.
     #[test]

@@ -3,8 +3,7 @@
 use super::Pair;
 use super::late::{Lag, delayed};
 use crate::{Axis, Base, Explained, Track};
-use experiment_data::Controller;
-use lpv_core::{Purpose, Record, RecordKind, Signals};
+use lpv_core::{Controller, Purpose, Record, RecordKind, Signals};
 
 /// The second part of a record, which begins in motion, is the second part of its simulation.
 #[test]

@@ -7,7 +7,7 @@ use crate::fit::Explained;
 use crate::simulate::simulate_in;
 use crate::track::Track;
 use crate::whiten::{SHORT, Whitening};
-use experiment_data::ControllerState;
+use lpv_core::ControllerState;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;

@@ -1,8 +1,7 @@
 //! An axis that is simulated by hand: two effects of which the larger hides what the other is, and motion so damped that few
 //! parts of a sample do not integrate it.
 
-use experiment_data::Controller;
-use lpv_core::{Purpose, Record, RecordKind, Signals};
+use lpv_core::{Controller, Purpose, Record, RecordKind, Signals};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};

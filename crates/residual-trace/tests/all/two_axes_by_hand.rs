@@ -1,8 +1,7 @@
 //! Two axes with motors and sensors of their own, simulated by hand, the second with something wrong with it: an effect is found
 //! where it is.
 
-use experiment_data::Controller;
-use lpv_core::{Continuous, Purpose, Record, RecordKind, Signals, StateSpace};
+use lpv_core::{Continuous, Controller, Purpose, Record, RecordKind, Signals, StateSpace};
 use nalgebra::{DMatrix, dmatrix};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

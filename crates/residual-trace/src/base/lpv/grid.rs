@@ -2,8 +2,7 @@
 
 use crate::TraceError;
 use crate::base::{Forces, Pair};
-use experiment_data::Geometry;
-use lpv_core::{Continuous, CoreError, StateSpace};
+use lpv_core::{Continuous, CoreError, Geometry, StateSpace};
 
 /// A model at equally spaced p, between which cubics lead.
 #[derive(Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! A controller while it runs.
 
-use lpv_core::nalgebra::{DMatrix, DVector};
-use lpv_core::{Record, Signals};
+use crate::{Record, Signals};
+use nalgebra::{DMatrix, DVector};
 
 /// Samples by which a state at the start is told: so many a delay, and so many more.
 const SAMPLES: usize = 4;

@@ -2,15 +2,12 @@
 
 mod state;
 
-use crate::description_check::{Fault, fault};
-use crate::key_path::KeyPath;
-use crate::{DataError, DescriptionError, Place};
-use lpv_core::nalgebra::DMatrix;
-use lpv_core::{Discrete, StateSpace};
+use crate::{CoreError, Discrete, StateSpace};
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 pub use state::ControllerState;
 use state::Loop;
-use std::path::PathBuf;
+use std::fmt;
 
 /// Decentralised discrete-time controller, one loop an input:
 /// `u_i = sat(B_r,i / A_i r_i - B_y,i / A_i y_i)`, coefficients of `z^0, z^-1, ...`.
@@ -39,7 +36,7 @@ impl Controller {
     ///
     /// # Errors
     /// As [`Controller::start`].
-    pub fn feedback(&self, clock: Discrete) -> Result<StateSpace<Discrete>, DataError> {
+    pub fn feedback(&self, clock: Discrete) -> Result<StateSpace<Discrete>, CoreError> {
         self.start()?;
         let mut all: Option<StateSpace<Discrete>> = None;
         for (b, a) in self.feedback_numerator.iter().zip(&self.denominator) {
@@ -73,18 +70,10 @@ impl Controller {
     /// A controller at rest.
     ///
     /// # Errors
-    /// [`DataError::Description`] if the polynomials are empty, not finite, not causal or not one a loop.
-    pub fn start(&self) -> Result<ControllerState, DataError> {
+    /// [`CoreError::Controller`] if the polynomials are empty, not finite, not causal or not one a loop.
+    pub fn start(&self) -> Result<ControllerState, CoreError> {
         let loops = self.loops();
-        self.check(loops, loops, loops)
-            .map_err(|f| DataError::Description {
-                place: Box::new(Place {
-                    file: PathBuf::new(),
-                    position: None,
-                    key: f.path.to_string(),
-                }),
-                problem: Box::new(f.problem),
-            })?;
+        self.check(loops)?;
         let loops = (0..loops)
             .map(|i| {
                 Loop::new(
@@ -100,62 +89,113 @@ impl Controller {
         })
     }
 
-    pub(crate) fn check(&self, inputs: usize, outputs: usize, references: usize) -> Result<(), Fault> {
-        let root = KeyPath::key("controller");
+    /// Checks that there is one polynomial a loop, as many as inputs, each finite, and each denominator causal.
+    ///
+    /// # Errors
+    /// [`ControllerFault`].
+    pub fn check(&self, inputs: usize) -> Result<(), ControllerFault> {
         let lists = [
             ("reference_numerator", &self.reference_numerator),
             ("feedback_numerator", &self.feedback_numerator),
             ("denominator", &self.denominator),
         ];
         for (key, polynomials) in lists {
-            let path = root.then(key);
+            let fault = |at: &[usize], problem| {
+                Err(ControllerFault {
+                    key,
+                    at: at.to_vec(),
+                    problem,
+                })
+            };
             if polynomials.is_empty() || polynomials.len() != inputs {
-                let problem = DescriptionError::Loops {
-                    expected: inputs,
-                    found: polynomials.len(),
-                };
-                return Err(fault(path, problem));
+                let (expected, found) = (inputs, polynomials.len());
+                return fault(&[], ControllerProblem::Loops { expected, found });
             }
             for (i, polynomial) in polynomials.iter().enumerate() {
                 if polynomial.is_empty() {
-                    return Err(fault(path.at(i), DescriptionError::EmptyPolynomial));
+                    return fault(&[i], ControllerProblem::EmptyPolynomial);
                 }
                 if let Some(k) = polynomial.iter().position(|c| !c.is_finite()) {
-                    let problem = DescriptionError::NotFinite { value: polynomial[k] };
-                    return Err(fault(path.at(i).at(k), problem));
+                    let value = polynomial[k];
+                    return fault(&[i, k], ControllerProblem::NotFinite { value });
                 }
                 // Dividing by a subnormal first coefficient would overflow, which is no controller either.
                 if key == "denominator" && !polynomial[0].is_normal() {
-                    return Err(fault(path.at(i).at(0), DescriptionError::NotCausal));
+                    return fault(&[i, 0], ControllerProblem::NotCausal);
                 }
             }
         }
-        if let Some(value) = self.limit
-            && !(value.is_finite() && value > 0.0)
-        {
-            return Err(fault(root.then("limit"), DescriptionError::Limit { value }));
+        match self.limit {
+            Some(value) if !(value.is_finite() && value > 0.0) => Err(ControllerFault {
+                key: "limit",
+                at: Vec::new(),
+                problem: ControllerProblem::Limit { value },
+            }),
+            _ => Ok(()),
         }
-        // A regulator without setpoints has no reference at all: r = 0.
-        for (signal, found, absent_is_fine) in [("output", outputs, false), ("reference", references, true)] {
-            if found < inputs && !(absent_is_fine && found == 0) {
-                return Err(fault(
-                    root,
-                    DescriptionError::LoopSignals {
-                        loops: inputs,
-                        signal,
-                        found,
-                    },
-                ));
-            }
-        }
-        Ok(())
     }
+}
+
+/// What makes coefficients no controller, and which.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ControllerFault {
+    /// The field.
+    pub key: &'static str,
+    /// The loop, then the coefficient, where it is one of them; both from 0.
+    pub at: Vec<usize>,
+    /// The problem.
+    pub problem: ControllerProblem,
+}
+
+impl std::error::Error for ControllerFault {}
+
+impl fmt::Display for ControllerFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "controller.{}", self.key)?;
+        self.at.iter().try_for_each(|k| write!(f, "[{k}]"))?;
+        write!(f, ": {}", self.problem)
+    }
+}
+
+/// What can be wrong with the coefficients of a controller.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ControllerProblem {
+    /// Coefficients for another number of loops.
+    #[error(
+        "a list of {found} polynomials for {expected} inputs; give one polynomial for all loops, or one a loop"
+    )]
+    Loops {
+        /// Number of inputs.
+        expected: usize,
+        /// Lists given.
+        found: usize,
+    },
+    /// A polynomial without coefficients.
+    #[error("an empty polynomial; give at least one coefficient")]
+    EmptyPolynomial,
+    /// A coefficient that is NaN or infinite.
+    #[error("{value} is not a finite number")]
+    NotFinite {
+        /// The coefficient.
+        value: f64,
+    },
+    /// A denominator that starts with zero.
+    #[error(
+        "the first coefficient of the denominator is zero, so the controller is not causal; leave leading zeros out"
+    )]
+    NotCausal,
+    /// A saturation that is no positive number.
+    #[error("limit {value}; it must be finite and above zero")]
+    Limit {
+        /// The limit.
+        value: f64,
+    },
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lpv_core::{Record, Signals};
+    use crate::{Record, Signals};
     use proptest::prelude::*;
 
     fn one(b_r: &[f64], b_y: &[f64], a: &[f64], limit: Option<f64>) -> Controller {
@@ -174,7 +214,7 @@ mod tests {
         let clock = Discrete::new(0.1).unwrap();
         let feedback = controller.feedback(clock).unwrap();
         let e = DMatrix::from_fn(1, 30, |_, k| ((3 * k) as f64).sin());
-        let rest = lpv_core::nalgebra::DVector::zeros(feedback.states());
+        let rest = nalgebra::DVector::zeros(feedback.states());
         let run = feedback.simulate(&rest, &e).unwrap().outputs;
         let mut state = controller.start().unwrap();
         for k in 0..30 {
@@ -239,8 +279,8 @@ mod tests {
             let none = || Signals::new(&[], vec![]);
             Record {
                 name: "cut".to_owned(),
-                kind: lpv_core::RecordKind::Transient,
-                purpose: lpv_core::Purpose::Estimation,
+                kind: crate::RecordKind::Transient,
+                purpose: crate::Purpose::Estimation,
                 position: None,
                 outputs: signal(&y),
                 inputs: signal(&u),

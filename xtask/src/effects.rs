@@ -5,9 +5,9 @@ use experiment_data::{Bundle, RecordFormat};
 use lpv::diagnose::{Diagnosed, diagnose};
 use lpv::silent;
 use lpv::simulate::{MachineFile, simulate};
+use lpv_diagnose::catalogue::KINDS;
+use lpv_diagnose::effect::{Effect, Family};
 use lpv_report::Figure;
-use residual_trace::catalogue::KINDS;
-use residual_trace::effect::{Effect, Family};
 use std::fmt::Write as _;
 use std::path::Path;
 use xytable_plant::HiddenEffect;
@@ -24,7 +24,7 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
     std::fs::create_dir_all(&pictures)?;
     let mut page = String::from(
         "# The effects that `lpv diagnose` knows\n\n\
-         Made by `cargo xtask effects --bless`. One file of `crates/residual-trace/src/catalogue` an effect: its parameters, from where it \
+         Made by `cargo xtask effects --bless`. One file of `crates/lpv-diagnose/src/catalogue` an effect: its parameters, from where it \
          is tried, and its block in the simulation. The pictures come from the default machine of `lpv simulate` with the effect \
          hidden in it (`--hide NAME`), as `lpv diagnose` found it. `u`, `y` and `s` stand for the units of the input and of \
          the output of its channel and of time. Errors of sensors are tried at each output. What acts on commands, motors or guides acts \

@@ -3,10 +3,9 @@
 use crate::TaskError;
 use crate::experiment::Bench;
 use crate::size::NOISE;
-use lpv::PipelineError;
-use lpv::validation::{Frozen, Run, closed_loop, open_loop, rms_error};
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{Controller, Discrete, Lfr, Purpose, Record, StateSpace};
+use lpv_simulate::{Frozen, Run, SimulateError, closed_loop, open_loop, rms_error};
 use rayon::prelude::*;
 use serde::Serialize;
 use xytable_plant::{
@@ -61,8 +60,8 @@ const SAMPLES: usize = 4000;
 struct SampledPlant<'a>(&'a Machine, Discrete);
 
 impl Frozen for SampledPlant<'_> {
-    fn at(&self, p: &[f64]) -> Result<StateSpace<Discrete>, PipelineError> {
-        let refused = PipelineError::Structure {
+    fn at(&self, p: &[f64]) -> Result<StateSpace<Discrete>, SimulateError> {
+        let refused = SimulateError::Structure {
             problem: "the scheduling record leaves the stroke of the machine",
         };
         self.0
@@ -76,7 +75,7 @@ pub(crate) fn validate(bench: &Bench, lfr: &Lfr<Discrete>) -> Result<TimeStage, 
     let (sweep, still) = rayon::join(|| moving_record(bench), || still_record(bench));
     let ((sweep, integration_error), still) = (sweep?, still?);
     let plant = SampledPlant(&bench.machine, bench.clock);
-    let runs: [&(dyn Fn() -> Result<Run, PipelineError> + Sync); 5] = [
+    let runs: [&(dyn Fn() -> Result<Run, SimulateError> + Sync); 5] = [
         &|| open_loop(lfr, &sweep, None),
         &|| closed_loop(lfr, &controller, &sweep, None),
         &|| closed_loop(lfr, &controller, &still, None),

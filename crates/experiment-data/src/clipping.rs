@@ -129,30 +129,40 @@ pub(crate) fn transient(x: &[f64]) -> Option<Clipped> {
     let moving = steps().count();
     let rms = (steps().map(|d| d * d).sum::<f64>() / moving as f64).sqrt();
     let steep = |d: f64| d.abs() > SLOPE * rms && d.abs() > 3.0 * converter_step;
-    [1.0, -1.0].into_iter().find_map(|sign| {
-        let top = x.iter().map(|v| sign * v).fold(f64::NEG_INFINITY, f64::max);
-        let (mut samples, mut k) = (0, 0);
-        while k < x.len() {
-            let start = k;
-            while k < x.len() && sign * x[k] == top {
-                k += 1;
-            }
-            // One step further out than the edge, too, because the plateau has cut the step at the edge.
-            if k >= start + 3 && start >= 2 && k + 1 < x.len() {
-                let entered = steep(x[start] - x[start - 1]) || steep(x[start - 1] - x[start - 2]);
-                let left = steep(x[k] - x[k - 1]) || steep(x[k + 1] - x[k]);
-                if entered && left {
-                    samples += k - start;
-                }
-            }
+    let [low, high] = x.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| {
+        [l.min(*v), h.max(*v)]
+    });
+    // Plateaus below, above and in between: how many, and how many samples they have.
+    let mut plateaus = [(0, 0); 3];
+    let mut k = 0;
+    while k < x.len() {
+        let start = k;
+        while k < x.len() && x[k] == x[start] {
             k += 1;
         }
-        let clipped = samples >= 5 && samples as f64 > SHARE * x.len() as f64;
-        clipped.then_some(Clipped {
-            extreme: sign * top,
-            samples,
+        if k >= start + 3 && start >= 2 && k + 1 < x.len() {
+            // One step further out than the edge, too, because the plateau has cut the step at the edge.
+            let entered = steep(x[start] - x[start - 1]) || steep(x[start - 1] - x[start - 2]);
+            let left = steep(x[k] - x[k - 1]) || steep(x[k + 1] - x[k]);
+            if entered && left {
+                let which = if x[start] == low {
+                    0
+                } else {
+                    1 + usize::from(x[start] != high)
+                };
+                plateaus[which].0 += 1;
+                plateaus[which].1 += k - start;
+            }
+        }
+    }
+    // A signal that also stays at other values on the way is coarse, or rests.
+    let elsewhere = plateaus[2].0;
+    [(high, plateaus[1]), (low, plateaus[0])]
+        .into_iter()
+        .find(|(_, (count, samples))| {
+            *count > elsewhere && *samples >= 5 && *samples as f64 > SHARE * x.len() as f64
         })
-    })
+        .map(|(extreme, (_, samples))| Clipped { extreme, samples })
 }
 
 /// Whether the signal jumps from level to level: most of its samples repeat the one before, and it moves at least now and

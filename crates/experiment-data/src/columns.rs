@@ -6,11 +6,11 @@ pub(crate) mod number;
 #[cfg_attr(not(feature = "parquet"), path = "columns/no_parquet.rs")]
 mod parquet;
 
-use crate::nearest::nearest;
 use crate::text::Text;
 use crate::{DescriptionError, RecordError, mat};
 use std::path::Path;
 
+use crate::contents::{Column, ColumnInfo, Contents, SUPPORTED};
 pub use csv::lines_of_rows;
 pub(crate) use csv::write as write_csv;
 pub(crate) use npz::write as write_npz;
@@ -18,13 +18,6 @@ pub(crate) use parquet::write as write_parquet;
 
 /// Takes the columns of a block of rows.
 pub(crate) type Sink<'a> = &'a mut dyn FnMut(Vec<Vec<f64>>);
-
-/// The endings that can be read.
-pub(crate) const SUPPORTED: &str = if cfg!(feature = "parquet") {
-    ".npz, .csv, .parquet, .mat (v5 and v7.3), text tables (.txt, .dat, .log, .asc, .tsv)"
-} else {
-    ".npz, .csv, .mat (v5 and v7.3), text tables (.txt, .dat, .log, .asc, .tsv), and .parquet in a build with the feature `parquet`"
-};
 
 /// Text tables besides `.csv`.
 const TEXT_ENDINGS: [&str; 5] = [".txt", ".dat", ".log", ".asc", ".tsv"];
@@ -78,56 +71,6 @@ impl RecordFormat {
                 supported: SUPPORTED,
             })
     }
-}
-
-/// A column of a record file.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ColumnInfo {
-    /// Its name, as `columns` of a bundle's description would have it.
-    pub name: String,
-    /// Number of samples.
-    pub rows: u64,
-}
-
-/// A column of a file that no description names yet.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Column {
-    /// Its name.
-    pub name: String,
-    /// Number of samples.
-    pub rows: u64,
-    /// Its unit where the file has one apart from the name, or nothing.
-    pub unit: String,
-    /// Where the file has it, as `columns` of a record has it, if not by its name.
-    pub source: Option<String>,
-    /// Whether its cells are dates or times of day, which are read as seconds.
-    pub is_stamp: bool,
-}
-
-/// Something in a file that is no column of a record.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct PassedOver {
-    /// Its name.
-    pub name: String,
-    /// What it is: class and size.
-    pub what: String,
-    /// How to use it all the same, or nothing.
-    pub remedy: String,
-}
-
-/// Everything that a record file holds.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Contents {
-    /// Every vector of real numbers.
-    pub columns: Vec<Column>,
-    /// Whatever else is in it.
-    pub passed_over: Vec<PassedOver>,
-    /// Whether it is a text table.
-    pub is_text: bool,
-    /// What `[text]` of a description has to say about it; none where nothing need be said.
-    pub text: Option<Text>,
-    /// The fields of the lines above the names of a text table.
-    pub notes: Vec<Vec<String>>,
 }
 
 /// The columns that a record file offers, in the order of the file: every vector of real numbers.
@@ -232,29 +175,4 @@ fn format(path: &Path) -> Result<RecordFormat, RecordError> {
 
 fn is_csv(path: &Path) -> bool {
     RecordFormat::of(&path.to_string_lossy()) == Ok(RecordFormat::Csv)
-}
-
-/// The error of a column that is not among the names present.
-pub(crate) fn missing(column: &str, present: &[String]) -> RecordError {
-    RecordError::ColumnMissing {
-        column: column.to_owned(),
-        nearest: nearest(column, present),
-        present: present.len(),
-    }
-}
-
-/// The length of a row or column vector; anything that is wider in two directions is none.
-pub(crate) fn vector_length(column: &str, shape: &[u64]) -> Result<u64, RecordError> {
-    let long = shape.iter().filter(|n| **n != 1).count();
-    if shape.is_empty() || (long > 1 && !shape.contains(&0)) {
-        return Err(RecordError::NotAVector {
-            column: column.to_owned(),
-            shape: shape.to_vec(),
-        });
-    }
-    if shape.contains(&0) {
-        Ok(0)
-    } else {
-        Ok(shape.iter().copied().find(|n| *n != 1).unwrap_or(1))
-    }
 }

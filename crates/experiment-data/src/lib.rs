@@ -57,6 +57,7 @@ mod bundle;
 mod checks;
 mod clipping;
 mod columns;
+mod contents;
 mod description;
 mod description_check;
 mod error;
@@ -67,6 +68,7 @@ mod nearest;
 mod paths;
 mod rest;
 mod schema;
+mod size;
 mod source;
 mod stage;
 mod text;
@@ -74,12 +76,11 @@ mod toml_file;
 mod writer;
 
 pub use bundle::Bundle;
-pub use columns::{
-    Column, ColumnInfo, Contents, PassedOver, RecordFormat, lines_of_rows, list_columns, look_into,
-    read_columns, read_columns_as,
-};
+pub use columns::{RecordFormat, lines_of_rows, list_columns, look_into, read_columns, read_columns_as};
+pub use contents::{Column, ColumnInfo, Contents, PassedOver};
 pub use description::{ChannelGroup, Channels, Description, EntryKind, RecordEntry};
 pub use error::{DataError, DescriptionError, Place, RecordError, RecordPlace};
+pub use lpv_core;
 pub use rest::{RestingPlace, Travel};
 pub use schema::schema;
 pub use text::{Decimal, Separator, Text};

@@ -11,11 +11,12 @@ mod catalog;
 mod element;
 mod level5;
 mod value;
+#[cfg_attr(not(feature = "hdf5"), path = "mat/no_hdf5.rs")]
 mod version73;
 mod writer;
 
 use crate::RecordError;
-use crate::columns::{ColumnInfo, Contents};
+use crate::contents::{ColumnInfo, Contents};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;

@@ -1,9 +1,9 @@
 //! Fast method: what appears at lines where nothing was put in.
 
+use crate::averages::Averages;
 use crate::gain::residual_covariance;
 use crate::lanes::ComplexLanes;
 use crate::lines::LineScratch;
-use crate::periodic::Averages;
 use lpv_core::Frf;
 use pulp::Scalar;
 

@@ -39,7 +39,7 @@
 //!
 //! ```
 //! use frf_estimation::{Layout, PeriodicAccumulator, PeriodicSettings, SkipRule, confidence_radius};
-//! use lpv_core::PeriodBlock;
+//! use frf_estimation::lpv_core::PeriodBlock;
 //!
 //! let settings = PeriodicSettings::default().skip(SkipRule::Fixed(1)).check()?;
 //! let layout = Layout { period: 32, outputs: 1, inputs: 1, references: 0, experiments: 1, sample_rate_hz: 1.0 };
@@ -60,6 +60,7 @@
 //! ```
 
 mod accumulator;
+mod averages;
 mod coherence;
 mod confidence;
 mod detection;
@@ -82,7 +83,8 @@ mod settings;
 mod spectra;
 mod waiting;
 
-pub use accumulator::{Layout, PeriodicAccumulator};
+pub use accumulator::PeriodicAccumulator;
+pub use averages::Layout;
 pub use coherence::{Coherence, multiple_coherence};
 pub use confidence::{confidence_radius, f_quantile_2};
 pub use detection::DetectionLines;
@@ -91,6 +93,7 @@ pub use local::{
     CheckedLocalSettings, HalfWidth, LocalEstimate, LocalLines, LocalSettings, Regressor, local_polynomial,
     local_rational,
 };
+pub use lpv_core;
 pub use periodic::{Condition, Distortion, NoiseFloor, PeriodicEstimate};
 pub use realisations::RealisationDistortion;
 pub use records::{Settling, estimate_records};

@@ -1,9 +1,9 @@
 //! The estimate line by line, as many lines at a time as a register has lanes.
 
-use crate::accumulator::Layout;
+use crate::averages::Averages;
+use crate::averages::Layout;
 use crate::gain::{GainKernel, residual_covariance, response};
 use crate::lanes::{ComplexLanes, Lanes, WIDEST, write_lines};
-use crate::periodic::Averages;
 use crate::realisations::Residuals;
 use crate::{FrfError, Instrument};
 use num_complex::Complex;

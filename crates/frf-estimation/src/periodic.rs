@@ -1,12 +1,11 @@
 //! From averaged spectra to the FRF, its covariance and the account.
 
-use crate::accumulator::{Experiment, Layout};
+use crate::averages::{Averages, Layout};
 use crate::detection::{self, DetectionLines};
 use crate::lines::{EachLine, LineEstimates};
-use crate::moments::{Order, Scatter};
 use crate::realisations::{self, RealisationDistortion};
 use crate::selection;
-use crate::{CovarianceSource, FrfError, Instrument, PeriodicSettings};
+use crate::{CovarianceSource, FrfError, Instrument};
 use lpv_core::{Frf, FrfEstimate};
 
 /// The FRF at one position with everything that tells how far to trust it. "By line" means by estimated line, in the
@@ -72,22 +71,6 @@ pub struct Distortion {
     pub realisations: Option<RealisationDistortion>,
     /// Fast method: levels at detection lines between the excited ones.
     pub detection: Option<DetectionLines>,
-}
-
-/// Averages of all experiments at one position.
-pub(crate) struct Averages<'a> {
-    pub(crate) layout: Layout,
-    pub(crate) settings: &'a PeriodicSettings,
-    pub(crate) position: Option<f64>,
-    pub(crate) skipped: usize,
-    /// Lines 1 to this are kept.
-    pub(crate) lines: usize,
-    pub(crate) transforms: usize,
-    /// Where the lines are kept.
-    pub(crate) order: Order,
-    /// Of outputs and inputs, over all experiments.
-    pub(crate) scatter: &'a Scatter,
-    pub(crate) experiments: &'a [Experiment],
 }
 
 impl Averages<'_> {

@@ -1,6 +1,6 @@
 //! Which lines carry excitation.
 
-use crate::periodic::Averages;
+use crate::averages::Averages;
 use crate::settings::check_lines;
 use crate::{FrfError, Instrument, LineSelection};
 

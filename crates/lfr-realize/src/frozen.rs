@@ -1,6 +1,6 @@
 //! The frozen system of an LFR, and how it moves with the entries of M.
 
-use crate::candidate::Shape;
+use crate::shape::Shape;
 use nalgebra::DMatrix;
 
 /// `S = [A B; C D](p)` with the factors of its derivative, `dS = left dM right`.

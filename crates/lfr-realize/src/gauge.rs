@@ -1,8 +1,9 @@
 //! Changes of coordinates: directions of M along which no frozen response moves.
 
 use crate::RealizeError;
-use crate::candidate::{Channel, Shape};
-use crate::dense::right_singular;
+use crate::candidate::Channel;
+use crate::shape::Shape;
+use lpv_numerics::dense::right_singular;
 use nalgebra::{DMatrix, DVector};
 
 /// Combinations of generators that move fixed entries by less than this part of what each moves alone are admitted.

@@ -52,8 +52,8 @@
 //!
 //! # Examples
 //! ```
-//! use lpv_core::nalgebra::{DMatrix, dmatrix};
-//! use lpv_core::{Discrete, MatrixFunction, SchedulingRange, SeriesExpansion, StateSpace};
+//! use lfr_realize::lpv_core::nalgebra::{DMatrix, dmatrix};
+//! use lfr_realize::lpv_core::{Discrete, MatrixFunction, SchedulingRange, SeriesExpansion, StateSpace};
 //!
 //! // y = (1 + p + p^2) q^-1 u on p in [-1, 1]: one state, two deltas.
 //! let clock = Discrete::new(1.0)?;
@@ -71,8 +71,8 @@
 //! A mass on a spring whose stiffness is `2 + p`, from responses at five positions and a model at p = 0 alone:
 //! ```
 //! use lfr_realize::{FrozenData, GrowSettings, grow};
-//! use lpv_core::nalgebra::dmatrix;
-//! use lpv_core::{Continuous, CoreError, DeltaBlock, Discrete, SchedulingRange, StateSpace};
+//! use lfr_realize::lpv_core::nalgebra::dmatrix;
+//! use lfr_realize::lpv_core::{Continuous, CoreError, DeltaBlock, Discrete, SchedulingRange, StateSpace};
 //!
 //! let clock = Discrete::new(0.5)?;
 //! let spring = |p: f64| {
@@ -95,7 +95,6 @@ mod candidate;
 mod condense;
 mod covariance;
 mod data;
-mod dense;
 mod direct;
 mod error;
 mod frozen;
@@ -112,6 +111,7 @@ mod refine;
 mod sampling;
 mod search;
 mod settings;
+mod shape;
 mod start;
 mod structure;
 #[cfg(test)]
@@ -132,6 +132,7 @@ pub use grow::{
     StartKind, StartOutcome, StartSearch, condense, grow, grow_sizes,
 };
 pub use local::{CheckedLocalSettings, LocalMode, LocalModel, LocalSettings, RigidGain, local_model};
+pub use lpv_core;
 pub use mechanical::{DeltaSplit, MechanicalForm};
 pub use reduce::{CheckedReduceSettings, ReduceSettings, Reduced, reduce, reduce_to_continuous};
 pub use refine::{RefineAccount, Refined, refine};

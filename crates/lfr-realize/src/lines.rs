@@ -1,9 +1,9 @@
 //! The lines of one position: residuals, and how they move with the entries of the sampled S.
 
-use crate::candidate::Shape;
 use crate::data::Position;
-use crate::dense::Triangle;
+use crate::shape::Shape;
 use lpv_core::{Discrete, ResponseKernel, StateSpace};
+use lpv_numerics::dense::Triangle;
 use nalgebra::{DMatrix, DMatrixView, DVector};
 use num_complex::Complex;
 use std::ops::Range;

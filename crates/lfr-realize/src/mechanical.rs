@@ -138,7 +138,7 @@ impl MechanicalForm {
         let rows: Vec<usize> = order[..rank].to_vec();
         let seen = u.transpose().select_rows(&rows);
         let basis = v.select_rows(&rows).transpose();
-        let rest = crate::dense::complement(&basis, 1e-9);
+        let rest = lpv_numerics::dense::complement(&basis, 1e-9);
         Ok(Self {
             unseen: rest.transpose() * displacements,
             candidate: candidate.clone(),

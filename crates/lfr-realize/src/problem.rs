@@ -3,12 +3,13 @@
 mod curvature;
 mod linearise;
 
-use crate::candidate::{Candidate, Channel, Shape};
+use crate::candidate::{Candidate, Channel};
 use crate::data::{FrozenData, Position};
 use crate::frozen::{Closure, close};
 use crate::lines::squared_residuals;
 use crate::sampling::Sampling;
 use crate::sampling::hold::Derivative;
+use crate::shape::Shape;
 use crate::structure::{Reach, Structure};
 use crate::{RealizeError, gauge};
 use lpv_core::Frf;

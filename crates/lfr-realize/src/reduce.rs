@@ -4,10 +4,10 @@ mod balance;
 mod rigid;
 mod settings;
 
-use crate::candidate::Shape;
 use crate::grow::Field;
 use crate::sampling::Sampling;
 use crate::sampling::hold::Derivative;
+use crate::shape::Shape;
 use crate::{
     Candidate, CheckedGrowSettings, DeltaReach, FrozenData, GrowSettings, Grown, LocalSettings, RealizeError,
     Refined, RigidGain, StartAccount, local_model,

@@ -1,12 +1,12 @@
 //! The refinement and its result.
 
-use crate::dense::right_singular;
 use crate::minimax::polish;
 use crate::problem::Problem;
 use crate::sampling::Sampling;
 use crate::search::{Found, Limits, Noise, Scaled, StopReason, search};
 use crate::{Candidate, CheckedRefineSettings, FrozenData, RealizeError, ResidualUnit};
 use lpv_core::WellPosedness;
+use lpv_numerics::dense::right_singular;
 use nalgebra::{DMatrix, DVector};
 
 /// A refined model, with the account of its making.

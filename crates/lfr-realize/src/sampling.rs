@@ -1,6 +1,6 @@
 //! From the frozen system to what the data see: zero-order hold, and its derivative.
 
-use crate::candidate::Shape;
+use crate::shape::Shape;
 use hold::{Derivative, Hold, Sampled};
 use lpv_core::linalg::balanced;
 use lpv_core::{Clock, Continuous, CoreError, Discrete};

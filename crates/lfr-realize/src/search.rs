@@ -1,9 +1,9 @@
 //! Levenberg-Marquardt in the directions that no change of coordinates makes.
 
 use crate::RealizeError;
-use crate::dense::{complement, triangle_beside, triangle_of};
 use crate::problem::{Cost, Linear, Problem};
 use crate::sampling::Sampling;
+use lpv_numerics::dense::{complement, triangle_beside, triangle_of};
 use nalgebra::{DMatrix, DVector};
 
 /// Why a refinement ended.

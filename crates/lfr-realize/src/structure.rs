@@ -1,8 +1,9 @@
 //! What the mask implies before any number is computed: states that nothing moves, and entries of S that something
 //! moves.
 
-use crate::candidate::{Candidate, Shape};
+use crate::candidate::Candidate;
 use crate::sampling::Sampling;
+use crate::shape::Shape;
 use lpv_core::Clock;
 use nalgebra::DMatrix;
 

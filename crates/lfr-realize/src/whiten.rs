@@ -1,14 +1,9 @@
 //! The factors that turn the error of a line into independent unit noise.
 
 use lpv_core::FrfEstimate;
-use nalgebra::DMatrix;
 use num_complex::Complex;
 
 type C64 = Complex<f64>;
-
-/// A pivot below this part of its diagonal entry is rounding. It would be taken for a direction without noise and
-/// outweigh every other line.
-const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// `W_y dF W_u` has independent entries whose real and imaginary parts have variance one each.
 ///
@@ -29,26 +24,22 @@ impl Whitening {
     /// `(model_error ||G_i||)^2` to the variance of row i. The line that has none as error.
     pub(crate) fn new(estimate: &FrfEstimate, model_error: f64) -> Result<Self, usize> {
         let frf = estimate.frf();
-        let (ny, nu) = (frf.outputs(), frf.inputs());
-        let mut whitening = Self {
-            outputs: ny,
-            inputs: nu,
-            left: Vec::with_capacity(frf.len() * ny * ny),
-            right: Vec::with_capacity(frf.len() * nu * nu),
-        };
-        for k in 0..frf.len() {
-            let s = estimate.input_factor(k).into_owned();
-            let mut c = estimate.output_covariance(k).into_owned();
-            let trace = s.trace().re;
-            for (i, row) in frf.line(k).row_iter().enumerate() {
-                c[(i, i)] += model_error.powi(2) * row.norm_squared() / trace;
-            }
-            let left = inverse_cholesky(&c).ok_or(k)? * C64::from(std::f64::consts::SQRT_2);
-            let right = inverse_cholesky(&s).ok_or(k)?.adjoint();
-            whitening.left.extend(left.iter());
-            whitening.right.extend(right.iter());
-        }
-        Ok(whitening)
+        let (outputs, inputs, lines) = (frf.outputs(), frf.inputs(), frf.len());
+        let mut factors = lpv_numerics::whiten::Whitening::new(outputs, inputs, lines);
+        factors.set_covariance(estimate, 0..lines, model_error)?;
+        let factors = factors.roots();
+        Ok(Self {
+            outputs,
+            inputs,
+            left: by_line(lines, outputs, |i, j, k| match i >= j {
+                true => factors.left.entry(i, j).at(k),
+                false => C64::default(),
+            }),
+            right: by_line(lines, inputs, |i, j, k| match j >= i {
+                true => factors.right_adjoint.entry(j, i).at(k).conj(),
+                false => C64::default(),
+            }),
+        })
     }
 
     /// Factors that are known, line after line, column-major.
@@ -78,17 +69,12 @@ impl Whitening {
     }
 }
 
-/// `L^-1` of `m = L L^H`; none where `m` is not positive definite beyond rounding.
-fn inverse_cholesky(m: &DMatrix<C64>) -> Option<DMatrix<C64>> {
-    let n = m.nrows();
-    let factor = m.clone().cholesky()?.unpack();
-    let good = |i: usize| factor[(i, i)].re.powi(2) > ROUNDING * n as f64 * m[(i, i)].re;
-    if !(0..n).all(good) {
-        return None;
-    }
-    let inverse = factor.solve_lower_triangular(&DMatrix::identity(n, n))?;
-    inverse
-        .iter()
-        .all(|v| v.re.is_finite() && v.im.is_finite())
-        .then_some(inverse)
+/// Square matrices of all lines, column-major.
+fn by_line(lines: usize, size: usize, entry: impl Fn(usize, usize, usize) -> C64) -> Vec<C64> {
+    let places = || (0..size).flat_map(|j| (0..size).map(move |i| (i, j)));
+    let line = |k| places().map(move |(i, j)| (i, j, k));
+    (0..lines)
+        .flat_map(line)
+        .map(|(i, j, k)| entry(i, j, k))
+        .collect()
 }

@@ -328,12 +328,7 @@ fn run_convert(a: &Convert) -> Result<Done, PipelineError> {
     let place = Place::check(&output, kind, &inputs, overwrite(a.force))?;
     let bytes = convert::export(&model, target, usize::from(a.points)).map_err(|e| e.at(&a.model))?;
     write_all(&[(&place, &bytes)])?;
-    Ok(format!(
-        "{} written to {}",
-        convert::describe(&model.model),
-        shown(&output)
-    )
-    .into())
+    Ok(format!("{} written to {}", model.model.describe(), shown(&output)).into())
 }
 
 fn run_report(a: &Report) -> Result<Done, PipelineError> {

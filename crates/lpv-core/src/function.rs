@@ -1,7 +1,7 @@
 //! Matrix functions of the scheduling variable: `M(p) = sum_j Theta_j f_j(p)`, equation (5) of the paper.
 
 use crate::linalg::{dimension, finite};
-use crate::spline::CubicSpline;
+use crate::spline::{CubicSpline, interval};
 use crate::{CoreError, SchedulingRange};
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
@@ -217,11 +217,6 @@ pub fn matern52(distance: f64) -> f64 {
         return 0.0;
     }
     (1.0 + r + r * r / 3.0) * (-r).exp()
-}
-
-/// Index of the interval of `knots` (at least two) that holds `x`, the outer ones continued.
-pub(crate) fn interval(knots: &[f64], x: f64) -> usize {
-    knots.partition_point(|&k| k <= x).clamp(1, knots.len() - 1) - 1
 }
 
 fn at_most(what: &'static str, found: usize) -> Result<(), CoreError> {

@@ -1,8 +1,8 @@
 //! Models as JSON, with a schema that says which version it is.
 
 use crate::{
-    Clock, Continuous, CoreError, DeltaBlock, Discrete, FunctionBasis, InnovationModel, Lfr, LfrBlocks,
-    LpvStateSpace, MatrixFunction, RigidBody, RigidBodyAxis, SchedulingRange, SeriesExpansion, StateSpace,
+    Clock, CoreError, DeltaBlock, Discrete, FunctionBasis, InnovationModel, Lfr, LfrBlocks, LpvStateSpace,
+    MatrixFunction, Model, RigidBody, RigidBodyAxis, SchedulingRange, SeriesExpansion, StateSpace,
 };
 use nalgebra::{DMatrix, DVector};
 use serde::de::{DeserializeOwned, Error as _};
@@ -10,31 +10,6 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// The schema version that this crate writes and reads.
 pub const MODEL_VERSION: u32 = 1;
-
-/// Any model that a file can hold.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", tag = "kind", content = "model")]
-#[non_exhaustive]
-pub enum Model {
-    /// Discrete linear time-invariant state space.
-    DiscreteStateSpace(StateSpace<Discrete>),
-    /// Continuous linear time-invariant state space.
-    ContinuousStateSpace(StateSpace<Continuous>),
-    /// Discrete LPV state space.
-    DiscreteLpv(LpvStateSpace<Discrete>),
-    /// Continuous LPV state space.
-    ContinuousLpv(LpvStateSpace<Continuous>),
-    /// Discrete LFR.
-    DiscreteLfr(Lfr<Discrete>),
-    /// Continuous LFR.
-    ContinuousLfr(Lfr<Continuous>),
-    /// Series expansion in fixed filters.
-    SeriesExpansion(SeriesExpansion),
-    /// Discrete state space with the predictor of its noise.
-    InnovationStateSpace(InnovationModel),
-    /// Axes that move as one mass each.
-    RigidBody(RigidBody),
-}
 
 #[derive(Serialize)]
 struct File<'a> {

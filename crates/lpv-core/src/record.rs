@@ -84,6 +84,22 @@ pub struct Record {
 }
 
 impl Record {
+    /// A record without signals, to be filled.
+    pub fn empty(name: &str, kind: RecordKind, purpose: Purpose) -> Self {
+        Self {
+            name: name.to_owned(),
+            kind,
+            purpose,
+            position: None,
+            outputs: Signals::default(),
+            inputs: Signals::default(),
+            references: Signals::default(),
+            scheduling: Signals::default(),
+            auxiliary: Signals::default(),
+            injection: Signals::default(),
+        }
+    }
+
     /// Samples of the record.
     pub fn len(&self) -> usize {
         self.outputs.len()

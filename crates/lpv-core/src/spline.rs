@@ -1,7 +1,6 @@
 //! The not-a-knot cubic spline through given knots, as a linear map of the knot values.
 
 use crate::CoreError;
-use crate::function::interval;
 use nalgebra::DMatrix;
 
 /// Knots and the map from knot values to second derivatives at the knots (de Boor, A Practical Guide to Splines, IV).
@@ -72,4 +71,9 @@ impl CubicSpline {
         out[i] += a;
         out[i + 1] += b;
     }
+}
+
+/// Index of the interval of `knots` (at least two) that holds `x`, the outer ones continued.
+pub(crate) fn interval(knots: &[f64], x: f64) -> usize {
+    knots.partition_point(|&k| k <= x).clamp(1, knots.len() - 1) - 1
 }

@@ -65,3 +65,16 @@ impl Expansion {
         Ok(frf)
     }
 }
+
+impl LocalFits {
+    /// The frozen response at a fitted position.
+    ///
+    /// # Errors
+    /// Frequencies that the basis refuses; a line at zero.
+    ///
+    /// # Panics
+    /// If there is no such position.
+    pub fn response(&self, position: usize, frequencies_hz: &[f64]) -> Result<Frf, IdentError> {
+        Expansion::new(self, frequencies_hz)?.response(&self.fits[position].weights)
+    }
+}

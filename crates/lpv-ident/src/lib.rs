@@ -25,8 +25,8 @@
 //!
 //! # Example
 //! ```
-//! use lpv_core::nalgebra::{DMatrix, dmatrix};
-//! use lpv_core::{Discrete, FrfEstimate, StateSpace};
+//! use lpv_ident::lpv_core::nalgebra::{DMatrix, dmatrix};
+//! use lpv_ident::lpv_core::{Discrete, FrfEstimate, StateSpace};
 //! use lpv_ident::{Interpolation, RegressionSettings, Weighting, regress};
 //!
 //! let clock = Discrete::new(1.0)?;
@@ -50,16 +50,15 @@ mod expansion;
 mod interpolation;
 mod local;
 mod model;
-mod planes;
 mod regression;
 mod settings;
-mod triangle;
-mod whiten;
+mod weights;
 
 pub use choose::{LeaveOneOut, recommend};
 pub use error::IdentError;
 pub use interpolation::{Interpolation, InterpolationOperator};
 pub use local::interpolate_models;
+pub use lpv_core;
 pub use model::LpvObfModel;
 pub use regression::{LocalFit, LocalFits, regress};
 pub use settings::{CheckedRegression, RegressionSettings, RigidTerm, Weighting};

@@ -1,15 +1,14 @@
 //! The linear regression of (13) at each position, with the rigid-body gains shared by all.
 
 mod eliminate;
+mod equations;
 mod gram;
 mod solve;
 
-use crate::expansion::Expansion;
-use crate::triangle::invert_upper;
 use crate::{CheckedRegression, IdentError, RigidTerm, Weighting};
-use eliminate::Regressors;
-use gram::Equations;
-use lpv_core::{Discrete, Frf, FrfEstimate, StateSpace};
+use equations::{Equations, Regressors};
+use lpv_core::{Discrete, FrfEstimate, StateSpace};
+use lpv_numerics::dense::invert_upper;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -257,16 +256,5 @@ impl LocalFits {
         let inverse = invert_upper(&f.r11).unwrap_or_else(|| DMatrix::zeros(n, n));
         &inverse * inverse.transpose() * self.row_variance
             + &f.gain_response * &self.gain_covariance * f.gain_response.transpose()
-    }
-
-    /// The frozen response at a fitted position.
-    ///
-    /// # Errors
-    /// Frequencies that the basis refuses; a line at zero.
-    ///
-    /// # Panics
-    /// If there is no such position.
-    pub fn response(&self, position: usize, frequencies_hz: &[f64]) -> Result<Frf, IdentError> {
-        Expansion::new(self, frequencies_hz)?.response(&self.fits[position].weights)
     }
 }

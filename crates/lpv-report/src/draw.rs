@@ -1,13 +1,14 @@
 //! The drawing of a layout.
 
 use crate::curves::{dashes, symbols};
+use crate::figure::{Account, Figure};
 use crate::layout::{
     FIGURE_TITLE_SIZE, Labels, Layout, NAME_SIZE, Placed, TICK_SIZE, TITLE_SIZE, factor_label,
 };
 use crate::legend::{self, Rows};
 use crate::series::{Place, Style};
 use crate::svg::{Anchor, FINE, FONTS, FRAME, GRID, INK, MUTED, PAPER, Svg, Tone, path, px};
-use crate::{curves, text};
+use crate::{ReportError, curves, text};
 
 /// Where the SVG goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -325,5 +326,45 @@ fn legend(svg: &mut Svg, rows: &Rows, at: (f64, f64)) {
                 "",
             );
         }
+    }
+}
+
+impl Figure {
+    /// The drawing as a standalone SVG document on white ground.
+    ///
+    /// The same figure gives the same bytes. Lines are thinned to what the pixels can show.
+    ///
+    /// # Errors
+    /// The figure has no panel, a panel has nothing to draw, or a size, range, tick step or band is
+    /// inconsistent. Points without a place never fail.
+    pub fn to_svg(&self) -> Result<String, ReportError> {
+        Ok(document(&Layout::new(self)?, Mode::Standalone))
+    }
+
+    /// The drawing as a PNG of this width, from the same SVG, with an embedded font; in a build with the feature `png`.
+    ///
+    /// # Errors
+    /// As [`Figure::to_svg`], and for a width outside 16 to 8192 px or a bitmap of more than 64 million pixels.
+    #[cfg(feature = "png")]
+    pub fn to_png(&self, width_px: u32) -> Result<Vec<u8>, ReportError> {
+        crate::png::render(&self.title, &self.to_svg()?, width_px)
+    }
+
+    /// How many points were drawn, and why the others were not.
+    ///
+    /// # Errors
+    /// As [`Figure::to_svg`].
+    pub fn account(&self) -> Result<Account, ReportError> {
+        let layout = Layout::new(self)?;
+        let svg_bytes = document(&layout, Mode::Standalone).len();
+        Ok(Account {
+            svg_bytes,
+            ..layout.account
+        })
+    }
+
+    /// The drawing for a page; `number` makes its ids unique there.
+    pub(crate) fn to_inline_svg(&self, number: usize) -> Result<String, ReportError> {
+        Ok(document(&Layout::new(self)?, Mode::Inline { number }))
     }
 }

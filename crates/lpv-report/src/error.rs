@@ -119,6 +119,7 @@ pub enum ReportError {
         plot_px: f64,
     },
     /// The renderer refused the drawing.
+    #[cfg(feature = "png")]
     #[error("figure \"{figure}\": the SVG could not be read back for the PNG")]
     Svg {
         /// Title of the figure.

@@ -1,7 +1,6 @@
 //! A figure: a grid of panels with one title, one caption and one legend policy.
 
-use crate::layout::Layout;
-use crate::{Panel, ReportError, draw, png};
+use crate::{Panel, ReportError};
 
 /// A grid of panels.
 ///
@@ -128,43 +127,6 @@ impl Figure {
     pub fn legend(mut self, legend: Legend) -> Self {
         self.legend = legend;
         self
-    }
-
-    /// The drawing as a standalone SVG document on white ground.
-    ///
-    /// The same figure gives the same bytes. Lines are thinned to what the pixels can show.
-    ///
-    /// # Errors
-    /// The figure has no panel, a panel has nothing to draw, or a size, range, tick step or band is
-    /// inconsistent. Points without a place never fail.
-    pub fn to_svg(&self) -> Result<String, ReportError> {
-        Ok(draw::document(&Layout::new(self)?, draw::Mode::Standalone))
-    }
-
-    /// The drawing as a PNG of this width, from the same SVG, with an embedded font.
-    ///
-    /// # Errors
-    /// As [`Figure::to_svg`], and for a width outside 16 to 8192 px or a bitmap of more than 64 million pixels.
-    pub fn to_png(&self, width_px: u32) -> Result<Vec<u8>, ReportError> {
-        png::render(&self.title, &self.to_svg()?, width_px)
-    }
-
-    /// How many points were drawn, and why the others were not.
-    ///
-    /// # Errors
-    /// As [`Figure::to_svg`].
-    pub fn account(&self) -> Result<Account, ReportError> {
-        let layout = Layout::new(self)?;
-        let svg_bytes = draw::document(&layout, draw::Mode::Standalone).len();
-        Ok(Account {
-            svg_bytes,
-            ..layout.account
-        })
-    }
-
-    /// The drawing for a page; `number` makes its ids unique there.
-    pub(crate) fn to_inline_svg(&self, number: usize) -> Result<String, ReportError> {
-        Ok(draw::document(&Layout::new(self)?, draw::Mode::Inline { number }))
     }
 
     pub(crate) fn size_error(&self, what: &'static str, value: f64, lower: f64, upper: f64) -> ReportError {

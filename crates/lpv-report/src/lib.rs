@@ -56,6 +56,7 @@ mod layout;
 mod legend;
 mod page;
 mod panel;
+#[cfg(feature = "png")]
 mod png;
 mod ranges;
 mod series;

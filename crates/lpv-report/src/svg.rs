@@ -4,7 +4,7 @@
 //! style sheet of a page can give it the dark value.
 
 use crate::Colour;
-use crate::text;
+use crate::text::{self, px2};
 
 /// Fonts asked for; the PNG renderer answers with its embedded sans-serif font.
 pub(crate) const FONTS: &str = "Helvetica Neue, Helvetica, Arial, sans-serif";
@@ -36,17 +36,6 @@ pub(crate) const TONES: [Tone; 6] = [PAPER, INK, MUTED, FRAME, GRID, FINE];
 /// A length with at most one decimal.
 pub(crate) fn px(value: f64) -> String {
     tenths((value * 10.0).round() as i64)
-}
-
-/// A length with at most two decimals.
-pub(crate) fn px2(value: f64) -> String {
-    let rounded = format!("{value:.2}");
-    let trimmed = rounded.trim_end_matches('0').trim_end_matches('.');
-    if trimmed == "-0" {
-        "0".to_owned()
-    } else {
-        trimmed.to_owned()
-    }
 }
 
 fn tenths(value: i64) -> String {

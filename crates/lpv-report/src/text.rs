@@ -107,7 +107,7 @@ pub(crate) fn to_tspans(text: &str, size: f64) -> String {
         if target == height && level == Level::Base {
             out.push_str(&run);
         } else {
-            let (shift, run_size) = (crate::svg::px2(target - height), crate::svg::px2(run_size));
+            let (shift, run_size) = (px2(target - height), px2(run_size));
             out.push_str(&format!(
                 "<tspan dy=\"{shift}\" font-size=\"{run_size}\">{run}</tspan>"
             ));
@@ -173,6 +173,17 @@ pub(crate) fn fit(text: &str, size: f64, room: f64) -> (String, f64) {
     }
     kept.push('…');
     (kept, small)
+}
+
+/// A length with at most two decimals.
+pub(crate) fn px2(value: f64) -> String {
+    let rounded = format!("{value:.2}");
+    let trimmed = rounded.trim_end_matches('0').trim_end_matches('.');
+    if trimmed == "-0" {
+        "0".to_owned()
+    } else {
+        trimmed.to_owned()
+    }
 }
 
 #[cfg(test)]

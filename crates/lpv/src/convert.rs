@@ -7,8 +7,6 @@ mod mat;
 mod python;
 
 pub(crate) use self::csv::HEAD as TABLE_HEAD;
-pub use exchange::describe;
-
 use crate::{ModelFile, PipelineError};
 use exchange::Exchange;
 use std::path::Path;

@@ -8,43 +8,44 @@ mod explanation;
 mod figures;
 mod left;
 mod noise;
-mod observer;
 mod page;
 mod places;
 mod records;
 mod responses;
-mod spring;
+mod value;
 mod words;
-
-pub use account::{Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors, Tested, Value};
-pub use axis::{AxisErrors, AxisStage};
-pub(crate) use base::table;
-pub use doubt::EQUAL_DB;
-pub use explanation::{BaseKind, Explanation};
-pub use left::{Characterisation, LeftTest, LeftTests};
-pub(crate) use places::placed;
-pub(crate) use responses::is_traced_on_responses;
 
 use crate::finding::{self, Finding};
 use crate::progress::{Progress, begin};
 use crate::responses::{examine_records, load_records};
 use crate::summary::Summary;
 use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
+pub use account::{Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors, Tested};
+pub use axis::{AxisErrors, AxisStage};
 use base::Start;
+pub(crate) use base::table;
+pub use doubt::EQUAL_DB;
 use experiment_data::{Bundle, Description};
+pub use explanation::{BaseKind, Explanation};
 use figures::Along;
+pub use left::{Characterisation, LeftTest, LeftTests};
 use lpv_core::ControllerState;
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{
     Continuous, FrfEstimate, Model, Record, RigidBody, RigidBodyAxis, SchedulingRange, StateSpace,
 };
+use lpv_diagnose::observer::{self, Observer};
+use lpv_diagnose::{
+    Base, Case, Explained, Trace, TraceError, Track, Verdict, equivalent_force, sensor_noise, trace,
+};
 use lpv_report::Figure;
 use noise::{roughness, unrepeated};
-use observer::Observer;
+pub(crate) use places::placed;
 use records::{split, wrong_controller};
-use residual_trace::{Base, Case, Explained, Trace, Track, Verdict, equivalent_force, sensor_noise, trace};
+pub(crate) use responses::is_traced_on_responses;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
+pub use value::Value;
 
 /// A diagnosis with what its page shows.
 #[derive(Debug, Clone)]
@@ -92,7 +93,7 @@ pub fn diagnose(
     let is_known = description.controller.is_some();
     let is_axis = (channels.input.len(), channels.output.len()) == (1, 1) && channels.scheduling.is_empty();
     if !is_known && !is_axis {
-        return Err(observer::refused());
+        return Err(TraceError::NoController.into());
     }
     let transient = |i: usize| !description.records[i].is_periodic();
     let mut records = load_records(bundle, transient, progress)?;
@@ -311,7 +312,7 @@ fn force_figures(
 
 /// The range of some positions; about a single one a little of it, since a range is wide.
 pub(crate) fn range_of(positions: &[f64]) -> Result<SchedulingRange, PipelineError> {
-    let (low, high) = crate::signal::range(positions);
+    let (low, high) = lpv_numerics::statistics::range(positions);
     let least = 1e-6 * low.abs().max(high.abs()).max(1e-3);
     let more = (0.5 * (least - (high - low))).max(0.0);
     Ok(SchedulingRange::interval(low - more, high + more)?)

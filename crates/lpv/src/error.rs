@@ -53,7 +53,7 @@ pub enum PipelineError {
     Lti(#[from] lti_ident::LtiIdentError),
     /// The diagnosis failed.
     #[error(transparent)]
-    Trace(#[from] residual_trace::TraceError),
+    Trace(#[from] lpv_diagnose::TraceError),
     /// The model that the bundle's own responses give is none that effects can be added to.
     #[error(
         "effects cannot be added to the model that the responses of this bundle give ({source}); an effect may have bent them, as \
@@ -62,7 +62,7 @@ pub enum PipelineError {
     )]
     NoBase {
         /// What is wrong with it.
-        source: residual_trace::TraceError,
+        source: lpv_diagnose::TraceError,
     },
     /// The simulated machine refuses its settings.
     #[error(transparent)]
@@ -111,16 +111,9 @@ pub enum PipelineError {
         /// Two records with where they rest, in the order of the columns.
         records: Box<[(String, Vec<f64>); 2]>,
     },
-    /// A model of another sample time than the records.
-    #[error(
-        "the model has the sample time {model}, the records {records}; identify one at this rate, or convert the model"
-    )]
-    Clock {
-        /// Of the model.
-        model: f64,
-        /// Of the records.
-        records: f64,
-    },
+    /// Of lpv-simulate.
+    #[error(transparent)]
+    Simulate(#[from] lpv_simulate::SimulateError),
     /// A model with other channels than the bundle.
     #[error(
         "the model has {} and {}, the bundle {} and {}; take the bundle that the model was made from, or one with its channels",
@@ -246,7 +239,7 @@ impl PipelineError {
             | Self::Trace(_)
             | Self::NoBase { .. }
             | Self::Structure { .. }
-            | Self::Clock { .. }
+            | Self::Simulate(_)
             | Self::Channels { .. } => Self::At {
                 place: place.to_owned(),
                 source: Box::new(self),

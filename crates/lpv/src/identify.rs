@@ -17,8 +17,8 @@ use crate::verdict::Verdict;
 use crate::{IdentifyConfig, LfrKind, ModelFile, PipelineError, Structure};
 use experiment_data::Bundle;
 use lpv_core::{FrfEstimate, Model, Purpose, Record};
+use lpv_diagnose::Base;
 use lti_ident::{InnovationFit, Segment};
-use residual_trace::Base;
 
 /// A model with its account.
 #[derive(Debug, Clone)]
@@ -43,7 +43,7 @@ pub enum Stages {
     /// From records without periods: prediction error.
     Time(Box<InnovationFit>),
     /// The xy-table from first principles.
-    Table(Box<residual_trace::FrozenFit>),
+    Table(Box<lpv_diagnose::FrozenFit>),
     /// A diagnosis.
     Diagnosis,
     /// Servo axes.

@@ -5,19 +5,18 @@ mod record;
 mod text;
 mod warnings;
 
-pub(crate) use experiment::describe as describe_responses;
-pub use experiment::{DetectionLine, ExperimentInfo, LineInfo, Spread};
-pub use record::{ChannelStats, RecordInfo};
-pub(crate) use warnings::of_experiment;
-
 use crate::PipelineError;
 use crate::finding::{self, Finding, Look};
 use crate::progress::{Counter, Progress};
 use crate::responses::{is_large, look_at, periodic_responses};
+pub(crate) use experiment::describe as describe_responses;
+pub use experiment::{DetectionLine, ExperimentInfo, LineInfo, Spread};
 use experiment_data::{Bundle, DataError};
 use lpv_core::Purpose;
 use rayon::prelude::*;
+pub use record::{ChannelStats, RecordInfo};
 use serde::Serialize;
+pub(crate) use warnings::of_experiment;
 
 /// Everything that `lpv inspect` tells about a bundle.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -142,7 +141,9 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
     })
     .collect();
     let noise = (0..if experiments.is_empty() { 0 } else { c.output.len() })
-        .map(|i| crate::signal::median(&experiments.iter().map(|e| e.noise[i]).collect::<Vec<_>>()))
+        .map(|i| {
+            lpv_numerics::statistics::median(&experiments.iter().map(|e| e.noise[i]).collect::<Vec<_>>())
+        })
         .collect();
     let mut inspection = Inspection {
         name: description.name.clone(),

@@ -64,6 +64,9 @@ mod test_kit;
 pub mod validation;
 pub mod verdict;
 
+/// The crates whose types stand in the interface.
+pub use {experiment_data, lpv_core, lpv_simulate};
+
 pub use basis::{BasisStage, choose_basis};
 pub use config::{
     Direct, FitFocus, IdentifyConfig, InterpolationKind, LfrKind, Polish, Structure, Weighting,

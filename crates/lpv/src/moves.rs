@@ -3,11 +3,11 @@
 use crate::identify::fitted_samples;
 use crate::progress::Progress;
 use crate::responses::{Responses, load_records, rests};
-use crate::signal::range;
 use crate::{IdentifyConfig, PipelineError};
 use experiment_data::Bundle;
 use lfr_realize::moving::MovingData;
 use lpv_core::{Purpose, Record};
+use lpv_numerics::statistics::range;
 
 /// Part of the measured range by which a record may leave it: rounding, where p has its zero far away.
 const SLACK: f64 = 4e-10;

@@ -10,10 +10,9 @@ mod roles;
 mod see;
 mod write;
 
-pub use crate::output::Overwrite;
-
 use crate::PipelineError;
 use crate::encode::visible;
+pub use crate::output::Overwrite;
 use clock::Clock;
 use experiment_data::Text;
 use gaps::{lost, part_of};
@@ -384,8 +383,8 @@ fn common_folder(paths: &[PathBuf]) -> Option<PathBuf> {
 
 /// Smallest value, mean, largest value.
 fn range_of(x: &[f64]) -> (f64, f64, f64) {
-    let (low, high) = crate::signal::range(x);
-    (low, crate::signal::mean(x), high)
+    let (low, high) = lpv_numerics::statistics::range(x);
+    (low, lpv_numerics::statistics::mean(x), high)
 }
 
 fn is_constant(&(low, _, high): &(f64, f64, f64)) -> bool {

@@ -4,16 +4,19 @@
 //! written to a spare file in the same folder, which takes the place in one step.
 
 mod kind;
+mod problem;
 mod spare;
 
 pub use kind::Kind;
+pub use problem::PlaceProblem;
+pub(crate) use problem::is_slip;
 pub use spare::{Unfinished, abandon, place_all, yield_to_end};
 
 use crate::PipelineError;
 use experiment_data::Bundle;
 use spare::Spare;
 use std::fs::{self, Metadata};
-use std::io::{ErrorKind, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// What happens to a file that stands at the place of a result and is none.
@@ -23,42 +26,6 @@ pub enum Overwrite {
     Refuse,
     /// It is replaced.
     Replace,
-}
-
-/// Why a result does not go where it was sent.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum PlaceProblem {
-    /// It is read, and may not be written.
-    #[error("this is {role}, which is read here and never replaced; give another place with --output")]
-    Input {
-        /// What it is.
-        role: String,
-    },
-    /// Something else stands there.
-    #[error(
-        "{found} stands there already, which is no {wanted}; give another place with --output, or replace it with --force"
-    )]
-    Foreign {
-        /// What stands there, in words.
-        found: String,
-        /// What was to be written.
-        wanted: &'static str,
-    },
-    /// A file with a second name.
-    #[error(
-        "the file there has a second name (a hard link), which would keep the old content; give another place with --output, or replace \
-         it under this name alone with --force"
-    )]
-    Linked,
-    /// A file that nobody may write to.
-    #[error(
-        "the file there is write-protected; give another place with --output, or replace it with --force"
-    )]
-    Protected,
-    /// A folder.
-    #[error("this is a folder; give the name of a file")]
-    Folder,
 }
 
 /// What a command reads, so that it cannot be written.
@@ -296,15 +263,4 @@ pub fn write_all(results: &[(&Place, &[u8])]) -> Result<(), PipelineError> {
 /// [`PipelineError::Write`]; [`PipelineError::Place`] for a folder.
 pub fn write_whole(file: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
     write_all(&[(&Place::find(file)?, bytes)])
-}
-
-/// Whether whoever called is at fault for what the system says about a place.
-pub(crate) fn is_slip(error: &std::io::Error) -> bool {
-    matches!(
-        error.kind(),
-        ErrorKind::NotADirectory
-            | ErrorKind::IsADirectory
-            | ErrorKind::InvalidFilename
-            | ErrorKind::InvalidInput
-    )
 }

@@ -7,12 +7,12 @@ use crate::config::{IdentifyConfig, LfrKind, Weighting};
 use crate::moves::Moves;
 use crate::poles::{PoleStage, fit_poles};
 use crate::progress::{Progress, begin};
-use crate::signal::median;
 use crate::small::{SmallStage, small_lfr};
-use crate::validation::{decibel, frozen_error};
+use crate::validation::frozen_error;
 use lfr_realize::{Realization, realize};
 use lpv_core::{Discrete, Frf, FrfEstimate, Model, StateSpace, WellPosedness, counted};
 use lpv_ident::{Interpolation, LeaveOneOut, LocalFits, LpvObfModel, RegressionSettings, recommend, regress};
+use lpv_numerics::statistics::{amplitude_db, median};
 
 /// A model of a machine that moves: every stage with its account.
 #[derive(Debug, Clone)]
@@ -249,7 +249,7 @@ fn rms_db(model: &[Frf], measured: &[Frf]) -> Result<f64, PipelineError> {
             size += own;
         }
     }
-    Ok(decibel((error / size).sqrt()))
+    Ok(amplitude_db((error / size).sqrt()))
 }
 
 fn well_posedness(found: &WellPosedness) -> String {
@@ -283,7 +283,7 @@ fn choose_size(
         .iter()
         .flat_map(|e| (0..e.frf().len()).map(|k| e.relative_deviation(k)))
         .collect();
-    let noise_db = decibel(median(&deviations));
+    let noise_db = amplitude_db(median(&deviations));
     let mut tried = Vec::new();
     let mut reached = false;
     let mut chosen: Option<BasisStage> = None;

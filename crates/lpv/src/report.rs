@@ -9,15 +9,15 @@ mod poles;
 mod small;
 mod time;
 
-use crate::convert::describe;
 use crate::output::Inputs;
 use crate::progress::Progress;
-use crate::validation::{Evidence, Frozen, Machine, Scope, Validation, validate};
+use crate::validation::{Evidence, Scope, Validation, validate};
 use crate::verdict::{Verdict, Worth};
 use crate::{AxisSummary, Identification, ModelFile, PipelineError};
 use experiment_data::Bundle;
-use lpv_core::{Discrete, Model, StateSpace};
+use lpv_core::{Discrete, StateSpace};
 use lpv_report::{Cell, Format, KeyFigure, Page, Section, Table, Tone};
+use lpv_simulate::{Frozen, Machine};
 use std::path::{Path, PathBuf};
 
 /// Positions at which a model is drawn.
@@ -39,7 +39,7 @@ struct Subject {
 impl Subject {
     /// The frozen models at the positions that are drawn.
     fn frozen(&self) -> Result<Vec<StateSpace<Discrete>>, PipelineError> {
-        self.positions.iter().map(|p| self.machine.at(p)).collect()
+        self.positions.iter().map(|p| Ok(self.machine.at(p)?)).collect()
     }
 }
 
@@ -208,16 +208,10 @@ fn drawn_positions(measured: &[f64], [low, high]: [f64; 2]) -> Vec<Vec<f64>> {
 /// The clock of a model; for a continuous one that of its records, or 1000 samples a unit of time where it is not known.
 fn own_clock(file: &ModelFile) -> Result<Discrete, PipelineError> {
     let recorded = file.identification.as_ref().and_then(|i| i.sample_time);
-    Ok(match &file.model {
-        Model::DiscreteStateSpace(m) => m.clock(),
-        Model::InnovationStateSpace(m) => m.model().clock(),
-        Model::DiscreteLfr(m) => m.clock(),
-        Model::DiscreteLpv(m) => m.clock(),
-        Model::SeriesExpansion(m) => m.basis().clock(),
-        _ => match recorded {
-            Some(time) => Discrete::new(time)?,
-            None => Discrete::from_rate(1000.0)?,
-        },
+    Ok(match (file.model.clock(), recorded) {
+        (Some(clock), _) => clock,
+        (None, Some(time)) => Discrete::new(time)?,
+        (None, None) => Discrete::from_rate(1000.0)?,
     })
 }
 
@@ -226,7 +220,7 @@ fn sections(name: &str, s: &Subject, note: Option<String>) -> Result<Vec<Section
     if let Some(verdict) = verdict(s) {
         head = head.judgement(tone(verdict.worth), verdict.sentence.clone());
     }
-    head = head.paragraph(format!("{}.", describe(&s.file.model)));
+    head = head.paragraph(format!("{}.", s.file.model.describe()));
     if let Some(note) = note {
         head = head.note(note);
     }

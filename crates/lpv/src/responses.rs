@@ -4,21 +4,20 @@ mod large;
 mod length;
 mod places;
 
-pub(crate) use large::is_large;
-
 use self::length::to_one_length;
 use crate::PipelineError;
 use crate::finding::{self, Finding, Look, Voice, Watch};
 use crate::inspect::{describe_responses, of_experiment};
 use crate::period_noise::period_noise;
 use crate::progress::{Counter, Progress};
-use crate::signal::median;
 use experiment_data::{Bundle, DataError, Travel};
 use frf_estimation::{
     CheckedSettings, FrfError, LocalSettings, PeriodicEstimate, PeriodicSettings, Regressor, SkipRule,
     estimate_records, local_rational,
 };
+pub(crate) use large::is_large;
 use lpv_core::{Discrete, FrfEstimate, Purpose, Record};
+use lpv_numerics::statistics::median;
 use places::Placed;
 use rayon::prelude::*;
 use std::collections::BTreeSet;

@@ -87,7 +87,7 @@ pub fn small_lfr(
     progress: Progress<'_>,
 ) -> Result<Result<SmallStage, String>, PipelineError> {
     let positions: Vec<f64> = estimates.iter().map(|e| e.position().unwrap_or(0.0)).collect();
-    let (low, high) = crate::signal::range(&positions);
+    let (low, high) = lpv_numerics::statistics::range(&positions);
     let units = Units::of(clock, &SchedulingRange::interval(low, high)?, estimates)?;
     match attempt(estimates, poles, (clock, &units), moves, config, progress) {
         Ok(stage) => Ok(Ok(stage)),

@@ -2,15 +2,15 @@
 
 mod time;
 
-pub use time::{AxisSummary, HeldOut, OrderRow, TimeSummary};
-
 use crate::finding::{self, Finding};
-use crate::signal::{finite, median};
-use crate::validation::{FrozenError, decibel, frozen_error};
+use crate::signal::finite;
+use crate::validation::{FrozenError, frozen_error};
 use crate::verdict::Verdict;
 use crate::{Identified, MovingStage, PipelineError, SizeRow};
 use lpv_core::{Discrete, Frf, FrfEstimate, Model, counted};
+use lpv_numerics::statistics::{amplitude_db, median};
 use serde::{Deserialize, Serialize};
+pub use time::{AxisSummary, HeldOut, OrderRow, TimeSummary};
 
 /// The figures of one identification.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -195,7 +195,7 @@ impl Summary {
             frf_noise_by_output_percent: (0..first.frf().outputs())
                 .map(|output| finite(100.0 * row_noise(estimates, output)))
                 .collect(),
-            frf_noise_db: finite(decibel(noise)),
+            frf_noise_db: finite(amplitude_db(noise)),
             order: poles.order,
             integrators: poles.integrators,
             modes: pole_modes(middle),
@@ -227,7 +227,7 @@ impl Summary {
             },
         };
         Ok(Self {
-            model: crate::convert::describe(&identified.model()?),
+            model: identified.model()?.describe(),
             frequency: Some(frequency),
             time: None,
             axes: Vec::new(),
@@ -245,7 +245,7 @@ impl Summary {
 
     pub(crate) fn of_time(model: &Model, time: TimeSummary, reasons: Vec<String>) -> Self {
         Self {
-            model: crate::convert::describe(model),
+            model: model.describe(),
             frequency: None,
             time: Some(time),
             axes: Vec::new(),
@@ -257,7 +257,7 @@ impl Summary {
 
     pub(crate) fn of_axes(model: &Model, axes: Vec<AxisSummary>, reasons: Vec<String>) -> Self {
         Self {
-            model: crate::convert::describe(model),
+            model: model.describe(),
             frequency: None,
             time: None,
             axes,

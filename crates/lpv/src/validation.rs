@@ -4,30 +4,19 @@ mod bands;
 mod check;
 mod disturbance;
 mod frozen;
-mod machine;
-mod predict;
 mod record;
-mod residual;
 mod rigid;
-mod simulate;
-mod start;
 mod text;
-
-pub use bands::Band;
-pub use check::{ErrorFigure, Evidence, FrozenCheck, OutputCheck, RecordCheck, Scope, Validation, validate};
-pub(crate) use check::{Known, stability, validate_knowing};
-pub use machine::Machine;
-pub use predict::{Predictor, stationary_covariance};
-pub(crate) use residual::SMALL_INPUT_SHARE;
-pub use residual::{CrossCorrelation, Whiteness};
-pub(crate) use rigid::check_axis;
-pub use rigid::{AxisCheck, ClosedLoopAxis};
-pub use simulate::{Frozen, Run, closed_loop, open_loop, rms_error};
-pub(crate) use start::cut;
 
 use crate::PipelineError;
 use crate::signal::finite;
+pub use bands::Band;
+pub use check::{ErrorFigure, Evidence, FrozenCheck, OutputCheck, RecordCheck, Scope, Validation, validate};
+pub(crate) use check::{Known, stability, validate_knowing};
 use lpv_core::Frf;
+use lpv_numerics::statistics::amplitude_db;
+pub(crate) use rigid::check_axis;
+pub use rigid::{AxisCheck, ClosedLoopAxis};
 use serde::{Deserialize, Serialize};
 
 /// The two readings of a relative frozen error: the largest over frequency and position, and the median.
@@ -61,17 +50,12 @@ impl FrozenError {
         }
         let (_, median, _) = all.select_nth_unstable_by(middle, f64::total_cmp);
         Some(Self {
-            strict_max_db: finite(decibel(worst.0)),
-            median_db: finite(decibel(*median)),
+            strict_max_db: finite(amplitude_db(worst.0)),
+            median_db: finite(amplitude_db(*median)),
             worst_frequency_hz: worst.1,
             worst_response: worst.2,
         })
     }
-}
-
-/// Decibels of an amplitude ratio.
-pub fn decibel(ratio: f64) -> f64 {
-    20.0 * ratio.log10()
 }
 
 /// Compares responses, position by position.
@@ -124,5 +108,8 @@ pub fn channel_error(
     }
     all.sort_by(f64::total_cmp);
     let median = all.get(all.len() / 2).copied().unwrap_or(f64::NAN);
-    Ok((decibel(all.last().copied().unwrap_or(f64::NAN)), decibel(median)))
+    Ok((
+        amplitude_db(all.last().copied().unwrap_or(f64::NAN)),
+        amplitude_db(median),
+    ))
 }

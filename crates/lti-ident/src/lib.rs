@@ -46,7 +46,7 @@
 //! # A run
 //!
 //! ```
-//! use lpv_core::{Discrete, Purpose, Record, RecordKind, Signals};
+//! use lti_ident::lpv_core::{Discrete, Purpose, Record, RecordKind, Signals};
 //! use lti_ident::{InnovationSettings, Segment, identify};
 //!
 //! // y(k + 1) = 0.9 y(k) + u(k), u a chirp.
@@ -82,5 +82,6 @@ mod start;
 pub use account::{InnovationFit, OrderEntry, StartEntry, StartKind, StopReason};
 pub use error::LtiIdentError;
 pub use identify::identify;
+pub use lpv_core;
 pub use segment::Segment;
 pub use settings::{CheckedInnovationSettings, DirectTerm, Focus, InnovationSettings, ORDER_LIMIT, Offset};

@@ -44,7 +44,7 @@
 //! # Example
 //!
 //! ```
-//! use lpv_core::Discrete;
+//! use obf_basis::lpv_core::Discrete;
 //! use num_complex::Complex;
 //! use obf_basis::{FkcmSettings, OrthonormalBasis, PoleSet, fkcm};
 //!
@@ -75,5 +75,6 @@ pub use cost::{kolmogorov_cost_db, log_fuzzy_cost};
 pub use disc::pseudo_hyperbolic_distance;
 pub use error::BasisError;
 pub use fkcm::{CheckedFkcm, FkcmResult, FkcmSettings, Refinement, StartAccount, fkcm};
+pub use lpv_core;
 pub use minimax::{CheckedMinimax, MinimaxResult, MinimaxSettings, Stop, polish_minimax};
 pub use poles::{MAX_FUNCTIONS, PoleSet, PoleUnit};

@@ -46,7 +46,7 @@
 //! # A run
 //!
 //! ```
-//! use lpv_core::{Discrete, Frf, FrfEstimate, num_complex::Complex};
+//! use pole_fit::lpv_core::{Discrete, Frf, FrfEstimate, num_complex::Complex};
 //! use pole_fit::{NumeratorDegree, PoleFitSettings, fit};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -82,6 +82,7 @@ mod weights;
 
 pub use error::PoleFitError;
 pub use fit::{Account, Mode, PoleFit, fit};
+pub use lpv_core;
 pub use scan::{STABLE_DAMPING, STABLE_FREQUENCY, Scan, ScanEntry, scan};
 pub use search::StopReason;
 pub use settings::{

@@ -43,7 +43,7 @@
 //!
 //! ```
 //! use xytable_plant::*;
-//! use lpv_core::Discrete;
+//! use xytable_plant::lpv_core::Discrete;
 //!
 //! let machine = MachineParameters::default().check()?;
 //! let clock = Discrete::from_rate(20.0)?;
@@ -52,13 +52,13 @@
 //! let settings = ExperimentSettings { periods: 3, ..ExperimentSettings::default() };
 //! let experiment = Experiment::new(&machine, &controller, &multisine, 0.3, settings)?;
 //! let mut blocks = 0;
-//! let account = experiment.run(&mut |block| -> Result<(), PlantError> {
+//! let account = experiment.run(&mut |block| -> Result<(), xytable_plant::PlantError> {
 //!     blocks += 1;
 //!     assert_eq!(block.outputs[0].len(), 256);
 //!     Ok(())
 //! })?;
 //! assert_eq!((blocks, account.samples), (6, 1536));
-//! # Ok::<(), PlantError>(())
+//! # Ok::<(), xytable_plant::PlantError>(())
 //! ```
 
 mod continuous_loop;
@@ -88,6 +88,7 @@ pub use effects::{EffectInfo, HiddenEffect, Since, second_signal};
 pub use error::PlantError;
 pub use experiment::{Experiment, ExperimentAccount, ExperimentSettings, LoopKind};
 pub use lines::Lines;
+pub use lpv_core;
 pub use moves::{MoveKind, MoveSettings};
 pub use moving::{IntegrationAccount, MovingExperiment, MovingRun, MovingSample, MovingSettings, Setpoints};
 pub use multisine::{Multisine, MultisineSettings};

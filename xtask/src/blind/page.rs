@@ -45,7 +45,7 @@ pub(crate) fn page(metrics: &Metrics, all: &[Outcome], (command, asked): (&str, 
          Each machine has random masses, couplings and dampings; one effect (or two, or none) is hidden in it, its shape drawn, its \
          severity such that an output departs by 3, 10, 100 or 1000 times the noise of its sensor. The simulated measurements are \
          written as a bundle, and `lpv diagnose` sees nothing else. The code that hides effects (crate `xytable-plant`) and the code \
-         that finds them (crate `residual-trace`) share nothing.\n\n",
+         that finds them (crate `lpv-diagnose`) share nothing.\n\n",
     );
     let of = if all.len() < asked {
         format!(" of the {asked}")

@@ -4,7 +4,7 @@ use super::TaskError;
 use super::machine::{C64, Linear};
 use super::program::{Lab, Said, worth};
 use lpv_core::nalgebra::DMatrix;
-use lpv_core::{Model, StateSpace};
+use lpv_core::{FrozenModel, Model, StateSpace};
 use serde::{Deserialize, Serialize};
 
 /// How many times the achievable error makes a model wrong.
@@ -153,17 +153,9 @@ pub(crate) fn frozen(model: &Model, p: f64, h: f64) -> Result<Linear, TaskError>
             d: s.d().clone(),
         }
     }
-    Ok(match model {
-        Model::DiscreteStateSpace(s) => matrices(s),
-        Model::InnovationStateSpace(s) => matrices(s.model()),
-        Model::ContinuousStateSpace(s) => matrices(s).sampled(h),
-        Model::DiscreteLpv(s) => matrices(&s.frozen(&[p])?),
-        Model::ContinuousLpv(s) => matrices(&s.frozen(&[p])?).sampled(h),
-        Model::DiscreteLfr(s) => matrices(&s.frozen(&[p])?),
-        Model::ContinuousLfr(s) => matrices(&s.frozen(&[p])?).sampled(h),
-        Model::SeriesExpansion(s) => matrices(&s.to_state_space()?.frozen(&[p])?),
-        Model::RigidBody(s) => matrices(&s.to_state_space()?).sampled(h),
-        _ => return Err("a model of a kind that this bench does not know".into()),
+    Ok(match model.frozen(&[p])? {
+        FrozenModel::Discrete(s) => matrices(&s),
+        FrozenModel::Continuous(s) => matrices(&s).sampled(h),
     })
 }
 

@@ -12,8 +12,9 @@ mod tests;
 mod units;
 mod writer;
 
-use super::{Column, ColumnInfo, Contents, PassedOver, Sink, missing};
+use super::Sink;
 use crate::RecordError;
+use crate::contents::{Column, ColumnInfo, Contents, PassedOver, missing};
 use crate::text::{Decimal, Text};
 use look::{Layout, look};
 use rows::{Table, refuse_words};

@@ -1,7 +1,7 @@
 //! Stands for the reader and writer of Parquet files in a build without the feature `parquet`.
 
-use super::{ColumnInfo, SUPPORTED};
 use crate::RecordError;
+use crate::contents::{ColumnInfo, SUPPORTED};
 use std::fs::File;
 use std::path::Path;
 

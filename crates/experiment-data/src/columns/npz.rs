@@ -8,9 +8,10 @@ mod quiet;
 
 use self::header::{Header, number};
 use self::quiet::Quiet;
-use super::{ColumnInfo, Sink, missing, vector_length};
+use super::Sink;
 use crate::RecordError;
 use crate::columns::number::{DEFLATE_RATIO, Number};
+use crate::contents::{ColumnInfo, missing, vector_length};
 use crate::memory::Allowance;
 use npyz::WriterBuilder;
 use npyz::npz::{NpzArchive, NpzWriter, array_name_from_file_name, file_name_from_array_name};

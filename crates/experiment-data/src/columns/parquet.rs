@@ -9,8 +9,8 @@ mod writer;
 
 use self::kind::Kind;
 use super::number::half;
-use super::{ColumnInfo, missing};
 use crate::RecordError;
+use crate::contents::{ColumnInfo, missing};
 use crate::memory::Allowance;
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use ::parquet::data_type::DataType;

@@ -1,5 +1,5 @@
-use crate::memory::size_text;
 use crate::nearest::hint;
+use crate::size::size_text;
 
 /// What can be wrong with a record's file or samples. Rows count samples from 1.
 #[derive(Debug, thiserror::Error)]

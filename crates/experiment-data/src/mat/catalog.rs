@@ -3,7 +3,7 @@
 
 use super::Array;
 use crate::RecordError;
-use crate::columns::{Column, Contents, PassedOver};
+use crate::contents::{Column, Contents, PassedOver};
 
 /// A matrix with more signals than this is no table of signals.
 const MOST_SIGNALS: u64 = 64;

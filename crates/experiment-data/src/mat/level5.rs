@@ -8,7 +8,7 @@ use super::element::{COMPRESSED, Damage, Elements, MATRIX};
 use super::{Array, DEEPEST};
 use crate::RecordError;
 use crate::columns::number::DEFLATE_RATIO;
-use crate::columns::{ColumnInfo, SUPPORTED, missing, vector_length};
+use crate::contents::{ColumnInfo, SUPPORTED, missing, vector_length};
 use crate::memory::Allowance;
 use flate2::read::ZlibDecoder;
 use std::collections::{HashMap, HashSet};

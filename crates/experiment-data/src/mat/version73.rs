@@ -8,7 +8,7 @@ use super::catalog::{Item, Kind};
 use super::{Array, DEEPEST};
 use crate::RecordError;
 use crate::columns::number::DEFLATE_RATIO;
-use crate::columns::{ColumnInfo, missing, vector_length};
+use crate::contents::{ColumnInfo, missing, vector_length};
 use crate::memory::{Allowance, FREELY, MOST_A_BYTE};
 use hdf5_pure::{ChunkCacheConfig, Dataset, DatasetAccessProperties, Group, Layout, Object};
 use std::collections::HashMap;

@@ -5,9 +5,9 @@ use super::expansion::Expansion;
 use super::moved::moved;
 use super::weights::Weights;
 use super::{DeltaReach, GrowSettings};
-use crate::candidate::Shape;
 use crate::sampling::Sampling;
 use crate::sampling::hold::Derivative;
+use crate::shape::Shape;
 use crate::{
     Candidate, CheckedRefineSettings, FrozenData, RandomChannels, RealizeError, RefineSettings, Refined,
     ResidualUnit, refine,

@@ -1,10 +1,10 @@
 //! Residues of known poles, and the modal form that they make.
 
 use super::LocalMode;
-use crate::dense::triangle_of;
 use crate::sampling::Sampling;
 use crate::{FrozenData, RealizeError};
 use lpv_core::{CoreError, Frf, StateSpace};
+use lpv_numerics::dense::triangle_of;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
 

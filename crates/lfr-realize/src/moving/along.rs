@@ -2,8 +2,8 @@
 
 use super::data::{MovingData, MovingRecord};
 use super::flow::{Want, add_product, multiply};
-use crate::dense::Triangle;
 use crate::problem::Linear;
+use lpv_numerics::dense::Triangle;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 

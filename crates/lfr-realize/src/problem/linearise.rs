@@ -1,13 +1,13 @@
 //! The linearisation of the problem: every line of every position, compressed to a small triangle.
 
 use super::{Linear, Problem};
-use crate::candidate::Shape;
-use crate::dense::{Triangle, complement, triangle_of};
 use crate::frozen::{Closure, close};
 use crate::lines::Chunk;
 use crate::sampling::hold::Derivative;
 use crate::sampling::{Sampling, apply_chain};
+use crate::shape::Shape;
 use lpv_core::Discrete;
+use lpv_numerics::dense::{Triangle, complement, triangle_of};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 

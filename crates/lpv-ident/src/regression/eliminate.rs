@@ -5,97 +5,18 @@
 //! are joined at the end: with two inputs and outputs this takes 0.4 of the work of treating all rows alike, and the
 //! result is the same up to rounding.
 
-use super::gram::Equations;
-use super::rigid_response;
-use crate::planes::{Planes, WIDEST};
-use crate::triangle::Triangle;
-use crate::whiten::Whitening;
+use super::equations::{Eliminated, Equations, Regressors};
 use crate::{CheckedRegression, IdentError, RigidTerm, Weighting};
-use lpv_core::{Discrete, Frf, FrfEstimate, StateSpace};
+use lpv_core::{Discrete, FrfEstimate, StateSpace};
+use lpv_numerics::dense::Triangle;
+use lpv_numerics::planes::Planes;
+use lpv_numerics::whiten::Whitening;
 use nalgebra::DMatrix;
-use num_complex::Complex;
-use rayon::prelude::*;
 use std::ops::Range;
-
-type C64 = Complex<f64>;
 
 /// Real rows, over all channels, that are gathered for each factorisation: large enough for blocked Householder steps,
 /// small enough for the cache.
 const BLOCK_ROWS: usize = 2048;
-
-/// Lines that one task of the filters' response takes.
-const CHUNK: usize = 1024;
-
-/// What one position leaves after its own coefficients are eliminated: `R22 c = r2`, and the residual.
-pub(super) struct Eliminated {
-    pub(super) position: f64,
-    /// The triangular factor of `[Phi_W, Phi_c, F]`, whitened.
-    pub(super) r: DMatrix<f64>,
-    pub(super) unknowns: usize,
-    pub(super) equations: usize,
-    pub(super) factorisations: usize,
-}
-
-/// The responses of the filters, and of the rigid body, on one set of lines.
-pub(super) struct Regressors {
-    frequencies_hz: Vec<f64>,
-    functions: Vec<Planes>,
-    rigid: Option<Planes>,
-}
-
-/// With zeros behind, so that whole registers can be read.
-fn padded(lines: usize, values: impl Iterator<Item = C64>) -> Planes {
-    Planes::collect(lines + WIDEST, values)
-}
-
-impl Regressors {
-    pub(super) fn new(
-        basis: &StateSpace<Discrete>,
-        has_rigid_body: bool,
-        frequencies_hz: Vec<f64>,
-    ) -> Result<Self, IdentError> {
-        let parts: Result<Vec<Frf>, _> = frequencies_hz
-            .par_chunks(CHUNK)
-            .map(|f| basis.frequency_response(f))
-            .collect();
-        // The whole list again on an error, so that the error counts its lines from the first.
-        let parts = parts.or_else(|_| basis.frequency_response(&frequencies_hz).map(|whole| vec![whole]))?;
-        let mut functions = vec![Planes::zeros(frequencies_hz.len() + WIDEST); basis.outputs()];
-        for (part, start) in parts.iter().zip((0..).step_by(CHUNK)) {
-            for (i, function) in functions.iter_mut().enumerate() {
-                for (k, value) in (start..).zip(part.channel(i, 0)) {
-                    function.set(k, value);
-                }
-            }
-        }
-        let rigid = has_rigid_body
-            .then(|| {
-                let phi_r = frequencies_hz.iter().map(|&f| rigid_response(basis.clock(), f));
-                let phi_r = phi_r.collect::<Result<Vec<_>, _>>()?;
-                Ok::<_, IdentError>(padded(phi_r.len(), phi_r.into_iter()))
-            })
-            .transpose()?;
-        Ok(Self {
-            frequencies_hz,
-            functions,
-            rigid,
-        })
-    }
-
-    /// Planes of the functions, with zeros for some lines more than there are.
-    pub(super) fn functions(&self) -> &[Planes] {
-        &self.functions
-    }
-
-    /// The same of the rigid body, where it is needed.
-    pub(super) fn rigid(&self) -> Option<&Planes> {
-        self.rigid.as_ref()
-    }
-
-    pub(super) fn frequencies_hz(&self) -> &[f64] {
-        &self.frequencies_hz
-    }
-}
 
 /// The lines that the settings keep, if they are enough.
 pub(super) fn kept(
@@ -172,7 +93,7 @@ fn channels(
         }
     }
     let mut whitening = Whitening::new(ny, nu, count);
-    whitening.set(estimate, lines, settings, position)?;
+    crate::weights::set(&mut whitening, estimate, lines, settings, position)?;
     let Whitening { left, right_adjoint } = whitening.roots();
     for (index, channel) in channels.iter_mut().enumerate() {
         let (r, s) = (index % ny, index / ny);

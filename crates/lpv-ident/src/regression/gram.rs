@@ -16,12 +16,11 @@ mod sums;
 mod weights;
 
 use super::LocalFit;
-use super::eliminate::{Eliminated, Regressors};
-use crate::planes::{Planes, WIDEST};
-use crate::triangle::invert_upper;
-use crate::whiten::Whitening;
-use crate::{CheckedRegression, IdentError};
-use lpv_core::FrfEstimate;
+use super::equations::{Eliminated, Equations};
+use crate::IdentError;
+use lpv_numerics::dense::invert_upper;
+use lpv_numerics::planes::{Planes, WIDEST};
+use lpv_numerics::whiten::Whitening;
 use nalgebra::{DMatrix, DVector};
 use products::Products;
 use pulp::{Simd, WithSimd};
@@ -34,16 +33,6 @@ const BLOCK: usize = 64;
 
 /// Condition of the scaled regressors beyond which reflections take over: their triangle keeps five digits then.
 const MOST: f64 = 3e5;
-
-/// The equations of one position.
-pub(super) struct Equations<'a> {
-    pub(super) estimate: &'a FrfEstimate,
-    pub(super) position: f64,
-    /// Lines of the estimate that are fitted.
-    pub(super) kept: Range<usize>,
-    pub(super) regressors: &'a Regressors,
-    pub(super) settings: &'a CheckedRegression,
-}
 
 /// What a model leaves of the responses of a position.
 pub(super) struct Left {
@@ -218,7 +207,7 @@ impl<'a> Pass<'a> {
         } = self.equations;
         let start = kept.start + block * BLOCK;
         let lines = start..kept.end.min(start + BLOCK);
-        self.whitening.set(estimate, lines.clone(), settings, *position)?;
+        crate::weights::set(&mut self.whitening, estimate, lines.clone(), settings, *position)?;
         let range = self.equations.range(block);
         pulp::Arch::new().dispatch(Step {
             pass: self,

@@ -1,10 +1,11 @@
 //! From the triangular factors of all positions to the gains that they share and their own coefficients.
 
-use super::eliminate::{Eliminated, eliminate};
-use super::gram::{self, Equations, Left};
+use super::eliminate::eliminate;
+use super::equations::{Eliminated, Equations};
+use super::gram::{self, Left};
 use super::{IdentError, LocalFit};
-use crate::triangle::{Triangle, invert_upper, solve_upper};
 use faer::MatRef;
+use lpv_numerics::dense::{Triangle, invert_upper, solve_upper};
 use nalgebra::{DMatrix, DVector, SVD};
 use rayon::prelude::*;
 

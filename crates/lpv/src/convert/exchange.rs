@@ -7,7 +7,7 @@ use crate::{ModelFile, PipelineError};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{
     Clock, Continuous, DeltaBlock, Discrete, InnovationModel, Lfr, LfrBlocks, LpvStateSpace, Model,
-    RigidBody, RigidBodyAxis, SchedulingRange, StateSpace, counted,
+    RigidBody, RigidBodyAxis, SchedulingRange, StateSpace,
 };
 
 /// Named matrices of a model, and its frozen systems on a grid.
@@ -29,60 +29,12 @@ pub(super) struct Exchange {
     pub(super) outputs: Vec<String>,
 }
 
-/// The model in a few words.
-pub fn describe(model: &Model) -> String {
-    let io = |ny: usize, nu: usize| format!("{}, {}", counted(nu, "input"), counted(ny, "output"));
-    let lfr =
-        |states, deltas, ny, nu| format!("LFR with {states} states and {deltas} deltas, {}", io(ny, nu));
-    match model {
-        Model::DiscreteStateSpace(s) => format!(
-            "discrete state space with {} states, {}",
-            s.states(),
-            io(s.outputs(), s.inputs())
-        ),
-        Model::ContinuousStateSpace(s) => format!(
-            "continuous state space with {} states, {}",
-            s.states(),
-            io(s.outputs(), s.inputs())
-        ),
-        Model::InnovationStateSpace(m) => format!(
-            "state space in innovation form with {} states, {}",
-            m.model().states(),
-            io(m.model().outputs(), m.model().inputs())
-        ),
-        Model::RigidBody(m) => match m.axes().len() {
-            1 => "rigid body, one axis".to_owned(),
-            n => format!("rigid body, {n} axes"),
-        },
-        Model::DiscreteLfr(m) => lfr(m.states(), m.delta_count(), m.outputs(), m.inputs()),
-        Model::ContinuousLfr(m) => {
-            "continuous ".to_owned() + &lfr(m.states(), m.delta_count(), m.outputs(), m.inputs())
-        }
-        Model::DiscreteLpv(m) => format!(
-            "LPV state space with {} states, {}",
-            m.states(),
-            io(m.outputs(), m.inputs())
-        ),
-        Model::ContinuousLpv(m) => format!(
-            "continuous LPV state space with {} states, {}",
-            m.states(),
-            io(m.outputs(), m.inputs())
-        ),
-        Model::SeriesExpansion(m) => format!(
-            "LPV series expansion in {} basis functions, {}",
-            m.functions(),
-            io(m.direct().shape().0, m.direct().shape().1)
-        ),
-        _ => "model of a kind that this version does not know".to_owned(),
-    }
-}
-
 impl Exchange {
     /// Takes the model apart; `points` frozen systems a parameter.
     pub(super) fn new(file: &ModelFile, points: usize) -> Result<Self, PipelineError> {
         let account = file.identification.as_ref();
         let mut exchange = Self {
-            description: describe(&file.model),
+            description: file.model.describe(),
             kind: "state-space".to_owned(),
             sample_time: 0.0,
             blocks: Vec::new(),
@@ -141,11 +93,6 @@ impl Exchange {
                 let m = m.to_state_space()?;
                 exchange.sample_time = m.clock().sample_time();
                 exchange.lpv(&m, points)?;
-            }
-            _ => {
-                return Err(PipelineError::Structure {
-                    problem: "this kind of model cannot be converted by this version of the program",
-                });
             }
         }
         if let Some(explanation) = &file.explanation {

@@ -1,11 +1,12 @@
 //! `diagnosis.json` and its words.
 
 use super::places::{base_parameters, channel, placed, units};
+use super::value::Value;
 use super::words::in_words;
 use super::{AxisErrors, Characterisation, LeftTest, LeftTests};
 use crate::validation::{AxisCheck, ClosedLoopAxis};
 use experiment_data::Bundle;
-use residual_trace::{Added, Judged, Trace, Track, Verdict, characterise};
+use lpv_diagnose::{Added, Judged, Trace, Track, Verdict, characterise};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -93,28 +94,6 @@ impl FoundEffect {
     }
 }
 
-/// A parameter.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Value {
-    /// Value.
-    pub value: f64,
-    /// Standard deviation; none where it was not estimated.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub std: Option<f64>,
-    /// Unit.
-    pub unit: String,
-}
-
-impl Value {
-    pub(crate) fn new(value: f64, std: f64, unit: String) -> Self {
-        Self {
-            value,
-            std: std.is_finite().then_some(std),
-            unit,
-        }
-    }
-}
-
 /// Why an effect was added.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
@@ -136,6 +115,23 @@ pub struct Evidence {
 pub struct Errors {
     /// By output.
     pub validation: BTreeMap<String, OutputError>,
+}
+
+impl Errors {
+    /// The largest error on held-out records, in multiples of the noise.
+    pub(super) fn largest(&self) -> f64 {
+        let all = self.validation.values().map(|e| e.over_noise);
+        all.fold(0.0, f64::max)
+    }
+}
+
+/// Effects with their places.
+pub(super) fn names(effects: &[FoundEffect]) -> String {
+    let names: Vec<String> = effects
+        .iter()
+        .map(|e| format!("{} at {}", e.effect, e.channel))
+        .collect();
+    names.join(", ")
 }
 
 /// Error of one output.
@@ -241,7 +237,11 @@ impl Diagnosis {
             bundle: bundle.description().name.clone(),
             base_model: found.model.base.name().to_owned(),
             verdict: found.verdict.name().to_owned(),
-            verdict_in_words: in_words(found.verdict.name(), &effects, &before, &after),
+            verdict_in_words: in_words(
+                found.verdict.name(),
+                &names(&effects),
+                [&before, &after].map(Errors::largest),
+            ),
             contradictions: Vec::new(),
             error_of: "closed loop".to_owned(),
             observer_hz: None,

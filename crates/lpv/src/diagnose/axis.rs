@@ -3,7 +3,7 @@
 use crate::PipelineError;
 use crate::validation::{AxisCheck, check_axis};
 use lpv_core::{ControllerState, Discrete, Record};
-use residual_trace::{Base, Explained, Motion, Trace, Track};
+use lpv_diagnose::{Base, Explained, Motion, Trace, Track};
 use serde::{Deserialize, Serialize};
 
 /// One record of a servo axis.

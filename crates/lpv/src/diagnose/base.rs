@@ -1,18 +1,16 @@
 //! The model that effects are added to.
 
-use super::{BaseKind, spring};
+use super::BaseKind;
 use crate::config::IdentifyConfig;
 use crate::poles::fit_poles;
 use crate::progress::Progress;
 use crate::responses::estimate_bundle;
-use crate::signal::range;
 use crate::{ModelFile, PipelineError, Structure, identify_bundle};
 use experiment_data::Bundle;
 use lpv_core::nalgebra::{DMatrix, DVector};
-use lpv_core::{CoreError, Discrete, FrfEstimate, Model, Record, SchedulingRange, StateSpace};
-use lti_ident::rigid_body::RigidBodySettings;
-use lti_ident::{LtiIdentError, Segment};
-use residual_trace::{Axis, Base, BaseParameter, FrozenFit, Lpv, Prior, TraceError, fit_table};
+use lpv_core::{Discrete, FrfEstimate, Model, Record, SchedulingRange};
+use lpv_diagnose::{Axis, Base, BaseParameter, FrozenFit, Lpv, Prior, TraceError, fit_table};
+use lpv_numerics::statistics::range;
 use std::f64::consts::TAU;
 
 /// A base model, and what is known of it.
@@ -66,7 +64,7 @@ pub(super) fn start(
     }
     let channels = &description.channels;
     if channels.scheduling.is_empty() && channels.input.len() == 1 && channels.output.len() == 1 {
-        return Ok(plain(servo_axis(fitted, clock, reasons)?));
+        return Ok(plain(lpv_diagnose::servo_axis(fitted, clock, reasons)?));
     }
     let config = IdentifyConfig {
         structure: (!channels.scheduling.is_empty()).then_some(Structure::Lpv),
@@ -165,7 +163,7 @@ fn given(model: &Model, bundle: &Bundle, records: &[&Record]) -> Result<Start, P
         let (least, most) = range(p);
         let margin = 0.01 * (high - low);
         if !lpv.is_constant() && (least < low - margin || most > high + margin) {
-            return Err(residual_trace::TraceError::Record {
+            return Err(lpv_diagnose::TraceError::Record {
                 record: record.name.clone(),
                 problem: format!(
                     "its scheduling goes from {least} to {most}, and the model holds from {low} to {high}; measure responses at positions as far, or leave the record out"
@@ -194,44 +192,27 @@ fn given(model: &Model, bundle: &Bundle, records: &[&Record]) -> Result<Start, P
 pub(super) fn lpv(model: &Model, bundle: &Bundle) -> Result<Lpv, PipelineError> {
     let description = bundle.description();
     let channels = &description.channels;
-    let sampled = |s: StateSpace<Discrete>| s.undo_zero_order_hold();
-    let make = |range: Option<&SchedulingRange>, frozen: &dyn Fn(f64) -> Result<StateSpace<_>, CoreError>| {
-        let bounds = match range.map(SchedulingRange::bounds) {
-            None => None,
-            Some([one]) => Some(*one),
-            Some(_) => {
-                return Err(PipelineError::Structure {
-                    problem: "effects are added to models with one scheduling parameter",
-                });
-            }
-        };
-        let lpv = Lpv::new(
-            crate::convert::describe(model),
-            bounds,
-            description.geometry.as_ref(),
-            frozen,
-        )?;
-        Ok(lpv)
-    };
-    let found = match model {
-        Model::ContinuousLfr(m) => make(Some(m.range()), &|p| m.frozen(&[p])),
-        Model::ContinuousLpv(m) => make(Some(m.range()), &|p| m.frozen(&[p])),
-        Model::ContinuousStateSpace(m) => make(None, &|_| Ok(m.clone())),
-        Model::DiscreteLfr(m) => make(Some(m.range()), &|p| sampled(m.frozen(&[p])?)),
-        Model::DiscreteLpv(m) => make(Some(m.range()), &|p| sampled(m.frozen(&[p])?)),
-        Model::DiscreteStateSpace(m) => make(None, &|_| sampled(m.clone())),
-        Model::InnovationStateSpace(m) => make(None, &|_| sampled(m.model().clone())).map(|lpv| {
-            let pair = |v: &DVector<f64>| [0, 1].map(|i: usize| v.get(i).copied().unwrap_or(0.0));
-            lpv.about(pair(m.input_offset()), pair(m.output_offset()))
-        }),
-        Model::SeriesExpansion(m) => {
-            let m = m.to_state_space()?;
-            make(Some(m.range()), &|p| sampled(m.frozen(&[p])?))
-        }
-        _ => Err(PipelineError::Structure {
+    if let Model::RigidBody(_) = model {
+        return Err(PipelineError::Structure {
             problem: "effects cannot be added to this kind of model",
-        }),
-    }?;
+        });
+    }
+    let bounds = match model.range().map(SchedulingRange::bounds) {
+        None => None,
+        Some([one]) => Some(*one),
+        Some(_) => {
+            return Err(PipelineError::Structure {
+                problem: "effects are added to models with one scheduling parameter",
+            });
+        }
+    };
+    let in_states = model.in_states()?;
+    let frozen = |p: f64| in_states.frozen(&[p])?.continuous();
+    let mut found = Lpv::new(model.describe(), bounds, description.geometry.as_ref(), frozen)?;
+    if let Some((inputs, outputs)) = model.offsets() {
+        let pair = |v: &DVector<f64>| [0, 1].map(|i: usize| v.get(i).copied().unwrap_or(0.0));
+        found = found.about(pair(&inputs), pair(&outputs));
+    }
     if !found.is_constant() && channels.scheduling.is_empty() {
         return Err(PipelineError::Structure {
             problem: "the model depends on a scheduling signal and the bundle has none: name its column in [channels.scheduling]",
@@ -280,47 +261,4 @@ pub(crate) fn table(
         modes.iter().map(|f| format!("{f:.4}")).collect::<Vec<_>>().join(", ")
     ));
     Ok((fit, responses.estimates))
-}
-
-/// A free axis, or one on a spring to ground where that leaves much less of the force.
-fn servo_axis(records: &[Record], clock: Discrete, reasons: &mut Vec<String>) -> Result<Base, PipelineError> {
-    /// Part of the force that a free axis leaves which one on a spring may leave.
-    const LEFT: f64 = 0.5;
-    // What is wrong with the records, the free axis says.
-    let sprung = spring::axis(records, clock).unwrap_or_default();
-    let better = |found: &spring::Found| found.left < LEFT * found.left_free;
-    let (sprung, reversed): (Option<_>, Option<_>) = match sprung {
-        Some(found) if found.is_reversed() => (None, Some(found)),
-        other => (other, None),
-    };
-    if let (Some(found), [record, ..]) = (reversed.filter(|r| better(r)), records) {
-        return Err(LtiIdentError::OppositeSigns {
-            input: record.inputs.names[0].clone(),
-            output: record.outputs.names[0].clone(),
-            inertia: found.mass(),
-            deviation: found.deviation,
-        }
-        .into());
-    }
-    let free = free_axis(records, clock);
-    match (sprung, free) {
-        (Some(found), Err(_)) => Ok(found.held(reasons)),
-        (Some(found), Ok(_)) if better(&found) => Ok(found.held(reasons)),
-        (_, free) => free,
-    }
-}
-
-fn free_axis(records: &[Record], clock: Discrete) -> Result<Base, PipelineError> {
-    let segments: Vec<Segment<'_>> = records.iter().map(Segment::whole).collect();
-    let identify = |dry_friction: bool| {
-        let settings = RigidBodySettings::new().dry_friction(dry_friction).check()?;
-        lti_ident::rigid_body::identify(&segments, clock, &settings)
-    };
-    // Friction that is larger than the inertial force makes the inertia negative where it is left out.
-    let found = identify(false).or_else(|error| match error {
-        LtiIdentError::Inertia { .. } => identify(true).map_err(|_| error),
-        _ => Err(error),
-    })?;
-    let axis = found.model.axes()[0];
-    Ok(Base::Axis(Axis::new(axis.inertia, axis.viscous, axis.offset)))
 }

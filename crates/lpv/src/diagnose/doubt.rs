@@ -2,8 +2,8 @@
 
 use super::places::placed;
 use experiment_data::Bundle;
-use residual_trace::effect::{Effect, Family};
-use residual_trace::{Base, Trace, Verdict};
+use lpv_diagnose::effect::{Effect, Family};
+use lpv_diagnose::{Base, Trace, Verdict};
 
 /// Margin on the judged records, dB, below which two effects do as well as each other.
 pub const EQUAL_DB: f64 = 0.02;

@@ -6,9 +6,9 @@ use super::{FoundEffect, Value};
 use crate::PipelineError;
 use experiment_data::Bundle;
 use lpv_core::Model;
-use residual_trace::catalogue;
-use residual_trace::effect::Effect;
-use residual_trace::{Axis, Base, Explained, table_from_geometry};
+use lpv_diagnose::catalogue;
+use lpv_diagnose::effect::Effect;
+use lpv_diagnose::{Axis, Base, Explained, table_from_geometry};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

@@ -3,9 +3,9 @@
 use crate::PipelineError;
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{Continuous, Discrete, FrfEstimate, StateSpace};
+use lpv_diagnose::{Base, EquivalentForce};
 use lpv_report::{Axis, Colour, Figure, Marker, Panel, Series, Style};
 use realfft::RealFftPlanner;
-use residual_trace::{Base, EquivalentForce};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use std::f64::consts::TAU;
 

@@ -1,7 +1,7 @@
 //! What is left of an error, in `diagnosis.json`.
 
 use experiment_data::Bundle;
-use residual_trace::{Character, Left};
+use lpv_diagnose::{Character, Left};
 use serde::{Deserialize, Serialize};
 
 /// Tests of what is left, the surest first.

@@ -4,8 +4,8 @@ use crate::PipelineError;
 use crate::progress::{Counter, Progress};
 use experiment_data::{Bundle, DataError};
 use lpv_core::{ControllerState, Record};
+use lpv_diagnose::{Explained, Track};
 use rayon::prelude::*;
-use residual_trace::{Explained, Track};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Pairs of channels, by record and sample.
@@ -58,7 +58,7 @@ pub(super) fn unrepeated(bundle: &Bundle, progress: Progress<'_>) -> Result<(f64
 pub(super) fn roughness(model: &Explained, controller: &ControllerState, tracks: &[Track]) -> [f64; 2] {
     let third = |records: &[Vec<[f64; 2]>], i: usize| {
         let rows = records.iter().flat_map(|y| y.windows(4));
-        residual_trace::roughness(rows.map(|w| [w[0][i], w[1][i], w[2][i], w[3][i]]))
+        lpv_diagnose::roughness(rows.map(|w| [w[0][i], w[1][i], w[2][i], w[3][i]]))
     };
     let outputs: Vec<Vec<[f64; 2]>> = tracks.iter().map(|t| t.outputs.clone()).collect();
     let errors = |track: &Track| -> Option<Vec<[f64; 2]>> {

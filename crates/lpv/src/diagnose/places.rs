@@ -2,8 +2,8 @@
 
 use super::Value;
 use experiment_data::Bundle;
-use residual_trace::effect::{Effect, Family};
-use residual_trace::{Base, BaseParameter};
+use lpv_diagnose::effect::{Effect, Family};
+use lpv_diagnose::{Base, BaseParameter};
 use std::collections::BTreeMap;
 
 /// Parameters of a base model by name, with their deviations in its order, in units of the bundle.

@@ -2,7 +2,7 @@
 
 use crate::PipelineError;
 use lpv_core::{ControllerState, Purpose, Record};
-use residual_trace::Track;
+use lpv_diagnose::Track;
 
 /// Words on the record whose inputs the controller gives worst, if that is bad.
 pub(super) fn wrong_controller(records: &[Record], controller: &ControllerState) -> Option<String> {

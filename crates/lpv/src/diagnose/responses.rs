@@ -1,5 +1,6 @@
 //! Diagnosis from frequency responses, of an axis with one input that has no moves.
 
+use super::account::names;
 use super::places::{channel, placed, units};
 use super::words::in_words;
 use super::{
@@ -12,9 +13,7 @@ use crate::responses::periodic_responses;
 use experiment_data::Bundle;
 use frf_estimation::PeriodicEstimate;
 use lpv_core::{FrfEstimate, Purpose};
-use residual_trace::{
-    ResponseCase, ResponseStep, characterise_response, noise_of, response, trace_responses,
-};
+use lpv_diagnose::{ResponseCase, ResponseStep, characterise_response, noise_of, response, trace_responses};
 use std::collections::BTreeMap;
 
 /// Error over the noise up to which nothing is left.
@@ -227,7 +226,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
         base_model: "rigid axis with viscous friction; rms are errors of the response over its size"
             .to_owned(),
         verdict: verdict.to_owned(),
-        verdict_in_words: in_words(verdict, &effects, &before, &after),
+        verdict_in_words: in_words(verdict, &names(&effects), [&before, &after].map(Errors::largest)),
         contradictions: Vec::new(),
         error_of: "response".to_owned(),
         observer_hz: None,

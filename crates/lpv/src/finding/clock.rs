@@ -1,6 +1,6 @@
 //! A column of times or sample numbers that is kept beside the signals: does it advance evenly?
 
-use crate::signal::{median, quantile};
+use lpv_numerics::statistics::{median, quantile};
 
 /// What a column of times says.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,8 +1,8 @@
 //! Records against each other: one of several with another sign or unit, and records of one place that disagree.
 
 use super::Finding;
-use crate::signal::median;
 use lpv_core::num_complex::Complex;
+use lpv_numerics::statistics::median;
 
 type C64 = Complex<f64>;
 
@@ -166,7 +166,7 @@ fn line_weights(others: &[&Voice], voice: &Voice) -> Option<Vec<f64>> {
     let mut different = places.clone();
     different.sort_by(f64::total_cmp);
     different.dedup();
-    let mean = crate::signal::mean(&places);
+    let mean = lpv_numerics::statistics::mean(&places);
     let spread: f64 = places.iter().map(|p| (p - mean).powi(2)).sum();
     let weight = |p: &f64| 1.0 / count + (at - mean) * (p - mean) / spread;
     (different.len() >= 3).then(|| places.iter().map(weight).collect())

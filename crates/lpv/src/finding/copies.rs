@@ -4,7 +4,6 @@
 //! the smallest hash is kept, so that a stretch that two records share is found wherever it begins.
 
 use super::Finding;
-use super::watch::Look;
 use lpv_core::Record;
 use std::collections::BTreeSet;
 
@@ -20,30 +19,6 @@ const PART: f64 = 0.5;
 /// Most windows that are kept, those of the smallest hashes: enough for records of any length.
 const MOST: usize = 4096;
 
-/// Adds the windows of outputs and inputs of a record, or of a part of it, without those in which an output rests.
-pub(super) fn add_prints(prints: &mut BTreeSet<u64>, record: &Record) {
-    let columns = || record.outputs.columns.iter().chain(&record.inputs.columns);
-    let rows: Vec<u64> = (0..record.len())
-        .map(|t| columns().fold(0, |hash, x| mixed(hash, x[t].to_bits())))
-        .collect();
-    let moves = |t: usize| {
-        let mut outputs = record.outputs.columns.iter();
-        outputs.all(|y| y[t..t + ROWS].iter().any(|v| *v != y[t]))
-    };
-    let windows: Vec<u64> = rows
-        .windows(ROWS)
-        .enumerate()
-        .filter(|(t, _)| moves(*t))
-        .map(|(_, rows)| rows.iter().fold(0, |hash, row| mixed(hash, *row)))
-        .collect();
-    for run in windows.windows(WINDOW) {
-        prints.extend(run.iter().min());
-        if prints.len() > MOST {
-            prints.pop_last();
-        }
-    }
-}
-
 /// A hash with one more number (the finaliser of SplitMix64).
 fn mixed(hash: u64, number: u64) -> u64 {
     let mut h = (hash ^ number).wrapping_add(0x9E37_79B9_7F4A_7C15);
@@ -52,25 +27,59 @@ fn mixed(hash: u64, number: u64) -> u64 {
     h ^ (h >> 31)
 }
 
+/// A transient record by its windows.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Prints {
+    pub(super) record: String,
+    pub(super) held_out: bool,
+    windows: BTreeSet<u64>,
+}
+
+impl Prints {
+    /// Adds the windows of outputs and inputs of a record, or of a part of it, without those in which an output rests.
+    pub(super) fn add(&mut self, record: &Record) {
+        let columns = || record.outputs.columns.iter().chain(&record.inputs.columns);
+        let rows: Vec<u64> = (0..record.len())
+            .map(|t| columns().fold(0, |hash, x| mixed(hash, x[t].to_bits())))
+            .collect();
+        let moves = |t: usize| {
+            let mut outputs = record.outputs.columns.iter();
+            outputs.all(|y| y[t..t + ROWS].iter().any(|v| *v != y[t]))
+        };
+        let windows: Vec<u64> = rows
+            .windows(ROWS)
+            .enumerate()
+            .filter(|(t, _)| moves(*t))
+            .map(|(_, rows)| rows.iter().fold(0, |hash, row| mixed(hash, *row)))
+            .collect();
+        for run in windows.windows(WINDOW) {
+            self.windows.extend(run.iter().min());
+            if self.windows.len() > MOST {
+                self.windows.pop_last();
+            }
+        }
+    }
+}
+
 /// Held-out records that are copies.
-pub(super) fn copies(looks: &[&Look]) -> Vec<Finding> {
-    let (held_out, fitted): (Vec<&Look>, Vec<&Look>) = looks
+pub(super) fn copies(looks: &[&Prints]) -> Vec<Finding> {
+    let (held_out, fitted): (Vec<&Prints>, Vec<&Prints>) = looks
         .iter()
-        .filter(|l| l.prints.len() >= FEWEST)
+        .filter(|l| l.windows.len() >= FEWEST)
         .partition(|l| l.held_out);
-    let same = |a: &Look, b: &Look| {
+    let same = |a: &Prints, b: &Prints| {
         // Of a long record the windows up to this hash are known.
-        let full = b.prints.len() == MOST;
-        let known = b.prints.last().filter(|_| full).copied().unwrap_or(u64::MAX);
-        let of_a = a.prints.range(..=known);
+        let full = b.windows.len() == MOST;
+        let known = b.windows.last().filter(|_| full).copied().unwrap_or(u64::MAX);
+        let of_a = a.windows.range(..=known);
         let (mut all, mut shared) = (0, 0.0);
         for hash in of_a {
             all += 1;
-            shared += f64::from(u8::from(b.prints.contains(hash)));
+            shared += f64::from(u8::from(b.windows.contains(hash)));
         }
         all >= FEWEST && shared > PART * all as f64
     };
-    let copy = |a: &&Look| {
+    let copy = |a: &&Prints| {
         let of = fitted.iter().find(|b| same(a, b))?;
         Some(Finding::HeldOutCopy {
             record: a.record.clone(),
@@ -83,7 +92,6 @@ pub(super) fn copies(looks: &[&Look]) -> Vec<Finding> {
 #[cfg(test)]
 mod tests {
     use super::super::kit::{self, Random};
-    use super::super::watch::Watch;
     use super::*;
     use lpv_core::Purpose;
 
@@ -96,15 +104,19 @@ mod tests {
     }
 
     fn found(records: &[Record]) -> Vec<Finding> {
-        let looks: Vec<Look> = records
+        let all: Vec<Prints> = records
             .iter()
             .map(|r| {
-                let mut watch = Watch::with(None);
-                watch.push(r);
-                watch.finish()
+                let mut prints = Prints {
+                    record: r.name.clone(),
+                    held_out: r.purpose == Purpose::Validation,
+                    ..Prints::default()
+                };
+                prints.add(r);
+                prints
             })
             .collect();
-        copies(&looks.iter().collect::<Vec<_>>())
+        copies(&all.iter().collect::<Vec<_>>())
     }
 
     #[test]

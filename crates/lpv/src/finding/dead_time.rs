@@ -29,8 +29,8 @@ pub(super) fn dead_time(u: &[f64], y: &[f64]) -> Option<usize> {
         return None;
     }
     let scale = |x: &[f64]| {
-        let size = crate::signal::deviation(x);
-        (size > 0.0).then(|| (crate::signal::mean(x), size))
+        let size = lpv_numerics::statistics::standard_deviation(x);
+        (size > 0.0).then(|| (lpv_numerics::statistics::mean(x), size))
     };
     let ((u0, u_size), (y0, y_size)) = (scale(u)?, scale(y)?);
     let y_at = |k: usize| (y[k] - y0) / y_size;
@@ -82,7 +82,7 @@ pub(super) fn trend(inputs: &[Vec<f64>], y: &[f64]) -> Option<f64> {
     let means = |x: &[f64]| -> Vec<f64> {
         x.chunks_exact(part)
             .take(PARTS)
-            .map(crate::signal::mean)
+            .map(lpv_numerics::statistics::mean)
             .collect()
     };
     let y_means = means(y);
@@ -113,10 +113,10 @@ pub(super) fn trend(inputs: &[Vec<f64>], y: &[f64]) -> Option<f64> {
     let rest: Vec<f64> = y.iter().enumerate().map(|(k, v)| v - slope * k as f64).collect();
     let deviation = scatter * inverse[(1, 1)].sqrt() * PARTS as f64;
     // What the column does not hold, the inputs would have had to take back.
-    let (low, high) = crate::signal::range(y);
+    let (low, high) = lpv_numerics::statistics::range(y);
     (rise.abs() <= high - low
         && rise.abs() > STANDS_OUT * deviation
-        && rise.abs() > MATTERS * crate::signal::deviation(&rest))
+        && rise.abs() > MATTERS * lpv_numerics::statistics::standard_deviation(&rest))
     .then_some(rise)
 }
 
@@ -135,7 +135,7 @@ mod tests {
         let size = random.decades(3.0);
         let u = random.noise(samples, size);
         let mut y = plant.open(&u);
-        let noise = crate::signal::deviation(&y) * 10f64.powf(random.between(-6.0, -2.5));
+        let noise = lpv_numerics::statistics::standard_deviation(&y) * 10f64.powf(random.between(-6.0, -2.5));
         y.iter_mut().for_each(|y| *y += noise * random.normal());
         [u, y]
     }
@@ -152,7 +152,7 @@ mod tests {
             let late: Vec<f64> = (0..y.len()).map(|k| y[k.saturating_sub(delay)]).collect();
             let told = dead_time(&u, &late).unwrap_or(0) as f64;
             assert!((told - delay as f64).abs() <= 3.0, "{seed}: {told} for {delay}");
-            let rise = crate::signal::deviation(&y) * random.between(3.0, 30.0);
+            let rise = lpv_numerics::statistics::standard_deviation(&y) * random.between(3.0, 30.0);
             let drifting: Vec<f64> = y
                 .iter()
                 .enumerate()

@@ -1,6 +1,6 @@
 //! Values that a log repeats because it runs faster than what it logs.
 
-use crate::signal::median;
+use lpv_numerics::statistics::median;
 
 /// Different values from which a signal is no switching signal.
 const LEVELS: usize = 16;
@@ -22,7 +22,7 @@ pub(super) fn held(x: &[f64]) -> Option<f64> {
     if moving.len() < LEAST || moving.len() == steps.len() || few_levels(x) {
         return None;
     }
-    let (low, high) = crate::signal::range(x);
+    let (low, high) = lpv_numerics::statistics::range(x);
     // Rounding of a scale makes steps that are none.
     let rounding = 1e-12 * low.abs().max(high.abs());
     let quantum = moving
@@ -103,7 +103,7 @@ mod tests {
             let mut random = Random::new(1000 + seed);
             let pole = random.between(0.0, 0.999);
             let x = motion(&mut random, 5000, pole);
-            let size = crate::signal::deviation(&x);
+            let size = lpv_numerics::statistics::standard_deviation(&x);
             let grid = size * 10f64.powf(random.between(-5.0, 0.0));
             let coarse: Vec<f64> = x.iter().map(|v| (v / grid).round() * grid).collect();
             let cut: Vec<f64> = x.iter().map(|v| v.clamp(-size, size)).collect();

@@ -23,8 +23,8 @@ pub(super) fn is_feedback_only(record: &Record) -> bool {
         return false;
     }
     let scaled = |x: &[f64]| -> Vec<f64> {
-        let m = crate::signal::mean(x);
-        let size = crate::signal::deviation(x);
+        let m = lpv_numerics::statistics::mean(x);
+        let size = lpv_numerics::statistics::standard_deviation(x);
         x.iter().map(|v| (v - m) / size).collect()
     };
     let (u, y) = (scaled(u), scaled(y));
@@ -72,7 +72,9 @@ mod tests {
             let [u, y] = plant.in_loop(&controller, &still, &e);
             assert!(is_feedback_only(&record(None, &[], &u, &y)), "{seed}");
             // The same loop driven, with noise of any size, and open, driven by what can be foretold and what cannot.
-            let size = crate::signal::deviation(&e) * lead.abs() * 10f64.powf(random.between(-2.0, 6.0));
+            let size = lpv_numerics::statistics::standard_deviation(&e)
+                * lead.abs()
+                * 10f64.powf(random.between(-2.0, 6.0));
             let drive: Vec<f64> = multisine(&mut random, 3000, 200, 3000)
                 .iter()
                 .map(|r| size * r)

@@ -1,6 +1,6 @@
 //! A periodic record from period to period: does the excitation keep its period, do the signals keep their level?
 
-use crate::signal::deviation;
+use lpv_numerics::statistics::standard_deviation;
 
 /// Phase by which the highest lines turn over a record before it matters, and before nothing can be trusted, rad.
 const TURNS: [f64; 2] = [0.02, 0.3];
@@ -36,7 +36,7 @@ pub(super) struct Shift {
 impl Periods {
     pub(super) fn push(&mut self, x: &[f64]) {
         let n = x.len();
-        let mean = crate::signal::mean(x);
+        let mean = lpv_numerics::statistics::mean(x);
         if self.last.len() == n && n > 4 {
             let level = mean - self.means.last().copied().unwrap_or(mean);
             let mut sums = [0.0; 3];
@@ -50,7 +50,7 @@ impl Periods {
             }
             self.changes.push(sums);
         }
-        self.size = deviation(x);
+        self.size = standard_deviation(x);
         self.means.push(mean);
         self.last.clear();
         self.last.extend_from_slice(x);
@@ -87,7 +87,7 @@ impl Periods {
             return None;
         }
         let middle = (count - 1.0) / 2.0;
-        let mean = crate::signal::mean(means);
+        let mean = lpv_numerics::statistics::mean(means);
         let spread: f64 = (0..means.len()).map(|m| (m as f64 - middle).powi(2)).sum();
         let rise = means
             .iter()
@@ -180,7 +180,7 @@ mod tests {
             let lines = 20 + (200.0 * random.unit()) as usize;
             let u = multisine(&mut random, period, lines, period * (4 + seed as usize % 6));
             let mut y = plant.open(&u);
-            let size = deviation(&y) * 10f64.powf(random.between(-6.0, -0.5));
+            let size = standard_deviation(&y) * 10f64.powf(random.between(-6.0, -0.5));
             y.iter_mut().for_each(|y| *y += size * random.normal());
             let watched = watched(&y, period);
             alarms += usize::from(watched.shift().is_some()) + usize::from(watched.drift().is_some());

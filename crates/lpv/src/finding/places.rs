@@ -1,7 +1,7 @@
 //! Positions against each other: one in another unit.
 
 use super::Finding;
-use crate::signal::median;
+use lpv_numerics::statistics::median;
 
 /// How many times the stroke of all others one must lie away to be of another unit.
 const AWAY: f64 = 30.0;

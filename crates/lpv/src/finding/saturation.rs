@@ -1,7 +1,7 @@
 //! An amplifier that clips the command that was logged: with the command cut at the right level the response is smooth.
 
-use crate::signal::median;
 use lpv_core::num_complex::Complex;
+use lpv_numerics::statistics::median;
 use realfft::RealFftPlanner;
 
 /// Roughness of a response from which a cause is looked for, and the part of it that a cut command must leave.
@@ -90,7 +90,7 @@ mod tests {
             random.decades(3.0),
         );
         let y = plant.open(&acts);
-        let scale = noise * crate::signal::deviation(&y);
+        let scale = noise * lpv_numerics::statistics::standard_deviation(&y);
         let y = y.iter().map(|y| y + scale * random.normal());
         [u[11 * period..].to_vec(), y.skip(11 * period).collect()]
     }
@@ -108,7 +108,7 @@ mod tests {
                 let limit = random.between(0.8, 1.8);
                 let [u, y] = measured(&mut random, limit, 0.1 * noise.min(1e-3));
                 if let Some(told) = saturation(&u, &y, &lines) {
-                    let rms = crate::signal::deviation(&u);
+                    let rms = lpv_numerics::statistics::standard_deviation(&u);
                     assert!(
                         (told.level / (limit * rms) - 1.0).abs() < 0.1,
                         "{seed}: {told:?}, {}",

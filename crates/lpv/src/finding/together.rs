@@ -26,7 +26,7 @@ pub(crate) fn examine<'b>(
         .iter()
         .filter_map(|l| Some((l.record.as_str(), l.scheduling?)));
     found.extend(places(&at.collect::<Vec<_>>()));
-    found.extend(copies(&looks));
+    found.extend(copies(&looks.iter().map(|l| &l.prints).collect::<Vec<_>>()));
     for other in compare(voices, &names) {
         // The cause goes before what it does to the controller.
         let follows =

@@ -1,7 +1,7 @@
 //! One look at a record while it is read, whole or a period at a time, and what all looks say together.
 
 use super::clock::{Uneven, is_clock, uneven};
-use super::copies::add_prints;
+use super::copies::Prints;
 use super::dead_time::{dead_time, trend};
 use super::held::held;
 use super::loop_only::is_feedback_only;
@@ -11,7 +11,6 @@ use super::wrap::wrap;
 use super::{Finding, Paths};
 use experiment_data::Bundle;
 use lpv_core::{Controller, Purpose, Record, RecordKind, Signals};
-use std::collections::BTreeSet;
 
 /// Samples of a record that are looked at for patterns within it.
 const HEAD: usize = 50_000;
@@ -28,8 +27,7 @@ pub(crate) struct Watch<'a> {
     /// Outputs, inputs, references.
     groups: [Group; 3],
     scheduling: [f64; 2],
-    prints: BTreeSet<u64>,
-    held_out: bool,
+    prints: Prints,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -50,9 +48,7 @@ pub(crate) struct Look {
     pub(crate) scheduling: Option<[f64; 2]>,
     /// Rise over a period of the outputs and of the inputs, where it matters; else zero.
     pub(crate) rises: [Vec<f64>; 2],
-    /// Windows of a transient record, and whether it is held out.
-    pub(super) prints: BTreeSet<u64>,
-    pub(super) held_out: bool,
+    pub(super) prints: Prints,
     /// Mean periods of outputs, inputs, references; empty for a transient record.
     pub(super) means: [Vec<Vec<f64>>; 3],
 }
@@ -70,8 +66,7 @@ impl<'a> Watch<'a> {
             findings: Vec::new(),
             groups: Default::default(),
             scheduling: [f64::INFINITY, f64::NEG_INFINITY],
-            prints: BTreeSet::new(),
-            held_out: false,
+            prints: Prints::default(),
         }
     }
 
@@ -79,7 +74,8 @@ impl<'a> Watch<'a> {
     pub(crate) fn push(&mut self, part: &Record) {
         if self.parts == 0 {
             self.record.clone_from(&part.name);
-            self.held_out = part.purpose == Purpose::Validation;
+            self.prints.record.clone_from(&part.name);
+            self.prints.held_out = part.purpose == Purpose::Validation;
         }
         if self.parts < PARTS {
             self.samples(part);
@@ -149,7 +145,7 @@ impl<'a> Watch<'a> {
             }
         }
         if part.kind == RecordKind::Transient {
-            add_prints(&mut self.prints, part);
+            self.prints.add(part);
             self.transient(part);
         }
         if part.kind == RecordKind::Transient
@@ -262,7 +258,6 @@ impl<'a> Watch<'a> {
             scheduling: (self.scheduling[0] <= self.scheduling[1]).then_some(self.scheduling),
             rises,
             prints: self.prints,
-            held_out: self.held_out,
             means,
         }
     }

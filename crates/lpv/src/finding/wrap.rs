@@ -23,7 +23,7 @@ pub(super) struct Wrap {
 
 /// Jumps of one size where all else is smooth, of a size that counters have; the motion goes on behind each as it was before.
 pub(super) fn wrap(x: &[f64]) -> Option<Wrap> {
-    let (low, high) = crate::signal::range(x);
+    let (low, high) = lpv_numerics::statistics::range(x);
     let steps: Vec<f64> = x.windows(2).map(|w| w[1] - w[0]).collect();
     let largest = steps.iter().map(|d| d.abs()).fold(0.0, f64::max);
     if largest <= 0.0 || !largest.is_finite() || largest < JUMP * (high - low) {
@@ -101,7 +101,7 @@ fn quantum(x: &[f64], other: f64) -> Option<f64> {
         unit = most / (most / unit).round();
     }
     // The whole range tells it better than one step.
-    let (low, high) = crate::signal::range(x);
+    let (low, high) = lpv_numerics::statistics::range(x);
     let fine = (high - low) / ((high - low) / unit).round();
     [1.0, fine].into_iter().find(|u| whole(*u))
 }

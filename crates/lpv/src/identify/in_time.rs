@@ -31,7 +31,7 @@ pub(super) fn in_time(
     let cut: Vec<Record> = records
         .iter()
         .zip(&fitted)
-        .map(|(r, &n)| crate::validation::cut(r, n))
+        .map(|(r, &n)| lpv_simulate::cut(r, n))
         .collect();
     let (estimates, reason) = estimate_local(cut, clock, progress)?;
     let mut reasons = vec![reason];

@@ -1,9 +1,8 @@
 //! Figures of the periodic records at one position, and of their frequency response.
 
 use crate::responses::AtPosition;
-use crate::signal::{median, quantile};
-use crate::validation::decibel;
 use frf_estimation::Instrument;
+use lpv_numerics::statistics::{amplitude_db, median, quantile};
 use serde::Serialize;
 
 /// One periodic experiment.
@@ -104,7 +103,7 @@ pub(crate) fn describe(purpose: &'static str, at: &AtPosition) -> ExperimentInfo
     let frf = e.estimate.frf();
     let frequencies = frf.frequencies_hz();
     let (ny, nu) = (frf.outputs(), frf.inputs());
-    let power_db = |snr: f64| 0.5 * decibel(snr);
+    let power_db = |snr: f64| 0.5 * amplitude_db(snr);
     // The averaged output has the noise of one period over M; a single period shows the M-th part of that ratio.
     let coherence = |snr: f64| {
         let one = snr / e.periods_used as f64;

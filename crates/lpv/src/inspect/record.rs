@@ -1,11 +1,11 @@
 //! Figures of each record and channel.
 
 use super::Spread;
-use crate::signal::{deviation, mean, range};
 use experiment_data::{Bundle, DataError};
 use frf_estimation::{Coherence, multiple_coherence};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Purpose, Record, RecordKind, Signals};
+use lpv_numerics::statistics::{mean, range, standard_deviation};
 use realfft::RealFftPlanner;
 use serde::Serialize;
 
@@ -176,7 +176,7 @@ fn stats(role: &'static str, signals: &Signals) -> Vec<ChannelStats> {
         .zip(&signals.columns)
         .map(|(name, x)| {
             let (min, max) = range(x);
-            let (m, rms) = (mean(x), deviation(x));
+            let (m, rms) = (mean(x), standard_deviation(x));
             ChannelStats {
                 role,
                 name: name.clone(),
@@ -205,7 +205,7 @@ fn resolution(x: &[f64]) -> Option<f64> {
         return None;
     }
     let steps: Vec<f64> = values.windows(2).map(|w| w[1] - w[0]).collect();
-    Some(crate::signal::median(&steps))
+    Some(lpv_numerics::statistics::median(&steps))
 }
 
 fn near_nyquist(x: &[f64]) -> f64 {

@@ -65,7 +65,7 @@ pub(super) fn clock_of(time: &[f64], time_of_day: bool) -> Clock {
     if steps.is_empty() {
         return Clock::Uneven(None);
     }
-    let usual = crate::signal::median(&steps);
+    let usual = lpv_numerics::statistics::median(&steps);
     let day = if time_of_day { 86_400.0 } else { 0.0 };
     for around in [65_536.0, 4_294_967_296.0, day] {
         let wraps = |d: f64| d < 0.0 && (d + around - usual).abs() <= NEAR * usual.abs();

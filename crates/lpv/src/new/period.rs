@@ -15,7 +15,7 @@ pub(super) fn period_of(signal: &[f64]) -> Option<usize> {
     if n < 8 || !signal.iter().all(|v| v.is_finite()) {
         return None;
     }
-    let mean = crate::signal::mean(signal);
+    let mean = lpv_numerics::statistics::mean(signal);
     let x: Vec<f64> = signal.iter().map(|v| v - mean).collect();
     let correlation = correlation(&x)?;
     // Energy of the first samples, so that those of both parts of a lag are known.

@@ -62,7 +62,7 @@ fn values(name: &str, records: &[RecordFile]) -> Option<Vec<f64>> {
         .map(|(low, _, high)| high - low)
         .fold(0.0, f64::max);
     let means: Vec<f64> = resting.iter().map(|(_, mean, _)| *mean).collect();
-    let (low, high) = crate::signal::range(&means);
+    let (low, high) = lpv_numerics::statistics::range(&means);
     (high - low > 2.0 * scatter && high > low).then_some(means)
 }
 
@@ -72,7 +72,7 @@ fn is_same(a: &[f64], b: &[f64]) -> bool {
         return false;
     }
     let centred = |x: &[f64]| {
-        let mean = crate::signal::mean(x);
+        let mean = lpv_numerics::statistics::mean(x);
         x.iter().map(|v| v - mean).collect::<Vec<_>>()
     };
     let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(p, q)| p * q).sum::<f64>();

@@ -1,10 +1,10 @@
 //! How well the frozen response is known, at the positions and lines of a figure.
 
 use super::Subject;
-use crate::validation::Frozen;
 use crate::{FrozenDeviation, PipelineError};
 use lpv_core::Frf;
 use lpv_report::{Colour, Series};
+use lpv_simulate::Frozen;
 
 /// A magnitude that is known no better than this has no lower edge: on its logarithmic axis that would lead nowhere.
 const UNKNOWN: f64 = 0.9;

@@ -2,9 +2,8 @@
 
 use super::Subject;
 use crate::PipelineError;
-use crate::validation::Frozen;
 use lpv_core::nalgebra::DMatrix;
-use lpv_core::{Clock, Model, StateSpace};
+use lpv_core::{Clock, FrozenModel, StateSpace};
 use lpv_report::{Axis, Colour, Figure, Panel, Section, Series};
 
 /// Points along the range.
@@ -28,12 +27,12 @@ pub(super) fn section(s: &Subject) -> Result<Option<Section>, PipelineError> {
     let grid: Vec<f64> = (0..POINTS)
         .map(|k| low + (high - low) * k as f64 / (POINTS - 1) as f64)
         .collect();
+    let model = s.file.model.in_states()?;
     // Sampling would make nearly every entry of a continuous model change.
     let at = |p: f64| -> Result<[DMatrix<f64>; 4], PipelineError> {
-        Ok(match &s.file.model {
-            Model::ContinuousLfr(m) => matrices(&m.frozen(&[p])?),
-            Model::ContinuousLpv(m) => matrices(&m.frozen(&[p])?),
-            _ => matrices(&s.machine.at(&[p])?),
+        Ok(match model.frozen(&[p])? {
+            FrozenModel::Continuous(m) => matrices(&m),
+            FrozenModel::Discrete(m) => matrices(&m),
         })
     };
     let frozen = grid.iter().map(|&p| at(p)).collect::<Result<Vec<_>, _>>()?;
@@ -90,7 +89,7 @@ fn functions(grid: &[f64], matrices: &[&DMatrix<f64>]) -> Vec<Function> {
     for i in 0..matrices[0].nrows() {
         for j in 0..matrices[0].ncols() {
             let values: Vec<f64> = matrices.iter().map(|m| m[(i, j)]).collect();
-            let (low, high) = crate::signal::range(&values);
+            let (low, high) = lpv_numerics::statistics::range(&values);
             if high - low > CHANGES * scale {
                 let points = grid.iter().copied().zip(values).collect();
                 found.push((high - low, (i, j, points)));

@@ -2,10 +2,10 @@
 
 use super::{Subject, to_continuous};
 use crate::PipelineError;
-use crate::validation::Frozen;
 use lpv_core::Model;
 use lpv_core::num_complex::Complex;
 use lpv_report::{Axis, Colour, Figure, Panel, Section, Series, Style};
+use lpv_simulate::Frozen;
 use std::f64::consts::TAU;
 
 /// Sampled poles nearer to 1 are integrators: rounding parts a double one into a pair.

@@ -21,7 +21,7 @@ pub(super) fn expected_residuals(estimates: &[FrfEstimate]) -> [f64; 2] {
                 1.0
             }
         });
-        crate::signal::median(&factors.collect::<Vec<_>>())
+        lpv_numerics::statistics::median(&factors.collect::<Vec<_>>())
     };
     let single = |nu: f64, left: f64| nu / left;
     let merged = |nu: f64, left: f64| {

@@ -119,7 +119,7 @@ fn cells(model: &Frf, estimate: &FrfEstimate, scale: &[f64]) -> Vec<Cell> {
                 error: sum(&|j| (g[(output, j)] - f[(output, j)]).norm_sqr()),
                 size: sum(&|j| f[(output, j)].norm_sqr()),
                 noise: noise[k],
-                steady_noise: crate::signal::median(near),
+                steady_noise: lpv_numerics::statistics::median(near),
             });
         }
     }

@@ -2,13 +2,9 @@
 
 use super::FrozenError;
 use super::bands::Band;
-use super::disturbance::disturbance;
 use super::frozen::{Against, frozen_check};
-use super::machine::Machine;
 use super::record::{Context, is_refitted};
-use super::residual::{CrossCorrelation, Whiteness};
 use super::rigid::AxisCheck;
-use super::simulate::{Frozen, Run};
 use crate::diagnose::{is_traced_on_responses, placed};
 use crate::finding::{self, Finding};
 use crate::progress::{Counter, Progress};
@@ -19,6 +15,7 @@ use crate::{ModelFile, PipelineError};
 use experiment_data::Bundle;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Frf, FrfEstimate, Model, Purpose, Record};
+use lpv_simulate::{CrossCorrelation, Frozen, Machine, Run, Whiteness, disturbance};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -187,7 +184,7 @@ pub(crate) fn validate_knowing(
     let effects = explained.as_ref().filter(|e| !e.effects.is_empty());
     // Effects that were traced on responses add the outputs that they need.
     let traced = effects.filter(|_| is_traced_on_responses(bundle));
-    let (inputs, outputs) = machine.channels()?;
+    let (inputs, outputs) = machine.channels();
     let found = (
         description.channels.input.len(),
         description.channels.output.len(),
@@ -259,7 +256,7 @@ pub(crate) fn validate_knowing(
     }
     if explained
         .as_ref()
-        .is_some_and(|e| matches!(e.base, residual_trace::Base::Lpv(_)))
+        .is_some_and(|e| matches!(e.base, lpv_diagnose::Base::Lpv(_)))
     {
         notes.push(
             "along records the gains and the tempo of the explanation are applied; the frozen response is that of the matrices as they were identified"
@@ -326,7 +323,7 @@ pub(crate) fn validate_knowing(
     let validation = Validation {
         verdict: verdict.in_view_of(&findings),
         findings,
-        model: crate::convert::describe(&file.model),
+        model: file.model.describe(),
         frozen,
         noise,
         stability,

@@ -2,16 +2,15 @@
 
 use super::bands::bands;
 use super::check::FrozenCheck;
-use super::machine::Machine;
-use super::simulate::Frozen;
-use super::{decibel, frozen_error};
+use super::frozen_error;
 use crate::PipelineError;
 use crate::progress::Progress;
 use crate::responses::{periodic_responses, sample_noise};
-use crate::signal::median;
 use experiment_data::Bundle;
 use lpv_core::{Frf, FrfEstimate, Purpose};
-use residual_trace::{Explained, response};
+use lpv_diagnose::{Explained, response};
+use lpv_numerics::statistics::{amplitude_db, median};
+use lpv_simulate::{Frozen, Machine};
 
 /// The comparison and what it was made from.
 #[derive(Default)]
@@ -104,7 +103,7 @@ pub(super) fn frozen_check(
         source: if any_held { "validation" } else { "estimation" },
         positions: estimates.iter().filter_map(FrfEstimate::position).collect(),
         error: frozen_error(&model, &truth)?,
-        noise_db: decibel(median(&deviations)),
+        noise_db: amplitude_db(median(&deviations)),
         error_over_noise: median(&ratios),
         relative_rms_percent: crate::summary::relative_rms_percent(&model, &truth),
         bands: bands(&model, &estimates),

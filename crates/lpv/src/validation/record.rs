@@ -1,18 +1,16 @@
 //! The model along one record.
 
 use super::check::{ErrorFigure, OutputCheck, RecordCheck};
-use super::disturbance::{errors_about, predictor};
-use super::machine::Machine;
-use super::simulate::{Run, closed_loop, open_loop};
-use super::start::{at_rest, first_state};
-use super::{residual, rigid};
+use super::disturbance::errors_about;
+use super::rigid;
 use crate::PipelineError;
 use crate::finding::Finding;
-use crate::signal::{deviation, mean};
 use experiment_data::Travel;
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{Controller, Purpose, Record};
-use residual_trace::{Base, Explained, Response, Track};
+use lpv_diagnose::{Base, Explained, Response, Track};
+use lpv_numerics::statistics::{mean, standard_deviation};
+use lpv_simulate::{Machine, Run, SimulateError, at_rest, closed_loop, first_state, open_loop, predictor};
 
 /// Whether the linear model alone is not what was explained: there are effects, or gains of an identified base.
 pub(super) fn is_refitted(explained: &Explained) -> bool {
@@ -99,7 +97,7 @@ impl Context<'_> {
             None => self.linear(record, x0, &mut notes)?,
         };
         let residuals: Vec<Vec<f64>> = match errors {
-            Ok(errors) if errors.iter().all(|e| e.is_finite()) => residual::rows(&errors)
+            Ok(errors) if errors.iter().all(|e| e.is_finite()) => lpv_simulate::rows(&errors)
                 .into_iter()
                 .map(|r| r[from..].to_vec())
                 .collect(),
@@ -110,11 +108,11 @@ impl Context<'_> {
                 ));
                 Vec::new()
             }
-            Err(PipelineError::Structure { problem }) => {
+            Err(SimulateError::Structure { problem }) => {
                 notes.push(problem.to_owned());
                 Vec::new()
             }
-            Err(other) => return Err(other),
+            Err(other) => return Err(other.into()),
         };
         let inputs: Vec<&[f64]> = record.inputs.columns.iter().map(|u| &u[from..]).collect();
         let difference = |simulated: &DMatrix<f64>, i: usize| -> Vec<f64> {
@@ -131,8 +129,8 @@ impl Context<'_> {
                     unit: self.units.get(i).cloned().unwrap_or_default(),
                     one_step: residuals.get(i).map(|r| figure(r)),
                     open_loop: figure(&open_error),
-                    open_loop_by_inputs: residual::share_of_inputs(&open_error, &inputs),
-                    open_loop_predictable: residual::predictable_share(&open_error),
+                    open_loop_by_inputs: lpv_simulate::share_of_inputs(&open_error, &inputs),
+                    open_loop_predictable: lpv_simulate::predictable_share(&open_error),
                     change_rms: (y.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum::<f64>()
                         / y.len().max(2) as f64)
                         .sqrt(),
@@ -158,7 +156,12 @@ impl Context<'_> {
         let mut cross_correlation = Vec::new();
         for (residual, output) in residuals.iter().zip(&record.outputs.names) {
             for (u, input) in record.inputs.columns.iter().zip(&record.inputs.names) {
-                cross_correlation.push(residual::cross_correlation(output, residual, input, &u[from..]));
+                cross_correlation.push(lpv_simulate::cross_correlation(
+                    output,
+                    residual,
+                    input,
+                    &u[from..],
+                ));
             }
         }
         let check = RecordCheck {
@@ -177,7 +180,7 @@ impl Context<'_> {
             whiteness: residuals
                 .iter()
                 .zip(&record.outputs.names)
-                .map(|(r, name)| residual::whiteness(name, r, &inputs))
+                .map(|(r, name)| lpv_simulate::whiteness(name, r, &inputs))
                 .collect(),
             moves: self.machine.range().is_some_and(|range| {
                 let widths = range.half_width().into_iter().map(|half| 2.0 * half);
@@ -203,11 +206,11 @@ impl Context<'_> {
 
     /// A level that no model of these records has: the error is a constant.
     fn level(&self, record: &Record, from: usize, name: &str, i: usize, error: &[f64]) -> Option<Finding> {
-        let motion = deviation(&record.outputs.columns[i][from..]);
+        let motion = standard_deviation(&record.outputs.columns[i][from..]);
         let noise = self.noise.map_or(0.0, |n| n[i]);
         // Where the state of the start has decayed, which a wrong level bends.
         let late = &error[error.len() / 2..];
-        let (level, left) = (mean(late), deviation(late));
+        let (level, left) = (mean(late), standard_deviation(late));
         let stands_out = level.abs() > CONSTANT * left && level.abs() > OF_MOTION * motion + CONSTANT * noise;
         stands_out.then(|| Finding::LevelDiffers {
             record: record.name.clone(),
@@ -231,11 +234,11 @@ impl Context<'_> {
         };
         match closed_loop(self.machine, controller, record, x0) {
             Ok(run) => Ok((open, Some(run))),
-            Err(PipelineError::Structure { problem }) => {
+            Err(SimulateError::Structure { problem }) => {
                 notes.push(problem.to_owned());
                 Ok((open, None))
             }
-            Err(other) => Err(other),
+            Err(other) => Err(other.into()),
         }
     }
 

@@ -1,9 +1,9 @@
 //! Forces and velocities of rigid-body axes, as the literature on servo axes states them.
 
-use super::simulate::Run;
 use crate::PipelineError;
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{Discrete, Record, RigidBody};
+use lpv_simulate::Run;
 use lti_ident::rigid_body::{Filter, Motion, RigidBodySettings, centred, decimated};
 use serde::{Deserialize, Serialize};
 

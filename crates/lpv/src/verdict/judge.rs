@@ -1,8 +1,9 @@
 //! The rules that turn figures into a judgement.
 
 use super::{BandPlace, Basis, Cause, Run, Stability, Verdict, Worth};
-use crate::signal::median;
-use crate::validation::{Band, FrozenCheck, OutputCheck, RecordCheck, SMALL_INPUT_SHARE};
+use crate::validation::{Band, FrozenCheck, OutputCheck, RecordCheck};
+use lpv_numerics::statistics::median;
+use lpv_simulate::SMALL_INPUT_SHARE;
 
 /// Errors up to this multiple of the noise are noise, with what estimates of it and of a few parameters scatter.
 pub(crate) const GOOD_OVER_NOISE: f64 = 2.0;

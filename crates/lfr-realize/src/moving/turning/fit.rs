@@ -1,13 +1,13 @@
 //! The turning that records ask for.
 
 use super::{Frozen, Turned, Turning, freeze};
-use crate::dense::triangle_beside;
 use crate::moving::along::{rows, stacked};
 use crate::moving::data::MovingData;
 use crate::moving::flow::Want;
 use crate::problem::{Cost, Linear};
 use crate::search::{Limits, Objective, search};
 use crate::{CheckedRefineSettings, MechanicalForm, RealizeError, StopReason};
+use lpv_numerics::dense::triangle_beside;
 use nalgebra::{DMatrix, DVector};
 
 /// A [`Turning`] fitted to records.

@@ -2,9 +2,9 @@
 
 use super::weights::Weights;
 use super::{BLOCK, Equations, pair, pair_off, pairs};
-use crate::planes::{Planes, WIDEST};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
+use lpv_numerics::planes::{Planes, WIDEST};
 use nalgebra::DMatrix;
 use pulp::{Simd, WithSimd};
 use std::ops::Range;

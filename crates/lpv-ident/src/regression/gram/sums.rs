@@ -1,6 +1,6 @@
 //! Sums of products over lines: the kernel that the others feed.
 
-use crate::planes::WIDEST;
+use lpv_numerics::planes::WIDEST;
 use pulp::Simd;
 
 /// Rows that are summed together.

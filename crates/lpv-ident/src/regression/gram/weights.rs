@@ -1,9 +1,9 @@
 //! The weights of the channels of a line.
 
 use super::{BLOCK, pair, pair_off, pairs};
-use crate::planes::Planes;
-use crate::whiten::{Lower, Whitening};
 use faer::MatRef;
+use lpv_numerics::planes::Planes;
+use lpv_numerics::whiten::{Lower, Whitening};
 use pulp::Simd;
 
 /// `B` on the lines of a block at each position of a group, for channels `s <= t`: real parts, imaginary parts off the diagonal,

@@ -1,0 +1,49 @@
+//! What can go wrong.
+
+use thiserror::Error;
+
+/// Errors of this crate.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum TraceError {
+    /// There is no base model for these data.
+    #[error("no base model: {why}")]
+    NoBase {
+        /// What is missing.
+        why: &'static str,
+    },
+    /// A record cannot be used.
+    #[error("record {record}: {problem}")]
+    Record {
+        /// Its name.
+        record: String,
+        /// What is wrong, and what to do.
+        problem: String,
+    },
+    /// The base model leaves all numbers along a record.
+    #[error(
+        "record {record}: the base model diverges in closed loop; check signs and units of its inputs and outputs, and of [controller] and [geometry] where the bundle has them"
+    )]
+    Diverges {
+        /// Its name.
+        record: String,
+    },
+    /// Too few records.
+    #[error("{what}")]
+    TooFew {
+        /// What is needed.
+        what: &'static str,
+    },
+    /// A machine that an observer cannot hold at its records.
+    #[error(
+        "without its controller only an axis with one input, one output and no scheduling is diagnosed: give the bundle its [controller] and \
+         [channels.reference]"
+    )]
+    NoController,
+    /// Of lti-ident.
+    #[error(transparent)]
+    Lti(#[from] lti_ident::LtiIdentError),
+    /// Of lpv-core.
+    #[error(transparent)]
+    Core(#[from] lpv_core::CoreError),
+}

@@ -1,0 +1,145 @@
+//! An observer in the place of a controller that nobody knows.
+//!
+//! A free axis that is simulated with the recorded inputs alone drifts away from its record. Here a weak feedback keeps it there:
+//! the recorded inputs are the injection, the measured outputs the reference, and
+//! `u = u_logged + k_p (y - y_hat) + k_d d(y - y_hat)/dt` with `k_p = J w^2`, `k_d = 2 d w J`. Errors slower than `w` are made
+//! smaller by it, which the likelihood takes into account: it is that of the error one step ahead, whitened.
+
+use crate::{Base, Explained, TraceError, Track};
+use lpv_core::{Controller, ControllerState, Discrete, Record};
+use lpv_numerics::statistics::mean;
+use nalgebra::{DMatrix, DVector};
+use std::f64::consts::{PI, TAU};
+
+/// Bandwidth over the mean frequency of the motion.
+const OVER_MOTION: f64 = 2.0;
+/// It has at least so many periods in the longest record: a wrong force at rest, which makes a free axis drift, then costs little.
+const PERIODS: f64 = 8.0;
+/// And at most this part of the sample rate, where the sampled feedback is still that of the formula.
+const MOST: f64 = 0.02;
+/// Damping.
+const DAMPING: f64 = 0.7;
+
+/// An observer.
+#[derive(Debug, Clone)]
+pub struct Observer {
+    /// What stands in for the controller.
+    pub controller: Controller,
+    /// Its bandwidth, Hz.
+    pub hz: f64,
+}
+
+impl Observer {
+    /// Of a servo axis.
+    ///
+    /// # Errors
+    /// [`TraceError::NoController`] for any other base.
+    pub fn new(base: &Base, records: &[Record], clock: Discrete) -> Result<Self, TraceError> {
+        let Base::Axis(_) = base else {
+            return Err(TraceError::NoController);
+        };
+        let inertia = base.parameters()[0].value.abs();
+        let h = clock.sample_time();
+        let longest = records.iter().map(Record::len).max().unwrap_or(0) as f64 * h;
+        let slowest = PERIODS / longest.max(h);
+        let hz = (OVER_MOTION * mean_frequency(records, h))
+            .max(slowest)
+            .min(MOST / h);
+        let w = TAU * hz;
+        let (stiffness, damping) = (inertia * w * w, 2.0 * DAMPING * w * inertia);
+        let feedback = vec![vec![stiffness + damping / h, -damping / h]];
+        Ok(Self {
+            controller: Controller {
+                reference_numerator: feedback.clone(),
+                feedback_numerator: feedback,
+                denominator: vec![vec![1.0]],
+                limit: None,
+            },
+            hz,
+        })
+    }
+}
+
+/// The record as the observer wants it: what was measured is the reference, what was logged the injection.
+pub fn followed(record: Record) -> Record {
+    Record {
+        references: record.outputs.clone(),
+        injection: record.inputs.clone(),
+        ..record
+    }
+}
+
+/// Mean frequency of the motion, Hz: root of the power of its speed over that of its position.
+fn mean_frequency(records: &[Record], h: f64) -> f64 {
+    let (mut speed, mut position) = (0.0, 0.0);
+    for y in records.iter().filter_map(|r| r.outputs.columns.first()) {
+        let middle = mean(y);
+        position += y.iter().map(|v| (v - middle).powi(2)).sum::<f64>();
+        // Central differences of a distance over which the noise of a reading is small.
+        let reach = (y.len() / 200).clamp(1, 50);
+        speed += (reach..y.len().saturating_sub(reach))
+            .map(|k| ((y[k + reach] - y[k - reach]) / (2.0 * reach as f64 * h)).powi(2))
+            .sum::<f64>();
+    }
+    if position > 0.0 {
+        (speed / position).sqrt() / (2.0 * PI)
+    } else {
+        0.0
+    }
+}
+
+/// The records with the beginnings that a model makes of them. The first samples tell them with some deviation, and a rate that is
+/// wrong by it takes long to die out: least squares of that, and of the error along the record by its own size, so that a model
+/// which lacks much moves nothing.
+pub fn settled(model: &Explained, controller: &ControllerState, tracks: &[Track]) -> Vec<Track> {
+    const STEPS: usize = 3;
+    tracks
+        .iter()
+        .map(|told| {
+            let mut track = told.clone();
+            for _ in 0..STEPS {
+                match better(model, controller, told, &track) {
+                    Some(next) => track = next,
+                    None => break,
+                }
+            }
+            track
+        })
+        .collect()
+}
+
+/// A likelier beginning than that of `track`, if there is one; the first samples tell that of `told`.
+fn better(model: &Explained, controller: &ControllerState, told: &Track, track: &Track) -> Option<Track> {
+    let errors = |track: &Track| -> Option<Vec<f64>> {
+        let run = model.closed_loop(controller, track)?;
+        Some(run.error(track).iter().map(|e| e[0]).collect())
+    };
+    let now = errors(track)?;
+    let size = (now.iter().map(|e| e * e).sum::<f64>() / now.len() as f64).sqrt();
+    let (first, deviations, at) = (told.beginning(), told.beginning_deviations(), track.beginning());
+    if !(size > 0.0 && deviations.iter().all(|d| d.is_finite() && *d > 0.0)) {
+        return None;
+    }
+    // Errors by their size, then departures from what the first samples tell.
+    let all = |errors: Vec<f64>, at: [f64; 2]| {
+        let departures = [0, 1].map(|i: usize| (at[i] - first[i]) / deviations[i]);
+        let scaled = errors.into_iter().map(|e| e / size);
+        DVector::from_iterator(now.len() + 2, scaled.chain(departures))
+    };
+    let moved = |i: usize| {
+        let mut at = at;
+        at[i] += deviations[i];
+        Some(all(errors(&track.beginning_at(at))?, at))
+    };
+    let here = all(now.clone(), at);
+    let rows = DMatrix::from_columns(&[moved(0)? - &here, moved(1)? - &here]);
+    let change = rows.svd(true, true).solve(&-&here, 1e-12).ok()?;
+    let at = [
+        at[0] + deviations[0] * change[0],
+        at[1] + deviations[1] * change[1],
+    ];
+    let next = track.beginning_at(at);
+    let there = all(errors(&next)?, at);
+    // Less is the rounding of a minimum.
+    (there.norm() < 0.9999 * here.norm()).then_some(next)
+}

@@ -1,0 +1,157 @@
+//! A servo axis from its records by least squares: free, or on a spring to ground (a flexure, a piezo stage, a mass on a spring).
+
+use crate::{Axis, Base, TraceError};
+use lpv_core::{Discrete, Record};
+use lti_ident::rigid_body::{Filter, Motion, RigidBodySettings, centred, decimated};
+use lti_ident::{LtiIdentError, Segment};
+use nalgebra::{DMatrix, DVector};
+
+/// A free axis, or one on a spring to ground where that leaves much less of the force; its reason joins `reasons`.
+///
+/// # Errors
+/// [`TraceError::Lti`] for records that do not determine the mass, or for an input with the sign of the other direction.
+pub fn servo_axis(
+    records: &[Record],
+    clock: Discrete,
+    reasons: &mut Vec<String>,
+) -> Result<Base, TraceError> {
+    /// Part of the force that a free axis leaves which one on a spring may leave.
+    const LEFT: f64 = 0.5;
+    // What is wrong with the records, the free axis says.
+    let sprung = on_spring(records, clock).unwrap_or_default();
+    let better = |found: &Found| found.left < LEFT * found.left_free;
+    let (sprung, reversed): (Option<_>, Option<_>) = match sprung {
+        Some(found) if found.is_reversed() => (None, Some(found)),
+        other => (other, None),
+    };
+    if let (Some(found), [record, ..]) = (reversed.filter(|r| better(r)), records) {
+        return Err(LtiIdentError::OppositeSigns {
+            input: record.inputs.names[0].clone(),
+            output: record.outputs.names[0].clone(),
+            inertia: found.mass(),
+            deviation: found.deviation,
+        }
+        .into());
+    }
+    let free = free_axis(records, clock);
+    match (sprung, free) {
+        (Some(found), Err(_)) => Ok(found.held(reasons)),
+        (Some(found), Ok(_)) if better(&found) => Ok(found.held(reasons)),
+        (_, free) => free,
+    }
+}
+
+fn free_axis(records: &[Record], clock: Discrete) -> Result<Base, TraceError> {
+    let segments: Vec<Segment<'_>> = records.iter().map(Segment::whole).collect();
+    let identify = |dry_friction: bool| {
+        let settings = RigidBodySettings::new().dry_friction(dry_friction).check()?;
+        lti_ident::rigid_body::identify(&segments, clock, &settings)
+    };
+    // Friction that is larger than the inertial force makes the inertia negative where it is left out.
+    let found = identify(false).or_else(|error| match error {
+        LtiIdentError::Inertia { .. } => identify(true).map_err(|_| error),
+        _ => Err(error),
+    })?;
+    let axis = found.model.axes()[0];
+    Ok(Base::Axis(Axis::new(axis.inertia, axis.viscous, axis.offset)))
+}
+
+/// What least squares says of the inverse dynamics `J q'' + F_v q' + k q + o = u`.
+struct Found {
+    axis: Axis,
+    stiffness: f64,
+    /// Standard deviation of the mass.
+    deviation: f64,
+    /// Root mean square of the force that is left, over that of the force.
+    left: f64,
+    /// The same without the spring.
+    left_free: f64,
+}
+
+impl Found {
+    /// Whether mass and stiffness are both below zero: what the input pushes up goes down.
+    fn is_reversed(&self) -> bool {
+        self.stiffness < 0.0
+    }
+
+    /// The mass.
+    fn mass(&self) -> f64 {
+        self.axis.mass()
+    }
+
+    /// The base, with the reason for it.
+    fn held(self, reasons: &mut Vec<String>) -> Base {
+        reasons.push(format!(
+            "base: an axis on a spring to ground leaves {:.1} % of the force, a free axis {:.1} %",
+            100.0 * self.left,
+            100.0 * self.left_free
+        ));
+        Base::Axis(self.axis.on_spring(self.stiffness))
+    }
+}
+
+/// The axis of some records; none where mass and stiffness have not the same sign.
+fn on_spring(records: &[Record], clock: Discrete) -> Result<Option<Found>, TraceError> {
+    let positions: Vec<&[f64]> = records
+        .iter()
+        .filter_map(|r| r.outputs.columns.first())
+        .map(Vec::as_slice)
+        .collect();
+    let filter = Filter::new(&positions, clock, &RigidBodySettings::new().check()?);
+    let kept = |x: &[f64]| decimated(x, clock, filter.regression_cutoff_hz, filter.decimation);
+    let mut columns: [Vec<f64>; 4] = Default::default();
+    let mut force = Vec::new();
+    for record in records {
+        let (Some(q), Some(u)) = (record.outputs.columns.first(), record.inputs.columns.first()) else {
+            return Ok(None);
+        };
+        let motion = Motion::new(q, clock, filter.position_cutoff_hz)?;
+        for (column, signal) in
+            columns
+                .iter_mut()
+                .zip([&motion.acceleration, &motion.velocity, &motion.position])
+        {
+            column.extend(kept(signal)?);
+        }
+        force.extend(kept(&centred(u))?);
+    }
+    columns[3] = vec![1.0; force.len()];
+    let solved = |columns: &[&Vec<f64>]| {
+        // Columns of size one: units of position and force are the user's.
+        let sizes: Vec<f64> = columns.iter().map(|c| norm(c)).collect();
+        if force.len() < 4 * columns.len() || sizes.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
+            return None;
+        }
+        let rows = DMatrix::from_fn(force.len(), columns.len(), |k, j| columns[j][k] / sizes[j]);
+        let target = DVector::from_column_slice(&force);
+        let svd = rows.clone().svd(true, true);
+        let found = svd.solve(&target, 1e-12).ok()?;
+        let left = (&target - rows * &found).norm();
+        let values: Vec<f64> = found.iter().zip(&sizes).map(|(v, s)| v / s).collect();
+        // Of the first, whose row of V over the singular values has this norm.
+        let spread = svd.v_t.as_ref().map_or(0.0, |v_t| {
+            let parts = (0..columns.len()).map(|j| (v_t[(j, 0)] / svd.singular_values[j]).powi(2));
+            parts.sum::<f64>().sqrt()
+        });
+        let deviation = spread * left / ((force.len() - columns.len()) as f64).sqrt() / sizes[0];
+        Some((values, deviation, left / target.norm()))
+    };
+    let [a, v, q, one] = &columns;
+    let (Some((held, deviation, left)), Some((_, _, left_free))) =
+        (solved(&[a, v, q, one]), solved(&[a, v, one]))
+    else {
+        return Ok(None);
+    };
+    let fits = held[0] * held[2] > 0.0 && left.is_finite();
+    Ok(fits.then(|| Found {
+        axis: Axis::new(held[0], held[1], held[3]),
+        stiffness: held[2],
+        deviation,
+        left,
+        left_free,
+    }))
+}
+
+fn norm(x: &[f64]) -> f64 {
+    x.iter().map(|v| v * v).sum::<f64>().sqrt()
+}

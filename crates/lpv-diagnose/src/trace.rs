@@ -1,0 +1,211 @@
+//! The competition: which effects of the catalogue earn a place.
+
+mod account;
+mod bench;
+mod chosen;
+mod conclude;
+mod noise;
+mod refine;
+mod select;
+
+use crate::TraceError;
+use crate::base::{Base, Pair};
+use crate::catalogue::quantization;
+use crate::fit::{Explained, Fitted, Prior};
+use crate::track::Track;
+use crate::whiten::{SHORT, Whitening};
+pub use account::{Added, Judged, Trace, Tried, Verdict};
+use bench::Bench;
+use chosen::Chosen;
+use lpv_core::ControllerState;
+use lpv_numerics::statistics::power_db;
+use noise::loop_noise;
+pub use noise::sensor_noise;
+use select::select;
+
+/// What is known before.
+pub struct Case<'a> {
+    /// Base model.
+    pub base: &'a Base,
+    /// What other data tell of its coordinates.
+    pub prior: Option<&'a Prior>,
+    /// Base and prior with parameters free that `base` holds: tried where effects do not explain the error in fewer words.
+    pub free: Option<(&'a Base, &'a Prior)>,
+    /// The loop of the experiment, at rest.
+    pub controller: &'a ControllerState,
+    /// Deviation of the noise of the sensors, by output; see [`sensor_noise`].
+    pub noise: Pair,
+    /// Records to fit.
+    pub fitted: &'a [Track],
+    /// Records to judge by.
+    pub judged: &'a [Track],
+    /// Hears of every fit of an effect together with the machine, which takes most of the time; how many there are, nobody knows before.
+    pub on_fit: &'a (dyn Fn() + Sync),
+}
+
+/// Lengths of description, in units of the likelihood's logarithm, within which two effects are equals.
+const EQUAL: f64 = 6.0;
+
+/// Most effects at once.
+const MOST_EFFECTS: usize = 3;
+/// Iterations of a full fit.
+const ITERATIONS: usize = 40;
+/// Fall of the squared whitened error on judged records that no chance makes.
+const SURE: f64 = 14.0;
+/// Cost over its expectation up to which what is left is noise.
+const NOISE: f64 = 1.21;
+/// Step of a grid of readings, in units of the noise, from which it matters.
+const ROUGH: f64 = 3.0;
+/// Part of the excess over the noise that may be left where effects are named.
+const LEFT: f64 = 0.15;
+/// Finds the effects that a base model lacks.
+///
+/// The machine's parameters are refitted along the records; each effect of the catalogue is tried from its starts by one
+/// linear step, the most promising ones are fitted in full together with the machine, and the best of them is added if it
+/// lowers the error on records that it was not fitted to. This is repeated until nothing but noise is left or no effect
+/// helps.
+///
+/// # Errors
+/// [`TraceError::TooFew`] without records to fit or to judge by; [`TraceError::Diverges`].
+pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
+    if case.fitted.is_empty() || case.judged.is_empty() {
+        return Err(TraceError::TooFew {
+            what: "a diagnosis needs at least one record to fit and one with use = \"validation\" to judge by",
+        });
+    }
+    // Readings on a grid: rounding is noise to all that follows.
+    let [steps, judged_steps] = [case.fitted, case.judged].map(quantization::steps);
+    let coarse: [bool; 2] = std::array::from_fn(|i| {
+        let times = judged_steps[i].0 / steps[i].0;
+        steps[i].0 > ROUGH * case.noise[i] && times > 0.5 && (times - times.round()).abs() < 0.01
+    });
+    let noise = std::array::from_fn(|i| match coarse[i] {
+        true => case.noise[i].hypot(steps[i].0 / 12.0_f64.sqrt()),
+        false => case.noise[i],
+    });
+    let case = Case { noise, ..*case };
+    let strict = compete(&case, alone(&case)?);
+    let free = match case.free {
+        Some((base, prior)) if !strict.is_noise() => {
+            let free = Case {
+                base,
+                prior: Some(prior),
+                free: None,
+                ..case
+            };
+            let bare = alone(&free)?;
+            (bare.1.length() < strict.now.length()).then_some((free, bare))
+        }
+        _ => None,
+    };
+    let mut found = match free {
+        Some((free, bare)) => compete(&free, bare).conclude(&free)?,
+        None => strict.conclude(&case)?,
+    };
+    // What tests see in errors that are no larger than the rounding is the rounding: it goes with what is rounded.
+    let rounding = found.added.is_empty() && found.after.cost <= NOISE;
+    if coarse.contains(&true) && (rounding || found.verdict != Verdict::Unexplained) {
+        let values = [0, 1].map(|i: usize| if coarse[i] { steps[i] } else { (0.0, f64::INFINITY) });
+        found.added.insert(
+            0,
+            Added {
+                effect: &quantization::EFFECT,
+                values: values.to_vec(),
+                then: found.bare.clone(),
+                gain_db: 0.0,
+                p_value: f64::MIN_POSITIVE,
+                runner_up: None,
+            },
+        );
+        // It moves no error: the readings of all records lie on its grid.
+        found.candidates.insert(
+            0,
+            Tried {
+                effect: &quantization::EFFECT,
+                beside: Vec::new(),
+                gain_db: 0.0,
+                fitted: true,
+                accepted: true,
+            },
+        );
+        if rounding {
+            found.verdict = Verdict::Explained;
+        }
+    }
+    Ok(found)
+}
+
+/// The base model alone: the noise in its loop, and its fit.
+fn alone(case: &Case<'_>) -> Result<(Whitening, Fitted), TraceError> {
+    let bare = Explained {
+        base: case.base.clone(),
+        effects: Vec::new(),
+    };
+    let bench = Bench {
+        whitening: loop_noise(case, &bare, SHORT)?,
+        case,
+    };
+    let fit = bench.problem().fit(&bare, ITERATIONS, None)?;
+    Ok((bench.whitening, fit))
+}
+
+/// What a competition leaves.
+struct Contest {
+    whitening: Whitening,
+    /// Without effects.
+    bare: Fitted,
+    before: Judged,
+    /// With those that were added.
+    now: Fitted,
+    after: Judged,
+    added: Vec<Added>,
+    candidates: Vec<Tried>,
+}
+
+impl Contest {
+    /// Whether nothing was added because nothing is missing.
+    fn is_noise(&self) -> bool {
+        self.added.is_empty() && self.after.cost <= NOISE
+    }
+}
+
+fn compete(case: &Case<'_>, (whitening, bare): (Whitening, Fitted)) -> Contest {
+    let bench = Bench { whitening, case };
+    let before = bench.judge(&bare.model);
+    let mut chosen = Chosen {
+        now: bare.clone(),
+        judged: before.clone(),
+        added: Vec::new(),
+    };
+    let mut candidates = Vec::new();
+    // Through an observer what is as small as the noise may be its own.
+    let is_small = case.judged.iter().any(|t| t.follows) && before.cost <= NOISE;
+    for _ in 0..if is_small { 0 } else { MOST_EFFECTS } {
+        let Some(selection) = select(&bench, &bare.model.base, &chosen.now, chosen.judged.cost) else {
+            break;
+        };
+        candidates.extend(selection.tried(&bench, &chosen.now, chosen.judged.cost));
+        if !chosen.add(&selection) {
+            break;
+        }
+        chosen.choose_again(&bench, &bare);
+        if chosen.judged.cost <= NOISE {
+            break;
+        }
+    }
+    Contest {
+        whitening: bench.whitening,
+        bare,
+        before,
+        now: chosen.now,
+        after: chosen.judged,
+        added: chosen.added,
+        candidates,
+    }
+}
+
+/// Decibels of a ratio of powers, -300 where that is none.
+fn decibel(ratio: f64) -> f64 {
+    let db = power_db(ratio);
+    if db.is_finite() { db } else { -300.0 }
+}

@@ -1,0 +1,158 @@
+//! The effects that earned a place so far.
+
+use super::bench::Bench;
+use super::refine::is_worth;
+use super::select::{Final, Selection, select};
+use super::{Added, EQUAL, ITERATIONS, Judged, NOISE, SURE, decibel};
+use crate::fit::Fitted;
+use lpv_numerics::statistics::chi_squared_p_value;
+
+/// Part of the excess that an effect must take to be tried further.
+const SHARE: f64 = 0.2;
+
+/// A base model with effects, in the order in which they came.
+pub(super) struct Chosen {
+    pub(super) now: Fitted,
+    pub(super) judged: Judged,
+    pub(super) added: Vec<Added>,
+}
+
+impl Chosen {
+    /// Adds the best of a selection; whether it earns a place.
+    pub(super) fn add(&mut self, selection: &Selection) -> bool {
+        let Some(((effect, fit, after), runner_up)) = selection.best() else {
+            return false;
+        };
+        let excess = (self.judged.cost - 1.0).max(0.0);
+        let enough = after.cost <= NOISE || self.judged.cost - after.cost >= SHARE * excess;
+        if !(enough && earns((fit, after), (&self.now, &self.judged))) {
+            return false;
+        }
+        self.added.push(Added {
+            effect,
+            values: Vec::new(),
+            then: fit.model.clone(),
+            gain_db: decibel(self.judged.cost / after.cost),
+            p_value: chi_squared_p_value(self.now.objective - fit.objective, effect.parameters.len()),
+            runner_up,
+        });
+        (self.now, self.judged) = (fit.clone(), after.clone());
+        true
+    }
+
+    /// Which effect it was may show only when others are there too: each but the last is taken out, and chosen again beside the
+    /// others. One that explains nothing beside them goes.
+    pub(super) fn choose_again(&mut self, bench: &Bench<'_>, bare: &Fitted) {
+        let mut changed = false;
+        let mut i = 0;
+        while i + 1 < self.added.len() {
+            let Some((rest, without)) = self.without(bench, i) else {
+                i += 1;
+                continue;
+            };
+            if !earns((&self.now, &self.judged), (&rest, &without)) {
+                self.added.remove(i);
+                (self.now, self.judged) = (rest, without);
+                changed = true;
+                continue;
+            }
+            let selection = select(bench, &bare.model.base, &rest, without.cost);
+            if let Some((best, runner_up)) = selection.as_ref().and_then(Selection::best)
+                && self.is_better(i, best, without.cost)
+                && let Some((fit, there)) = self.in_place(bench, i, &best.1)
+            {
+                self.added[i].effect = best.0;
+                self.added[i].runner_up = runner_up;
+                (self.now, self.judged) = (fit, there);
+                changed = true;
+            }
+            i += 1;
+        }
+        if changed {
+            self.account(bench, bare);
+        }
+    }
+
+    /// Effects whose amplitudes may as well be zero, or whose times no record shows, go, the last first; where the integration has
+    /// changed also those that explain nothing beside the others.
+    pub(super) fn keep_what_earns(&mut self, bench: &Bench<'_>, bare: &Fitted, has_changed: bool) {
+        let before = self.added.len();
+        for i in (0..before).rev() {
+            let shows = self.now.shows(i) && bench.lasts(&self.now.model, i);
+            if shows && !has_changed {
+                continue;
+            }
+            let without = match self.added.len() {
+                1 => Some((bare.clone(), bench.judge(&bare.model))),
+                _ => self.without(bench, i),
+            };
+            if let Some((rest, without)) = without
+                && !(shows && earns((&self.now, &self.judged), (&rest, &without)))
+            {
+                self.added.remove(i);
+                (self.now, self.judged) = (rest, without);
+            }
+        }
+        if self.added.len() < before {
+            self.account(bench, bare);
+        }
+    }
+
+    /// A fit without one of the effects.
+    fn without(&self, bench: &Bench<'_>, i: usize) -> Option<(Fitted, Judged)> {
+        let mut rest = self.now.model.clone();
+        rest.effects.remove(i);
+        let rest = bench.problem().fit(&rest, ITERATIONS, Some(&self.now)).ok()?;
+        let judged = bench.judge(&rest.model);
+        Some((rest, judged))
+    }
+
+    /// Whether another effect in the place of one explains the records in clearly fewer words, or as few with no more parameters;
+    /// the cost on the judged records is `without` both.
+    fn is_better(&self, i: usize, (effect, fit, there): &Final, without: f64) -> bool {
+        let own = self.added[i].effect;
+        let simpler = effect.parameters.len() < own.parameters.len();
+        let most = self.now.length() + if simpler { EQUAL } else { -EQUAL };
+        let refines = effect.refines(own);
+        let worse = (there.cost - self.judged.cost) * there.samples as f64;
+        !effect.is(own)
+            && fit.length() < most
+            && worse < SURE
+            && (!refines || is_worth(there, &self.judged, without))
+    }
+
+    /// A fit whose last effect takes the place of another.
+    fn in_place(&self, bench: &Bench<'_>, i: usize, fit: &Fitted) -> Option<(Fitted, Judged)> {
+        let mut model = fit.model.clone();
+        let last = model.effects.pop()?;
+        model.effects.insert(i, last);
+        let fit = bench.problem().fit(&model, ITERATIONS, Some(fit)).ok()?;
+        let judged = bench.judge(&fit.model);
+        Some((fit, judged))
+    }
+
+    /// What each effect brought, one after the other.
+    fn account(&mut self, bench: &Bench<'_>, bare: &Fitted) {
+        let (mut before, mut cost) = (bare.objective, bench.judge(&bare.model).cost);
+        for (i, added) in self.added.iter_mut().enumerate() {
+            let mut model = self.now.model.clone();
+            model.effects.truncate(i + 1);
+            let fit = match i + 1 < self.now.model.effects.len() {
+                true => bench.problem().fit(&model, ITERATIONS, Some(&self.now)),
+                false => Ok(self.now.clone()),
+            };
+            let Ok(fit) = fit else { continue };
+            let judged = bench.judge(&fit.model).cost;
+            added.gain_db = decibel(cost / judged);
+            added.p_value = chi_squared_p_value(before - fit.objective, added.effect.parameters.len());
+            added.then = fit.model;
+            (before, cost) = (fit.objective, judged);
+        }
+    }
+}
+
+/// Whether a fit with one effect more is better than one without by more than chance, on the judged records and in the length of
+/// the description.
+fn earns((with, there): (&Fitted, &Judged), (without, here): (&Fitted, &Judged)) -> bool {
+    (here.cost - there.cost) * here.samples as f64 >= SURE && with.length() < without.length()
+}

@@ -1,0 +1,41 @@
+//! The weights of a regression as whitening factors.
+
+use crate::{CheckedRegression, IdentError, Weighting};
+use lpv_core::FrfEstimate;
+use lpv_numerics::whiten::Whitening;
+use std::ops::Range;
+
+/// Computes the factors of a block of lines as the settings want them.
+pub(crate) fn set(
+    whitening: &mut Whitening,
+    estimate: &FrfEstimate,
+    lines: Range<usize>,
+    settings: &CheckedRegression,
+    position: f64,
+) -> Result<(), IdentError> {
+    let frf = estimate.frf();
+    match settings.weighting() {
+        Weighting::Uniform => Ok(()),
+        Weighting::Relative => {
+            for (row, line) in lines.enumerate() {
+                let weight = 1.0 / frf.line(line).norm_squared();
+                if !weight.is_finite() {
+                    return Err(IdentError::NoResponse {
+                        position,
+                        line,
+                        frequency_hz: frf.frequencies_hz()[line],
+                    });
+                }
+                whitening.set_weight(row, weight);
+            }
+            Ok(())
+        }
+        Weighting::Covariance => whitening
+            .set_covariance(estimate, lines, settings.model_error())
+            .map_err(|line| IdentError::Covariance {
+                position,
+                line,
+                frequency_hz: frf.frequencies_hz()[line],
+            }),
+    }
+}

@@ -1,0 +1,31 @@
+//! Numerical devices that the identification crates share.
+//!
+//! | module | device |
+//! |---|---|
+//! | [`dense`] | triangular factor of a tall matrix that arrives in blocks of rows, complements, singular values; sequential |
+//! | [`planes`] | complex numbers of many lines as two planes |
+//! | [`whiten`] | factors that turn the error of a frequency response into independent unit noise |
+//! | [`statistics`] | figures of samples, p-values, decibels |
+//!
+//! # A run
+//!
+//! ```
+//! use lpv_numerics::dense::triangle_of;
+//! use lpv_numerics::nalgebra::dmatrix;
+//!
+//! // The triangular factor of two blocks of rows that stand on top of each other.
+//! let blocks = [dmatrix![3.0, 1.0; 0.0, 2.0], dmatrix![4.0, 5.0]];
+//! let r = triangle_of(2, blocks.iter());
+//! let products = r.transpose() * &r;
+//! assert!((products - dmatrix![25.0, 23.0; 23.0, 30.0]).amax() < 1e-12);
+//! ```
+
+pub mod dense;
+pub mod planes;
+pub mod statistics;
+pub mod whiten;
+
+pub use nalgebra;
+
+#[cfg(test)]
+mod test_kit;

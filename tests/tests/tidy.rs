@@ -22,6 +22,12 @@ const LONG_FILES: [(&str, &str); 1] = [(
     "one enum: what can be found in data, each with its fields and its sentence",
 )];
 
+/// Effects that are found and that the simulated table cannot hide, and why.
+const NOT_HIDDEN: [(&str, &str); 1] = [(
+    "direction-dependent-friction",
+    "hidden as dry friction beside a constant force",
+)];
+
 /// Largest file of the repository, in bytes: data sets are generated, not stored.
 const MOST_BYTES: u64 = 100_000;
 
@@ -495,4 +501,13 @@ fn each_equation_is_where_the_theory_says() {
     }
     assert!(count >= 15, "{count} equations");
     none(&wrong);
+}
+
+#[test]
+fn every_effect_of_the_catalogue_can_be_hidden_or_is_listed() {
+    let hidden: BTreeSet<&str> = xytable_plant::HiddenEffect::catalogue().map(|e| e.name).collect();
+    let found: BTreeSet<&str> = lpv_diagnose::catalogue::all().map(|e| e.name).collect();
+    let listed: BTreeSet<&str> = NOT_HIDDEN.iter().map(|(name, _)| *name).collect();
+    let not_hidden: BTreeSet<&str> = found.difference(&hidden).copied().collect();
+    assert_eq!(not_hidden, listed);
 }

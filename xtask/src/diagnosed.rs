@@ -46,7 +46,7 @@ pub(crate) fn section(all: &[Found]) -> String {
     let mut out = String::from(
         "\n## What the models lack\n\n```sh\nlpv diagnose ../shared/data/emps -o diagnosis\n```\n\n\
          A first-principles base (a table from its geometry, a servo axis without), no hint; errors simulated in closed loop on records \
-         that were not fitted, as multiples of the noise as it leaves the loop.\n\n\
+         that were not fitted, as multiples of the closed-loop output noise.\n\n\
          | bundle | verdict | effect and parameters (one standard deviation) | before | after | seconds |\n|---|---|---|---|---|---|\n",
     );
     for f in all {

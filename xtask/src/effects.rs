@@ -30,9 +30,9 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
          the output of its channel and of time. Errors of sensors are tried at each output. What acts on commands, motors or guides acts \
          where the `[geometry]` of the bundle says: alike at all motors that are coupled (but cogging, cables and an asymmetry, which \
          differ); where each input drives a motor of its own, or without a geometry, at each channel by itself, a delay and a lag also \
-         at all inputs. What acts on a part of these, as friction of one of two guides, is `unexplained`. A wave must be travelled once, a \
-         period fit in a record, and a drift take a sample and bend within ten records, to be one: less passes for \
-         any force or offset that is constant or changes slowly.\n",
+         at all inputs. What acts on a part of these, as friction of one of two guides, is `unexplained`. An effect \
+         periodic in position is accepted only if its pitch is shorter than the travel, one periodic in time only if a full period \
+         lies in a record, a drift only if its time constant is between one sample and ten record lengths.\n",
     );
     for (effect, others) in KINDS.into_iter().filter_map(<[Effect]>::split_first) {
         println!("{}", effect.name);

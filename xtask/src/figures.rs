@@ -34,7 +34,7 @@ pub(crate) fn all(
     ])
 }
 
-const FREQUENCY: &str = "Frequency (cycles per unit of time)";
+const FREQUENCY: &str = "Frequency (Hz)";
 
 /// Magnitude of a channel, one point a line.
 fn magnitude(frf: &Frf, i: usize, j: usize) -> Vec<(f64, f64)> {

@@ -197,7 +197,7 @@ impl TestGrid {
     }
 }
 
-/// The band of the rigid body and the modes, cycles per unit of time. Above it the plant falls towards its zero at Nyquist
+/// The band of the rigid body and the modes, Hz. Above it the plant falls towards its zero at Nyquist
 /// and into the noise, so that a relative error there says little.
 pub(crate) const BAND_HZ: f64 = 3.0;
 

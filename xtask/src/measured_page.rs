@@ -109,11 +109,7 @@ fn machine_plain(case: &Case) -> String {
             .iter()
             .map(|[hz, d]| format!("{hz:.4} (damping {d:.4})"))
             .collect();
-        rows.push(Row(
-            "modes at p = 0, cycles per unit of time".into(),
-            modes.join(", "),
-            String::new(),
-        ));
+        rows.push(Row("modes at p = 0, Hz".into(), modes.join(", "), String::new()));
     }
     let noise: Vec<String> = case.inspection.noise.iter().map(|n| format!("{n:.2e}")).collect();
     rows.push(Row(

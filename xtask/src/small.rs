@@ -419,7 +419,7 @@ struct Made {
     masses: [f64; 2],
     /// J1, J2, kg m^2.
     inertias: [f64; 2],
-    /// Uncoupled modes at p = 0, cycles per unit of time.
+    /// Uncoupled modes at p = 0, Hz.
     modes: [f64; 2],
     damping: f64,
 }

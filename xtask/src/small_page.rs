@@ -125,13 +125,13 @@ const ROWS: [Row; 25] = [
     Row("moving/frozen_only_rms/1", "the same, y2, rad", None, small),
     Row(
         "moving/noisy_over_noise",
-        "from noisy data: largest error on three unseen moves over the noise as it leaves the loop",
+        "from noisy data: largest error on three unseen moves over the closed-loop output noise",
         Some(1.2),
         ratio,
     ),
     Row(
         "moving/noise_over_sensor/0",
-        "noise as it leaves the loop over that of a sample of the sensor, y1",
+        "closed-loop output noise over that of a sample of the sensor, y1",
         None,
         ratio,
     ),
@@ -220,7 +220,7 @@ const END: &str = "
 - A continuous-time LFR behind a zero-order hold can be exact, a discrete-time one of this size cannot: the exponential of a matrix that is affine in
   p is not rational in p. With deltas that reach the outputs too, three are enough for the frozen responses of this machine.
 - Frozen responses do not fix the state coordinates. The model from constant positions alone is wrong by tens of micrometres along a fast
-  back-and-forth, and right to less than the noise once the records along a moving p have said how its basis turns. Coordinates that stand still
+  back-and-forth, and right to less than the noise once the records along a moving p have said how its basis turns. Parameter-independent coordinates
   need a fourth delta: one between state and forces, one at the outputs, two at the accelerations.
 - From noisy responses no model of this kind can be right to -40 dB up to Nyquist: the response has a zero there, what the noise leaves open does not, and
   the Cramér-Rao bound itself lies where the table says, for the smallest LFR that is exact too. Over [0.01, 3] the bound leaves room.

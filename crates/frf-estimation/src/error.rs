@@ -166,7 +166,7 @@ pub enum FrfError {
     Singular {
         /// Index of the line.
         line: usize,
-        /// Its frequency, cycles per unit of time.
+        /// Its frequency, Hz.
         frequency_hz: f64,
         /// Condition number of the scaled matrix.
         condition: f64,
@@ -190,7 +190,7 @@ pub enum FrfError {
     LocalRank {
         /// Index of the line.
         line: usize,
-        /// Its frequency, cycles per unit of time.
+        /// Its frequency, Hz.
         frequency_hz: f64,
         /// Ratio of the largest to the smallest diagonal entry of R.
         condition: f64,

@@ -49,7 +49,7 @@ pub struct Condition {
     pub worst: f64,
     /// Line of the largest, in cycles a period.
     pub worst_line: usize,
-    /// Its frequency, cycles per unit of time.
+    /// Its frequency, Hz.
     pub worst_frequency_hz: f64,
 }
 

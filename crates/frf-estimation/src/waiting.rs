@@ -1,4 +1,4 @@
-//! Transforms of periods that wait to be taken up together.
+//! A buffer for the spectra of periods, so that they are accumulated in one pass.
 
 use crate::FrfError;
 use crate::moments::{CHUNK, Means, Observed, Order, Part, Scatter, TOGETHER};

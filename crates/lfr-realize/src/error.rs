@@ -49,7 +49,7 @@ pub enum RealizeError {
         index: usize,
         /// Index of the line, from 0.
         line: usize,
-        /// Frequency, cycles per unit of time.
+        /// Frequency, Hz.
         frequency_hz: f64,
         /// What is wrong with it.
         problem: &'static str,

@@ -32,7 +32,7 @@ pub enum CoreError {
         "the clocks differ: Nyquist frequencies {first_nyquist_hz} and {second_nyquist_hz}; sample both systems alike"
     )]
     DifferentClocks {
-        /// Of the first system, cycles per unit of time.
+        /// Of the first system, Hz.
         first_nyquist_hz: f64,
         /// Of the second system.
         second_nyquist_hz: f64,
@@ -90,7 +90,7 @@ pub enum CoreError {
     Frequency {
         /// Index in the list, from 0.
         index: usize,
-        /// The value, cycles per unit of time.
+        /// The value, Hz.
         value_hz: f64,
         /// What is wrong with it.
         problem: &'static str,
@@ -98,7 +98,7 @@ pub enum CoreError {
     /// The response is infinite because a pole lies on the line.
     #[error("a pole of the model lies on the frequency line {frequency_hz}; leave this line out")]
     PoleOnLine {
-        /// The line, cycles per unit of time.
+        /// The line, Hz.
         frequency_hz: f64,
     },
     /// The map from w to z of an LFR cannot be inverted.

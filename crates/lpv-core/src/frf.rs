@@ -75,7 +75,7 @@ impl Frf {
         Self::new(frequencies_hz, outputs, inputs, values)
     }
 
-    /// Frequencies, cycles per unit of time, strictly increasing.
+    /// Frequencies, Hz, strictly increasing.
     pub fn frequencies_hz(&self) -> &[f64] {
         &self.frequencies_hz
     }

@@ -28,7 +28,7 @@
 //! - *delta*: p normalised to `[-1, 1]` over the range, one entry of the diagonal of `Delta(p)`.
 //! - *well-posed*: `I - D11 Delta(p)` can be inverted for every p of the range.
 //! - *clock*: [`Continuous`], or [`Discrete`] with its sample time. It is part of the type of a model.
-//! - *line*: one frequency of a response. Frequencies are cycles per unit of time and end in `_hz`.
+//! - *line*: one frequency of a response. Frequencies are Hz and end in `_hz`.
 //! - *record*: signals of one experiment at one sample rate; nothing in it says whether they were measured.
 //!
 //! # What it does not do

@@ -268,7 +268,7 @@ impl ResponseKernel {
 }
 
 impl<K: Clock> StateSpace<K> {
-    /// The frequency response at frequencies in cycles per unit of time.
+    /// The frequency response at frequencies in Hz.
     ///
     /// # Errors
     /// [`CoreError::Frequency`] for a frequency that is negative, not finite, not increasing or above Nyquist;

@@ -92,7 +92,7 @@ pub(crate) fn as_seen(
     coulomb_friction::at_rest(effect.channel).unwrap_or(effect)
 }
 
-/// Of those in a list, the best first, that are equal to the best: the one that comes first in the catalogue leads.
+/// Ties with the best candidate of a list, the best first, are broken in the order of the catalogue.
 pub(crate) fn first_of_equals<T>(
     list: &mut [T],
     effect: impl Fn(&T) -> &'static Effect,

@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 pub struct Character {
     /// Output with the largest error over its noise, counted from zero.
     pub output: usize,
-    /// Band that holds the middle eighty percent of its energy, cycles per unit of time.
+    /// Band that holds the middle eighty percent of its energy, Hz.
     pub band_hz: [f64; 2],
     /// Signals and the correlation of the error with them, the largest first.
     pub correlations: Vec<(&'static str, f64)>,

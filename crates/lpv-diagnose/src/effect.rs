@@ -93,6 +93,24 @@ pub struct Extends {
     pub starts: fn(&[f64], &Screen<'_>) -> Vec<Vec<f64>>,
 }
 
+/// What an effect sees of a frequency response of a rigid axis.
+#[derive(Debug, Clone, Copy)]
+pub struct Lines {
+    /// Lowest and highest line, Hz.
+    pub band_hz: [f64; 2],
+    /// Number of outputs.
+    pub outputs: usize,
+    /// The moved mass.
+    pub mass: f64,
+}
+
+impl Lines {
+    /// Times that turn the highest line a little.
+    pub fn short_times(&self) -> Vec<Vec<f64>> {
+        [0.01, 0.1].map(|part| vec![part / self.band_hz[1]]).to_vec()
+    }
+}
+
 /// The channel of what acts at all inputs alike, though each drives a motor of its own.
 pub const ALL: usize = 2;
 
@@ -170,6 +188,8 @@ pub struct Effect {
     pub extends: Option<Extends>,
     /// Points from which to start, in the order of the parameters; none where the base or the data do not know it.
     pub starts: fn(&Screen<'_>) -> Vec<Vec<f64>>,
+    /// The same on a frequency response; none of what a response does not show.
+    pub on_response: Option<fn(&Lines) -> Vec<Vec<f64>>>,
     /// The block at given values, on a machine.
     pub block: fn(&[f64], &Base) -> Box<dyn Block>,
 }

@@ -33,7 +33,7 @@ const FLOORS: [f64; 4] = [0.5, 0.1, 0.01, 1e-6];
 
 /// Fits masses, couplings and lever arm of an xy-table to responses at several positions.
 ///
-/// `modes_hz` are guesses of frequencies of modes, cycles per unit of time; all pairs are tried, and a scan of the whole band.
+/// `modes_hz` are guesses of frequencies of modes, Hz; all pairs are tried, and a scan of the whole band.
 ///
 /// # Errors
 /// [`TraceError::NoBase`] without a geometry of a table.

@@ -15,13 +15,13 @@
 //!
 //! the likelihood of an error whose size is not known before it is explained: a large error does not bend the machine away from
 //! what is known of it, a small one refines it. What is known may be wrong itself, where an effect was there when the responses were
-//! measured: far from it, it holds no longer. The masses that a geometry tells are held at first; a machine with free masses is
-//! taken where it alone describes the records in fewer words than effects do. Every effect is tried by one linear step from each of its starts, with
+//! measured: far from it, it holds no longer. The masses that a geometry tells are held at first; the model with free masses is
+//! selected if it attains the shorter description length without any effect. Every effect is tried by one linear step from each of its starts, with
 //! the directions of the machine taken out; the most promising are fitted in full; refinements of what does well start where it
-//! ends (Stribeck from Coulomb friction, a swinging mass from a mass). The least `objective + k ln N` wins, and is added if the
+//! ends (Stribeck from Coulomb friction, a flexible mode from a mass). The least `objective + k ln N` wins, and is added if the
 //! error falls on the judged records too. This is repeated until noise is left, or nothing helps; after each addition the earlier
-//! effects are taken out one by one and chosen again beside the others, since a large effect hides what a small one is. The result is followed in parts
-//! of a sample so fine that its errors change no more.
+//! effects are taken out one by one and chosen again beside the others, since a large effect hides what a small one is. The final simulation refines its
+//! substeps until the errors no longer change.
 //!
 //! Where no controller is known, an [`observer`] holds an axis at its records. [`servo_axis`] makes the base of an axis from its records alone.
 //!

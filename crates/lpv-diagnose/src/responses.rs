@@ -4,7 +4,7 @@ use crate::TraceError;
 use crate::base::{Axis, Base};
 use crate::catalogue::{self, first_of_equals};
 use crate::character::Character;
-use crate::effect::{Effect, Family, Path};
+use crate::effect::{Effect, Family, Lines, Path};
 use crate::fit::{Explained, Minimum, deviations, minimum};
 use lpv_core::FrfEstimate;
 use lpv_numerics::statistics::chi_squared_p_value;
@@ -240,7 +240,7 @@ pub fn noise_of(estimate: &FrfEstimate) -> Vec<f64> {
         .collect()
 }
 
-/// Response of motor and load to the command at a frequency, cycles per unit of time.
+/// Response of motor and load to the command at a frequency, Hz.
 pub fn response(model: &Explained, frequency_hz: f64) -> [C64; 2] {
     let s = C64::new(0.0, TAU * frequency_hz);
     let one = C64::new(1.0, 0.0);
@@ -322,14 +322,10 @@ fn starts(effect: &Effect, model: &Explained, estimate: &FrfEstimate) -> Vec<Vec
     let Base::Axis(axis) = &model.base else {
         return Vec::new();
     };
-    match effect.name {
-        "delay" | "actuator-lag" => vec![vec![0.01 / high], vec![0.1 / high]],
-        "sensor-gain" if estimate.frf().outputs() > 1 => vec![vec![0.0]],
-        // Half of the mass swings.
-        "extra-mode" => (0..12)
-            .map(|i| low * (high / low).powf((f64::from(i) + 0.5) / 12.0))
-            .map(|f| vec![0.5 * axis.mass(), f, 0.02])
-            .collect(),
-        _ => Vec::new(),
-    }
+    let on = Lines {
+        band_hz: [low, high],
+        outputs: estimate.frf().outputs(),
+        mass: axis.mass(),
+    };
+    effect.on_response.map_or_else(Vec::new, |starts| starts(&on))
 }

@@ -205,7 +205,7 @@ impl Screen<'_> {
         chosen
     }
 
-    /// The frequencies of the highest lines of the residual, all records and outputs together, cycles per unit of time.
+    /// The frequencies of the highest lines of the residual, all records and outputs together, Hz.
     pub fn peaks(&self, count: usize) -> Vec<f64> {
         // Twice the longest record: lines at half its resolution.
         let length = 2 * self.tracks.iter().map(|t| t.samples).max().unwrap_or(1);

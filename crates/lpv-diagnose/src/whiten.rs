@@ -1,4 +1,4 @@
-//! The noise as it leaves the loop, and the filter that makes it white.
+//! The closed-loop output noise, and the filter that makes it white.
 
 use crate::base::Pair;
 
@@ -12,12 +12,12 @@ pub(crate) const LONG: usize = 160;
 pub(crate) struct Whitening {
     taps: [Vec<f64>; 2],
     channels: usize,
-    /// Deviation of the noise as it leaves the loop, by output.
+    /// Deviation of the closed-loop output noise, by output.
     pub(crate) deviation: Pair,
 }
 
 impl Whitening {
-    /// From samples of the noise as it leaves the loop, one vector a record.
+    /// From samples of the closed-loop output noise, one vector a record.
     pub(crate) fn new(noise: &[Vec<Pair>], channels: usize, order: usize) -> Self {
         let mut taps = [Vec::new(), Vec::new()];
         let mut deviation = [0.0; 2];

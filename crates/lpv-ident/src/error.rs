@@ -81,7 +81,7 @@ pub enum IdentError {
     },
     /// The covariance of a line cannot be used as a weight.
     #[error(
-        "position {position}, line {line} ({frequency_hz} cycles per unit of time): the FRF covariance is not positive definite; leave the line out or weight relatively"
+        "position {position}, line {line} ({frequency_hz} Hz): the FRF covariance is not positive definite; leave the line out or weight relatively"
     )]
     Covariance {
         /// The position.
@@ -93,7 +93,7 @@ pub enum IdentError {
     },
     /// A line to whose response nothing can be related.
     #[error(
-        "position {position}, line {line} ({frequency_hz} cycles per unit of time): the response is zero or nearly so, and relative weights would be infinite; leave the line out or weight otherwise"
+        "position {position}, line {line} ({frequency_hz} Hz): the response is zero or nearly so, and relative weights would be infinite; leave the line out or weight otherwise"
     )]
     NoResponse {
         /// The position.

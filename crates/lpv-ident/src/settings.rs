@@ -71,7 +71,7 @@ impl RegressionSettings {
         self.model_error = relative;
         self
     }
-    /// Only lines in this band, cycles per unit of time.
+    /// Only lines in this band, Hz.
     #[must_use]
     pub fn band_hz(mut self, lower: f64, upper: f64) -> Self {
         self.band_hz = Some((lower, upper));

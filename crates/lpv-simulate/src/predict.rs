@@ -83,7 +83,7 @@ impl<'a, M: Frozen> Predictor<'a, M> {
     }
 
     /// The Kalman filter for inputs that are disturbed by white noise of the given deviations and outputs that are measured with
-    /// `noise`. Its covariance begins as that of a machine which has stood long where the record begins, and then follows p from
+    /// `noise`. Its covariance begins at the stationary one where the record begins, and then follows p from
     /// sample to sample: gains of constant positions may lose a machine that moves fast.
     pub fn for_disturbance(model: &'a M, disturbance: &[f64], noise: &[f64]) -> Self {
         let r = DMatrix::from_diagonal(&DVector::from_iterator(noise.len(), noise.iter().map(|s| s * s)));

@@ -20,7 +20,7 @@ pub type ChannelTable = Vec<Vec<Vec<Vec<f64>>>>;
 pub struct FrozenDeviation {
     /// Where the responses were measured.
     pub positions: Vec<f64>,
-    /// Some of the measured lines, cycles per unit of time, increasing.
+    /// Some of the measured lines, Hz, increasing.
     pub frequencies_hz: Vec<f64>,
     /// Deviation of the error along `F_ij`, in the unit of the response.
     pub in_phase: ChannelTable,

@@ -117,7 +117,7 @@ pub enum Finding {
         place: String,
         /// Largest condition number.
         condition: f64,
-        /// Where, cycles per unit of time.
+        /// Where, Hz.
         frequency_hz: f64,
     },
     /// The response of a closed loop from its inputs.
@@ -408,7 +408,7 @@ pub enum Finding {
         good: usize,
         /// Lines that are excited.
         lines: usize,
-        /// Lowest and highest of the good lines, cycles per unit of time.
+        /// Lowest and highest of the good lines, Hz.
         band: [f64; 2],
     },
     /// One record of several with another sign or unit.

@@ -1,4 +1,4 @@
-//! The small LFR: the flexible part with as few deltas as reach the noise, in coordinates that stand still when p moves.
+//! The low-order LFR: the flexible part with the smallest number of deltas whose residual reaches the noise, in parameter-independent state coordinates.
 
 mod between;
 mod data;
@@ -204,7 +204,7 @@ fn attempt(
             Ok(Some(found)) => {
                 let account = MovingStage::new(&found);
                 reasons.push(format!(
-                    "moving records: error {:.3} times the noise with the coordinates of the frozen model, {:.3} with turning ones, {:.3} after the joint refinement in coordinates that stand still ({} + {} + {} deltas); frozen residual {:.3}",
+                    "moving records: error {:.3} times the noise with the coordinates of the frozen model, {:.3} with parameter-dependent ones, {:.3} after the joint refinement in parameter-independent coordinates ({} + {} + {} deltas); frozen residual {:.3}",
                     account.over_noise[0],
                     account.over_noise[1],
                     account.over_noise[2],

@@ -55,7 +55,7 @@ pub struct FrequencySummary {
     pub order: usize,
     /// Poles held at z = 1.
     pub integrators: usize,
-    /// Modes at the middle position: frequency in cycles per unit of time, and damping ratio.
+    /// Modes at the middle position: frequency in Hz, and damping ratio.
     pub modes: Vec<[f64; 2]>,
     /// Frequency of the mode that stands out most once the integrators are divided out: the largest
     /// `||G(f)||_F f^integrators` among lightly damped modes at the middle position.
@@ -81,7 +81,7 @@ pub struct FrequencySummary {
 pub struct LpvSummary {
     /// Positions.
     pub positions: Vec<f64>,
-    /// Modes at every position: frequency in cycles per unit of time, and damping ratio.
+    /// Modes at every position: frequency in Hz, and damping ratio.
     pub modes: Vec<Vec<[f64; 2]>>,
     /// Number of basis functions.
     pub functions: usize,
@@ -290,7 +290,7 @@ fn mode_lines(modes: &[[f64; 2]]) -> String {
     }
     let lines: Vec<String> = modes
         .iter()
-        .map(|[f, d]| format!("  {f:.5} cycles per unit of time, damping {d:.4}"))
+        .map(|[f, d]| format!("  {f:.5} Hz, damping {d:.4}"))
         .collect();
     lines.join("\n")
 }

@@ -26,7 +26,7 @@ pub struct FrozenError {
     pub strict_max_db: f64,
     /// `20 log10` of the median.
     pub median_db: f64,
-    /// Frequency of the largest error, cycles per unit of time.
+    /// Frequency of the largest error, Hz.
     pub worst_frequency_hz: f64,
     /// Index of the response with the largest error.
     pub worst_response: usize,

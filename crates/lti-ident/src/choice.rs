@@ -18,7 +18,7 @@ const INTEGRATOR: f64 = 1e-3;
 /// `ln det` of the covariance of the innovations, and the price of the parameters: `ln N / N` each \[ljung1999\], section
 /// 16.4. An initial state, about which a longer record says nothing more, has the price `2 / N`.
 ///
-/// The price must grow with N: states that are fitted to noise choose their frequency, of which there are about N. And
+/// The price must grow with N: states that are fitted to noise select their frequency among about N candidates. And
 /// it holds for white errors only. A coloured simulation error would pay for modes wherever its spectrum is large, so
 /// that it is whitened first.
 pub(crate) fn expected_cost(point: &Point, focus: Focus, parameters: usize) -> f64 {

@@ -40,9 +40,9 @@ pub enum PoleFitError {
     /// No line lies in the band.
     #[error("no line lies in [{lower_hz}, {upper_hz}]; the estimate has {lines} lines, widen the band")]
     EmptyBand {
-        /// Lower limit, cycles per unit of time.
+        /// Lower limit, Hz.
         lower_hz: f64,
-        /// Upper limit, cycles per unit of time.
+        /// Upper limit, Hz.
         upper_hz: f64,
         /// Lines of the estimate.
         lines: usize,
@@ -87,7 +87,7 @@ pub enum PoleFitError {
         what: &'static str,
         /// Index of the line in the estimate, from 0.
         line: usize,
-        /// Frequency, cycles per unit of time.
+        /// Frequency, Hz.
         frequency_hz: f64,
     },
     /// The linear problem for the numerators could not be solved.

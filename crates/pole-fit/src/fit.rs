@@ -89,7 +89,7 @@ impl Account {
 pub struct Mode {
     /// Index of the pole.
     pub pole: usize,
-    /// Natural frequency `|s| / (2 pi)`, cycles per unit of time.
+    /// Natural frequency `|s| / (2 pi)`, Hz.
     pub frequency_hz: f64,
     /// Its standard deviation.
     pub frequency_deviation_hz: f64,
@@ -271,7 +271,7 @@ impl PoleFit {
         self.clock
     }
 
-    /// The fitted response, delay included, at frequencies in cycles per unit of time.
+    /// The fitted response, delay included, at frequencies in Hz.
     ///
     /// # Errors
     /// [`CoreError::Frequency`] for frequencies that are negative, not finite, not increasing or above Nyquist,

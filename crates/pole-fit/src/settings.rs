@@ -46,7 +46,7 @@ pub enum Weighting {
 /// | `order` | none | degree of the denominator, fixed integrators included | `max(1, k)` to 100 |
 /// | `integrators` | `Free` | known poles at `z = 1` | `Free`, `Fixed(k)` |
 /// | `numerator` | `Proper` | degree of the numerators | |
-/// | `band` | `None` | lines used, cycles per unit of time, both limits included | `0 <= lower < upper` |
+/// | `band` | `None` | lines used, Hz, both limits included | `0 <= lower < upper` |
 /// | `weighting` | `Covariance` | what a residual is measured against | |
 /// | `delay_samples` | 0 | known delay: the response fitted is `z^-d B / a` | below 1e6 |
 /// | `smoothing_lines` | 0 | `C_V` is averaged over this many lines to each side | 0 to 1000 |
@@ -63,7 +63,7 @@ pub struct PoleFitSettings {
     pub integrators: Integrators,
     /// Degree of the numerators.
     pub numerator: NumeratorDegree,
-    /// Lines used, cycles per unit of time, both limits included.
+    /// Lines used, Hz, both limits included.
     pub band: Option<(f64, f64)>,
     /// What a residual is measured against.
     pub weighting: Weighting,
@@ -73,7 +73,7 @@ pub struct PoleFitSettings {
     pub smoothing_lines: usize,
     /// Least standard deviation of a row of the response, relative to the row.
     pub relative_floor: f64,
-    /// Limit between rigid-body and flexible poles with free integrators, cycles per unit of time.
+    /// Limit between rigid-body and flexible poles with free integrators, Hz.
     pub rigid_body_hz: Option<f64>,
     /// Most iterations of the start.
     pub start_iterations: usize,
@@ -114,7 +114,7 @@ impl PoleFitSettings {
         self.numerator = numerator;
         self
     }
-    /// Sets the band, cycles per unit of time.
+    /// Sets the band, Hz.
     #[must_use]
     pub fn band(mut self, lower_hz: f64, upper_hz: f64) -> Self {
         self.band = Some((lower_hz, upper_hz));
@@ -144,7 +144,7 @@ impl PoleFitSettings {
         self.relative_floor = floor;
         self
     }
-    /// Sets the limit between rigid-body and flexible poles, cycles per unit of time.
+    /// Sets the limit between rigid-body and flexible poles, Hz.
     #[must_use]
     pub fn rigid_body_hz(mut self, limit_hz: f64) -> Self {
         self.rigid_body_hz = Some(limit_hz);

@@ -12,7 +12,7 @@ use xytable_plant::{
 fn main() -> Result<(), PlantError> {
     let machine = MachineParameters::default().check()?;
     let clock = Discrete::from_rate(20.0)?;
-    println!("flexible modes over the stroke (cycles per unit of time, damping ratio)");
+    println!("flexible modes over the stroke (Hz, damping ratio)");
     for p in machine.positions(7) {
         let modes: Vec<String> = machine
             .flexible_poles(p)?

@@ -29,7 +29,7 @@ pub enum Discretisation {
 ///
 /// | field | default | meaning | range |
 /// |---|---|---|---|
-/// | `bandwidth_hz` | 0.2 | frequency of loop gain 1, cycles per unit of time | > 0 |
+/// | `bandwidth_hz` | 0.2 | frequency of loop gain 1, Hz | > 0 |
 /// | `integrator_ratio` a_i | 8 | integrator ends this factor below the bandwidth | > 0 |
 /// | `lead_zero_ratio` a_z | 3 | lead begins this factor below the bandwidth | > 0 |
 /// | `lead_pole_ratio` a_p | 3 | lead ends this factor above the bandwidth | > 0 |
@@ -113,7 +113,7 @@ impl ControllerSettings {
     }
 }
 
-/// The controller of the default rule for a bandwidth in cycles per unit of time and the plant `1/s²`.
+/// The controller of the default rule for a bandwidth in Hz and the plant `1/s²`.
 ///
 /// # Errors
 /// As [`ControllerSettings::design`].

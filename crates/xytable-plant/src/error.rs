@@ -89,7 +89,7 @@ pub enum PlantError {
     },
     /// A loop that is stable but too close to instability.
     #[error(
-        "closed loop not robust: largest sensitivity {sensitivity:.3} at p = {position} m, {frequency_hz} cycles per unit of time, \
+        "closed loop not robust: largest sensitivity {sensitivity:.3} at p = {position} m, {frequency_hz} Hz, \
          is above {limit}; lower the bandwidth or allow more"
     )]
     NotRobust {

@@ -152,7 +152,7 @@ impl Multisine {
     pub fn detection_lines(&self) -> &[usize] {
         &self.detection
     }
-    /// Frequencies of the excited lines, cycles per unit of time.
+    /// Frequencies of the excited lines, Hz.
     pub fn frequencies_hz(&self, clock: Discrete) -> Vec<f64> {
         let duration = self.period() as f64 * clock.sample_time();
         self.excited.iter().map(|&k| k as f64 / duration).collect()

@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 /// | `carriage_inertia_kg_m2` | 0.25 | J1 | > 0 |
 /// | `beam_inertia_kg_m2` | 1.2 | J2 | > 0 |
 /// | `half_beam_m` | 0.5 | L, from the centre of the beam to a motor | > 0 |
-/// | `stiffness_y_n_per_m` | 622.5... | k_y, from a mode of 1.45 cycles per unit of time | > 0 |
+/// | `stiffness_y_n_per_m` | 622.5... | k_y, from a mode of 1.45 Hz | > 0 |
 /// | `stiffness_r_n_m_per_rad` | 32.67... | k_r, from a mode of 2.00 | > 0 |
 /// | `damping_y_n_s_per_m` | 2.049... | d_y, damping ratio 0.015 | > 0 |
 /// | `damping_r_n_m_s_per_rad` | 0.0780... | d_r, damping ratio 0.015 | > 0 |
@@ -51,7 +51,7 @@ pub struct MachineParameters {
 
 impl MachineParameters {
     /// The default masses with stiffness and damping such that at p = 0 the uncoupled modes (y, R) have these
-    /// frequencies, in cycles per unit of time, and this damping ratio:
+    /// frequencies, in Hz, and this damping ratio:
     /// `k = (2 pi f)^2 mu`, `d = 2 zeta (2 pi f) mu`, with the reduced mass `mu = m1 m2 / (m1 + m2)`.
     #[must_use]
     pub fn from_modes(modes_hz: [f64; 2], damping_ratio: f64) -> Self {

@@ -20,7 +20,7 @@ pub(crate) struct LocalData {
     pub(crate) records: usize,
     /// Lines 1 to this.
     pub(crate) lines: usize,
-    /// Distance between lines, cycles per unit of time.
+    /// Distance between lines, Hz.
     pub(crate) resolution_hz: f64,
     pub(crate) position: Option<f64>,
     z: Vec<C64>,

@@ -42,7 +42,7 @@ pub enum BetweenWarning {
     Coarse {
         /// Index of the interval.
         interval: usize,
-        /// Frequency of the mode, cycles per unit of time.
+        /// Frequency of the mode, Hz.
         frequency_hz: f64,
         /// Shift in half-widths.
         shift: f64,

@@ -240,7 +240,7 @@ impl<'a, K: Sampling> Field<'a, K> {
     }
 }
 
-/// So many starts that end at the same residual, the least of all, leave little hope for a better one; so many of them are
+/// The search stops when so many starts agree on the lowest residual; so many of them are
 /// random, since the coherent ones are alike.
 const AGREE: (usize, usize) = (3, 2);
 

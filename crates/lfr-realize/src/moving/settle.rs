@@ -1,4 +1,4 @@
-//! From turning coordinates to coordinates that stand still, and an LFR there.
+//! From parameter-dependent state coordinates to parameter-independent ones, and an LFR there.
 
 use super::turning::{Turning, TurningFit};
 use crate::frozen::{Closure, close};
@@ -16,7 +16,7 @@ use coordinates::Coordinates;
 
 use start::slope_start;
 
-/// An LFR in coordinates that stand still.
+/// An LFR in parameter-independent state coordinates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settled {
     /// The LFR, in the mechanical structure.
@@ -35,7 +35,7 @@ pub struct Settled {
 const POSITIONS: usize = 13;
 
 /// Takes a frozen model in mechanical coordinates, with the rate at which they turn, to `x = T(p) x~`, where the
-/// machine's coordinates stand still, and fits an LFR of the mechanical structure with the given deltas, in two steps that
+/// machine's coordinates do not depend on p, and fits an LFR of the mechanical structure with the given deltas, in two steps that
 /// simulate nothing. From `starts` random starts it is fitted to the matrices `T A T^-1, T B, C T^-1` over the range; the
 /// one that comes nearest is then fitted to frozen responses and to what the records say about G together. `data` are
 /// the responses, from tolerant weights to those that count; the weight of the records grows along with them.

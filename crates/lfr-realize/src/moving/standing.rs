@@ -7,7 +7,7 @@ use crate::{
 };
 use lpv_core::Continuous;
 
-/// How to find coordinates that stand still. Fields are unchecked; [`StandingSettings::check`] gives what [`stand_still`]
+/// How to find parameter-independent coordinates. Fields are unchecked; [`StandingSettings::check`] gives what [`stand_still`]
 /// accepts.
 ///
 /// | field | default | meaning | range |

@@ -1,4 +1,4 @@
-//! The xy-table along a moving p: from a frozen model to one whose coordinates stand still.
+//! The xy-table along a moving p: from a frozen model to one whose coordinates do not depend on p.
 
 use lfr_realize::moving::{MovingData, refine_with_moves, settle, simulate_errors, turn};
 use lfr_realize::{

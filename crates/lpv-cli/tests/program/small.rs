@@ -152,7 +152,13 @@ fn the_page_shows_sizes_uncertainty_and_what_p_may_do() {
         "deltas": [1, 0, 1], "over_noise": [88.5, 1.31, 1.044], "frozen_residual": 1.031,
     });
     let moved = page(&desk, &moved);
-    for part in ["88.50", "1.310", "1.044", "1.031", "coordinates that stand still"] {
+    for part in [
+        "88.50",
+        "1.310",
+        "1.044",
+        "1.031",
+        "parameter-independent coordinates",
+    ] {
         assert!(moved.contains(part), "{part} is not on the page");
     }
     assert!(!moved.contains("known for slow p only"));

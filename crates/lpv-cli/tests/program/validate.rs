@@ -7,7 +7,7 @@ use lpv_core::{Continuous, Discrete, Model, StateSpace};
 const PERIOD: usize = 256;
 const NOISE: f64 = 0.05;
 
-/// A resonance at 0.5 cycles per unit of time with gain 1 at rest.
+/// A resonance at 0.5 Hz with gain 1 at rest.
 fn continuous(resonance_hz: f64) -> StateSpace<Continuous> {
     let w = std::f64::consts::TAU * resonance_hz;
     let a = dmatrix![0.0, 1.0; -w * w, -0.2 * w];

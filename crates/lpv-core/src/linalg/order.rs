@@ -5,7 +5,7 @@ use std::ops::Range;
 
 /// The states, and what they fall into.
 pub(crate) struct Order {
-    /// Whoever is fed comes before those who feed it.
+    /// Downstream states precede the states that drive them: the reverse topological order of strongly connected components.
     pub(crate) states: Vec<usize>,
     /// States that reach each other both ways.
     pub(crate) blocks: Vec<Range<usize>>,

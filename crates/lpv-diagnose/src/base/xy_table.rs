@@ -27,7 +27,7 @@ pub struct XyTable {
 
 impl XyTable {
     /// From the decoupling `T(p)` (motor forces over inputs, by powers of p), which tells the masses, the arms of the motors,
-    /// and two modes for the couplings (translation, rotation; cycles per unit of time).
+    /// and two modes for the couplings (translation, rotation; Hz).
     ///
     /// `B T(p)` is the mass matrix of the rigid machine `[m1 + m2, m1 p; m1 p, m1 p^2 + J1 + J2]`, B the map from motor
     /// forces to force and torque.
@@ -153,7 +153,7 @@ impl XyTable {
         table
     }
 
-    /// The lower of the uncoupled modes, cycles per unit of time.
+    /// The lower of the uncoupled modes, Hz.
     pub(crate) fn lowest_mode(&self) -> f64 {
         let reduced = |a: f64, b: f64| a * b / (a + b);
         let translation = self.stiffness[0] / reduced(self.carriage_mass, self.beam_mass);

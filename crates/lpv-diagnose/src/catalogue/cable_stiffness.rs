@@ -16,6 +16,7 @@ pub(super) static EFFECTS: [Effect; 3] = [
             parameter("right_cubic", "u/y^3", Scale::Linear),
         ],
         starts: |_| vec![vec![0.0; 4]],
+        on_response: None,
         block: |v, machine| {
             let unit = super::motor_forces(machine, 0, 1.0);
             Box::new(Cable {
@@ -44,6 +45,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
         },
         extends: None,
         starts: |_| vec![vec![0.0; 2]],
+        on_response: None,
         block: |v, machine| {
             let unit = super::motor_forces(machine, CHANNEL, 1.0);
             Box::new(Cable {

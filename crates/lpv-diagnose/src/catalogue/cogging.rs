@@ -19,6 +19,7 @@ pub(super) static EFFECTS: [Effect; 3] = [
             PITCH,
         ],
         starts: |screen| waves(screen, 0, &[0, 1]),
+        on_response: None,
         block: |v, machine| {
             let unit = super::motor_forces(machine, 0, 1.0);
             Box::new(Cogging {
@@ -51,6 +52,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
         },
         extends: None,
         starts: |screen| waves(screen, CHANNEL, &[CHANNEL]),
+        on_response: None,
         block: |v, machine| {
             let unit = super::motor_forces(machine, CHANNEL, 1.0);
             Box::new(Cogging {

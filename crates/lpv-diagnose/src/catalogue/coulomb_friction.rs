@@ -26,6 +26,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
         ],
         extends: None,
         starts: |screen| vec![vec![0.0, screen.top_speed(CHANNEL) / 300.0]],
+        on_response: None,
         block: |v, machine| {
             Box::new(Coulomb {
                 force: super::motor_forces(machine, CHANNEL, v[0]),
@@ -56,6 +57,7 @@ const fn sticking<const CHANNEL: usize>() -> Effect {
             },
         ],
         starts: |_| Vec::new(),
+        on_response: None,
         block: |v, machine| super::hysteresis::builds_up(super::motor_forces(machine, CHANNEL, v[0]), v[1]),
         ..at::<CHANNEL>()
     }

@@ -17,6 +17,7 @@ pub(super) static EFFECTS: [Effect; 2] = [
         }],
         extends: None,
         starts: |_| vec![vec![0.0]],
+        on_response: None,
         block: |v, _| Box::new(Cubic(v[0])),
     },
     Effect {
@@ -39,6 +40,7 @@ pub(super) static EFFECTS: [Effect; 2] = [
         ],
         extends: None,
         starts: |_| vec![vec![0.0; 2]],
+        on_response: None,
         block: |v, _| {
             Box::new(Spring {
                 square: v[0],

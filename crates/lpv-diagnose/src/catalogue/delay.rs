@@ -1,7 +1,7 @@
 //! Commands that come late.
 
 use crate::base::Pair;
-use crate::effect::{ALL, Block, Effect, EffectParameter, Family, Needs, Path, Scale};
+use crate::effect::{ALL, Block, Effect, EffectParameter, Family, Lines, Needs, Path, Scale};
 use num_complex::Complex64 as C64;
 
 pub(super) static EFFECTS: [Effect; 3] = [at::<0>(), at::<1>(), at::<ALL>()];
@@ -20,6 +20,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
         }],
         extends: None,
         starts: |screen| vec![vec![1e-4 * screen.step()], vec![0.3 * screen.step()]],
+        on_response: Some(Lines::short_times),
         block: |v, machine| Box::new(Late(super::of_motors(machine, CHANNEL, v[0]))),
     }
 }

@@ -19,6 +19,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
         }],
         extends: None,
         starts: |_| vec![vec![0.0]],
+        on_response: None,
         block: |v, machine| Box::new(Directed(super::motor_forces(machine, CHANNEL, v[0]))),
     }
 }

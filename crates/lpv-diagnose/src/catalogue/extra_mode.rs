@@ -2,7 +2,7 @@
 
 use super::parameter;
 use crate::base::Forces;
-use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Needs, Path, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Lines, Moment, Needs, Path, Scale};
 use crate::screen::Screen;
 use num_complex::Complex64 as C64;
 use std::f64::consts::TAU;
@@ -52,6 +52,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
                 .map(|f| vec![0.0, f, 0.02])
                 .collect()
         },
+        on_response: Some(swinging_halves),
         block: |v, _| {
             Box::new(Swing::<CHANNEL> {
                 mass: v[0],
@@ -60,6 +61,16 @@ const fn at<const CHANNEL: usize>() -> Effect {
             })
         },
     }
+}
+
+/// Half of the mass swings, at one of some frequencies over the band.
+fn swinging_halves(on: &Lines) -> Vec<Vec<f64>> {
+    const TRIED: usize = 12;
+    let [low, high] = on.band_hz;
+    (0..TRIED)
+        .map(|i| low * (high / low).powf((i as f64 + 0.5) / TRIED as f64))
+        .map(|f| vec![0.5 * on.mass, f, 0.02])
+        .collect()
 }
 
 /// From what a record shows a few times to near Nyquist, so many to a factor of e.

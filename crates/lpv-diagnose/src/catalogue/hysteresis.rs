@@ -37,6 +37,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
             let travel = screen.travel(CHANNEL);
             [0.002, 0.02, 0.1].map(|part| vec![0.0, part * travel]).to_vec()
         },
+        on_response: None,
         block: |v, machine| builds_up(super::motor_forces(machine, CHANNEL, v[0]), v[1]),
     }
 }

@@ -16,6 +16,7 @@ pub(super) static EFFECT: Effect = Effect {
     }],
     extends: None,
     starts: |_| vec![vec![0.0]],
+    on_response: None,
     block: |v, _| Box::new(Asymmetry(v[0])),
 };
 

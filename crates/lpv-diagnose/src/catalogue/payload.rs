@@ -23,6 +23,7 @@ pub(super) static EFFECT: Effect = Effect {
     ],
     extends: None,
     starts: |_| vec![vec![0.0; 2]],
+    on_response: None,
     block: |v, _| {
         Box::new(Payload {
             mass: v[0],

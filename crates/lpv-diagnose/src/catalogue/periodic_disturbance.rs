@@ -51,6 +51,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
             }
             found
         },
+        on_response: None,
         block: |v, machine| {
             let unit = super::motor_forces(machine, CHANNEL, 1.0);
             Box::new(Periodic {

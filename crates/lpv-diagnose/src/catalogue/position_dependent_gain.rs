@@ -26,6 +26,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
         ],
         extends: None,
         starts: |_| vec![vec![0.0; 2]],
+        on_response: None,
         block: |v, machine| {
             Box::new(Gain {
                 slope: super::of_motors(machine, CHANNEL, v[0]),

@@ -24,6 +24,7 @@ pub(crate) static EFFECT: Effect = Effect {
     extends: None,
     // It is read off the values, not fitted.
     starts: |_| Vec::new(),
+    on_response: None,
     block: |_, _| Box::new(Steps),
 };
 

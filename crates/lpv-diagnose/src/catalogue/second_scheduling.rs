@@ -29,6 +29,7 @@ pub(super) static EFFECT: Effect = Effect {
             vec![]
         }
     },
+    on_response: None,
     block: |v, _| Box::new(Second([v[0], v[1]])),
 };
 

@@ -46,6 +46,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
             .map(|(pitch, v)| vec![v[0], v[1], pitch])
             .collect()
         },
+        on_response: None,
         block: |v, _| {
             Box::new(Cyclic::<CHANNEL> {
                 sine: v[0],

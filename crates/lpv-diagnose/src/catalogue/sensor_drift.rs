@@ -30,6 +30,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
                 .map(|part| vec![0.0, part * screen.duration()])
                 .to_vec()
         },
+        on_response: None,
         block: |v, _| {
             Box::new(Drift::<CHANNEL> {
                 drift: v[0],

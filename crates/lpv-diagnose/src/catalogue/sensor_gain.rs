@@ -27,6 +27,13 @@ const fn at<const CHANNEL: usize>() -> Effect {
                 vec![]
             }
         },
+        on_response: Some(|on| {
+            if on.outputs > 1 {
+                vec![vec![0.0]]
+            } else {
+                Vec::new()
+            }
+        }),
         block: |v, _| Box::new(Gain::<CHANNEL>(v[0])),
     }
 }

@@ -56,6 +56,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
                 vec![0.0, 0.0, top / 300.0, top / 40.0],
             ]
         },
+        on_response: None,
         block: |v, machine| {
             Box::new(Stribeck {
                 level: super::motor_forces(machine, CHANNEL, v[0]),

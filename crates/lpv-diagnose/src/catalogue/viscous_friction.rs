@@ -26,6 +26,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
                 vec![]
             }
         },
+        on_response: None,
         block: |v, machine| Box::new(Viscous(super::motor_forces(machine, CHANNEL, v[0]))),
     }
 }

@@ -24,7 +24,7 @@ pub struct Trace {
     pub added: Vec<Added>,
     /// Every effect that was tried, look by look, in each the most promising first.
     pub candidates: Vec<Tried>,
-    /// Deviation of the noise as it leaves the loop of the model.
+    /// Deviation of the closed-loop output noise of the model.
     pub noise: Pair,
     /// Root mean square by output of the error one step ahead on the judged records ([`prediction_errors`](crate::prediction_errors)):
     /// without effects, and with those that were added; none where the machine cannot be followed.

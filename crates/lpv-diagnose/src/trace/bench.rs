@@ -95,7 +95,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// Whether the times of an effect are such as the records show.
+    /// Whether the time constants of an effect can be resolved from these records.
     pub(super) fn lasts(&self, model: &Explained, i: usize) -> bool {
         /// Records over which what changes so slowly is a straight line, which a force may cause too.
         const STRAIGHT: f64 = 10.0;

@@ -66,7 +66,7 @@ fn draws(
     Ok(all.concat())
 }
 
-/// The noise as it leaves the loop of a model, by a filter with so many taps.
+/// The closed-loop output noise of a model, by a filter with so many taps.
 pub(super) fn loop_noise(case: &Case<'_>, model: &Explained, taps: usize) -> Result<Whitening, TraceError> {
     let left = draws(model, case.controller, case.fitted, case.noise)?;
     Ok(Whitening::new(&left, model.base.channels(), taps))

@@ -139,7 +139,7 @@ pub(super) fn names(effects: &[FoundEffect]) -> String {
 pub struct OutputError {
     /// Root mean square, simulated in closed loop.
     pub rms: f64,
-    /// The same over the noise as it leaves the loop.
+    /// The same over the closed-loop output noise.
     pub over_noise: f64,
     /// Root mean square one step ahead; responses have none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -334,7 +334,7 @@ impl Diagnosis {
                 .map(|(name, r)| format!("{name} {r:.2}"))
                 .collect();
             lines.push(format!(
-                "what is left is in {} between {:.3} and {:.3} cycles per unit of time; correlation with {}",
+                "what is left is in {} between {:.3} and {:.3} Hz; correlation with {}",
                 c.channel,
                 c.band_hz[0],
                 c.band_hz[1],

@@ -96,7 +96,7 @@ pub(super) fn force_in_time(inputs: &[String], step: f64, forces: [&EquivalentFo
 pub(super) fn in_spectrum(outputs: &[String], step: f64, errors: &[Vec<Vec<[f64; 2]>>; 2]) -> Figure {
     let mut figure = Figure::new("")
         .columns(outputs.len().min(2))
-        .caption("Spectrum of the error in closed loop along all held-out records; cycles per unit of time.");
+        .caption("Spectrum of the error in closed loop along all held-out records; Hz.");
     for (i, name) in outputs.iter().enumerate() {
         let mut panel = Panel::new(Axis::log("Frequency"), Axis::log("Power density")).title(name.clone());
         for (records, (label, colour)) in errors.iter().zip(BEFORE_AFTER) {
@@ -233,9 +233,9 @@ pub(super) fn in_time(outputs: &[String], step: f64, errors: [&[[f64; 2]]; 2]) -
 
 /// Magnitudes by output over frequency: what was measured, and the errors of a model before and after.
 pub(super) fn over_frequency(outputs: &[String], lines: &[f64], curves: &[[Vec<f64>; 3]]) -> Figure {
-    let mut figure = Figure::new("").columns(curves.len().min(2)).caption(
-        "Held-out response and what the model leaves of it, before and after; cycles per unit of time.",
-    );
+    let mut figure = Figure::new("")
+        .columns(curves.len().min(2))
+        .caption("Held-out response and what the model leaves of it, before and after; Hz.");
     for (name, [measured, before, after]) in outputs.iter().zip(curves) {
         let line = |v: &[f64]| Series::line(lines.iter().copied().zip(v.iter().copied()).collect());
         figure = figure.panel(

@@ -63,7 +63,7 @@ pub struct LeftTest {
 pub struct Characterisation {
     /// Output with the largest error over its noise.
     pub channel: String,
-    /// Band with the middle eighty percent of its energy, cycles per unit of time.
+    /// Band with the middle eighty percent of its energy, Hz.
     pub band_hz: [f64; 2],
     /// Correlation of the error with signals, the largest first.
     pub correlations: Vec<(String, f64)>,

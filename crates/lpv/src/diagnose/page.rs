@@ -50,7 +50,7 @@ impl Diagnosed {
         }
         let what = match d.responses.is_empty() {
             true => {
-                "Root mean square on held-out records: simulated in closed loop, in brackets over the noise as it leaves the loop; and one \
+                "Root mean square on held-out records: simulated in closed loop, in brackets over the closed-loop output noise; and one \
                  step ahead, by a Kalman filter that follows the scheduling and lets a force at the inputs walk at random. Before: the \
                  base without effects, fitted to the same records, which may shift its error to another output."
             }

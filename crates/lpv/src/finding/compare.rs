@@ -11,7 +11,7 @@ type C64 = Complex<f64>;
 pub(crate) struct Voice {
     pub(crate) record: String,
     pub(crate) position: Option<f64>,
-    /// Cycles per unit of time.
+    /// Hz.
     pub(crate) frequencies_hz: Vec<f64>,
     pub(crate) outputs: Vec<Vec<C64>>,
     pub(crate) inputs: Vec<Vec<C64>>,

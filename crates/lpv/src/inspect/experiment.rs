@@ -14,7 +14,7 @@ pub struct ExperimentInfo {
     pub position: Option<f64>,
     /// Its records.
     pub records: Vec<String>,
-    /// Lowest and highest excited frequency, cycles per unit of time.
+    /// Lowest and highest excited frequency, Hz.
     pub band_hz: [f64; 2],
     /// Periods used of the record that has the fewest.
     pub periods_used: usize,
@@ -70,7 +70,7 @@ impl Spread {
 /// One excited line.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LineInfo {
-    /// Cycles per unit of time.
+    /// Hz.
     pub frequency_hz: f64,
     /// Signal-to-noise ratio of the averaged outputs, dB.
     pub output_snr_db: Vec<f64>,
@@ -87,7 +87,7 @@ pub struct LineInfo {
 pub struct DetectionLine {
     /// Cycles a period.
     pub line: usize,
-    /// Cycles per unit of time.
+    /// Hz.
     pub frequency_hz: f64,
     /// `odd` or `even`.
     pub parity: &'static str,

@@ -7,7 +7,7 @@ use lpv_core::num_complex::Complex;
 use lpv_core::{Clock, Frf};
 use lpv_report::{Axis, Colour, Figure, Panel, Section, Series, Share, Style};
 
-const FREQUENCY: &str = "Frequency (cycles per unit of time)";
+const FREQUENCY: &str = "Frequency (Hz)";
 
 /// Points of a model's curve.
 const POINTS: usize = 600;

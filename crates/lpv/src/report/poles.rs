@@ -86,12 +86,9 @@ fn along(s: &Subject, low: f64, high: f64) -> Result<Figure, PipelineError> {
             .colour(Colour::Model)
     };
     let mut panels = [
-        Panel::new(
-            Axis::linear("Scheduling p"),
-            Axis::linear("Cycles per unit of time"),
-        )
-        .title("Frequency")
-        .series(model(frequency)),
+        Panel::new(Axis::linear("Scheduling p"), Axis::linear("Frequency, Hz"))
+            .title("Frequency")
+            .series(model(frequency)),
         Panel::new(Axis::linear("Scheduling p"), Axis::log("Damping ratio"))
             .title("Damping")
             .series(model(damping)),

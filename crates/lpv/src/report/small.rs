@@ -54,7 +54,7 @@ fn along(moving: &MovingStage) -> Table {
     let names = [
         "fit to the frozen responses, its own coordinates",
         "the same, coordinates that turn with p",
-        "joint fit, coordinates that stand still",
+        "joint fit, parameter-independent coordinates",
     ];
     for (name, error) in names.into_iter().zip(moving.over_noise) {
         table = table.row([Cell::text(name), Cell::number(error, Format::Significant(4))]);
@@ -71,7 +71,7 @@ fn slow_only(modes: &[Vec<[f64; 2]>]) -> String {
         .map(|[frequency, _]| *frequency)
         .fold(f64::INFINITY, f64::min);
     let against = if lowest.is_finite() {
-        format!(", that is against its slowest mode at {lowest:.3} cycles per unit of time")
+        format!(", that is against its slowest mode at {lowest:.3} Hz")
     } else {
         String::new()
     };

@@ -43,7 +43,7 @@ pub struct MachineFile {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct ServoFile {
-    /// Bandwidth, cycles per unit of time.
+    /// Bandwidth, Hz.
     pub bandwidth_hz: f64,
 }
 

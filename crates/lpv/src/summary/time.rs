@@ -19,7 +19,7 @@ pub struct TimeSummary {
     pub one_step_fit_percent: Vec<f64>,
     /// The same on samples that were not fitted.
     pub held_out: Option<HeldOut>,
-    /// Modes: frequency in cycles per unit of time, and damping ratio.
+    /// Modes: frequency in Hz, and damping ratio.
     pub modes: Vec<[f64; 2]>,
     /// Every order tried.
     pub orders: Vec<OrderRow>,
@@ -68,7 +68,7 @@ pub struct AxisSummary {
     pub offset: [f64; 2],
     /// Error of the force relative to the force, on the fitted samples, percent.
     pub relative_force_error_percent: f64,
-    /// Cut-off of the filter of the position, cycles per unit of time.
+    /// Cut-off of the filter of the position, Hz.
     pub position_cutoff_hz: f64,
     /// Condition number of the regression.
     pub condition_number: f64,
@@ -112,7 +112,7 @@ impl AxisSummary {
             && equations > FAR_BELOW * force
         {
             return Some(format!(
-                "warning: axis {} -> {}: the {} is not to be trusted, its deviation neither: the force has its power below {force:.3} cycles per unit of time, the equations are kept up to {equations:.3}, where the position shows noise, and noise makes it too small; excite with more and higher frequencies (relative force error {:.0} %)",
+                "warning: axis {} -> {}: the {} is not to be trusted, its deviation neither: the force has its power below {force:.3} Hz, the equations are kept up to {equations:.3}, where the position shows noise, and noise makes it too small; excite with more and higher frequencies (relative force error {:.0} %)",
                 self.input, self.output, self.kind, self.relative_force_error_percent
             ));
         }
@@ -127,7 +127,7 @@ impl AxisSummary {
 
     pub(crate) fn reason(&self) -> String {
         format!(
-            "axis {} -> {}: derivatives of the position below {:.1} cycles per unit of time, condition number {:.1}",
+            "axis {} -> {}: derivatives of the position below {:.1} Hz, condition number {:.1}",
             self.input, self.output, self.position_cutoff_hz, self.condition_number
         )
     }

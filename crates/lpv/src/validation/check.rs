@@ -259,7 +259,7 @@ pub(crate) fn validate_knowing(
         .is_some_and(|e| matches!(e.base, lpv_diagnose::Base::Lpv(_)))
     {
         notes.push(
-            "along records the gains and the tempo of the explanation are applied; the frozen response is that of the matrices as they were identified"
+            "along records the gains and the time scale of the explanation are applied; the frozen response is that of the matrices as they were identified"
                 .to_owned(),
         );
     }

@@ -24,9 +24,9 @@ pub enum Estimator {
 /// | `dry_friction` | `false` | estimate a constant force against the motion beside, which the model does not keep | |
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct RigidBodySettings {
-    /// Cut-off of the filter on the position, cycles per unit of time.
+    /// Cut-off of the filter on the position, Hz.
     pub position_cutoff_hz: Option<f64>,
-    /// Cut-off of the filter on the equations, cycles per unit of time.
+    /// Cut-off of the filter on the equations, Hz.
     pub regression_cutoff_hz: Option<f64>,
     /// How the equations are solved.
     pub estimator: Estimator,

@@ -10,7 +10,7 @@ pub(super) const EFFECTS: &[EffectInfo] = &[
         name: "periodic-disturbance",
         family: "disturbance",
         unit: "m/s^2",
-        meaning: "amplitude of a force along y on both ends of the beam, 0.37 cycles per unit of time",
+        meaning: "amplitude of a force along y on both ends of the beam, 0.37 Hz",
         default: 5e-6,
         range: [0.0, 1.0],
         since: Since::Grid,
@@ -26,7 +26,7 @@ pub(super) const EFFECTS: &[EffectInfo] = &[
         name: "limit-cycle",
         family: "disturbance",
         unit: "m/s^2",
-        meaning: "amplitude of the force along y of an inner loop that oscillates by itself near 0.9 cycles per unit of time \
+        meaning: "amplitude of the force along y of an inner loop that oscillates by itself near 0.9 Hz \
                   (van der Pol), faster while the beam moves",
         default: 4e-5,
         range: [0.0, 1.0],

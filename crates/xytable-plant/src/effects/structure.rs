@@ -25,7 +25,7 @@ pub(super) const EFFECTS: &[EffectInfo] = &[
         name: "extra-mode",
         family: "structure",
         unit: "kg",
-        meaning: "mass on the carriage that swings along y on a spring, 4.4 cycles per unit of time, damping ratio 0.02, \
+        meaning: "mass on the carriage that swings along y on a spring, 4.4 Hz, damping ratio 0.02, \
                   mounted after the grid was measured",
         default: 2e-3,
         range: [0.0, 1e3],

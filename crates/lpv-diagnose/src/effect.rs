@@ -111,6 +111,9 @@ impl Lines {
     }
 }
 
+/// Starts of an effect on a frequency response.
+pub type StartsOnLines = fn(&Lines) -> Vec<Vec<f64>>;
+
 /// The channel of what acts at all inputs alike, though each drives a motor of its own.
 pub const ALL: usize = 2;
 
@@ -189,7 +192,7 @@ pub struct Effect {
     /// Points from which to start, in the order of the parameters; none where the base or the data do not know it.
     pub starts: fn(&Screen<'_>) -> Vec<Vec<f64>>,
     /// The same on a frequency response; none of what a response does not show.
-    pub on_response: Option<fn(&Lines) -> Vec<Vec<f64>>>,
+    pub on_response: Option<StartsOnLines>,
     /// The block at given values, on a machine.
     pub block: fn(&[f64], &Base) -> Box<dyn Block>,
 }

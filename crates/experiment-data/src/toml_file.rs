@@ -160,8 +160,10 @@ struct ChannelsFile {
     auxiliary: ChannelGroup,
 }
 
-/// Motor forces from the inputs and motor coordinates from the outputs, rigid: `F = (T_0 + p T_1 + p^2 T_2) u`, `q = C y`; rows are
-/// motors.
+/// Motor forces from the inputs and motor coordinates from the outputs, rigid.
+///
+/// `F = (T_0 + p T_1 + p^2 T_2) u`, `q = C y`; rows are motors. In a bundle the sizes fit the channels; a value made by
+/// hand is checked when it is written.
 #[derive(JsonSchema)]
 #[schemars(rename = "Geometry", deny_unknown_fields)]
 #[allow(dead_code, reason = "the schema of lpv_core::Geometry, which serde reads")]

@@ -35,6 +35,9 @@ fn first_example(page: &str) -> Option<String> {
             _ => {}
         }
     }
+    if code.contains("fn main(") {
+        return Some(code);
+    }
     let Some(end) = code.rfind("Ok::<(), ") else {
         return (!code.is_empty()).then(|| format!("fn main() {{\n{code}}}\n"));
     };

@@ -1,7 +1,9 @@
 //! `experiment.toml` as text: reading with positions, and writing.
 
+mod geometry;
 mod keys;
 
+use self::geometry::GeometryTable;
 pub(crate) use self::keys::KEYS;
 use self::keys::{OF_SECOND, UNREAD, listed};
 use crate::description::{ChannelGroup, Channels, Description, RecordEntry};
@@ -158,20 +160,6 @@ struct ChannelsFile {
     /// Other measured signals.
     #[serde(default, skip_serializing_if = "ChannelGroup::is_empty")]
     auxiliary: ChannelGroup,
-}
-
-/// Motor forces from the inputs and motor coordinates from the outputs, rigid.
-///
-/// `F = (T_0 + p T_1 + p^2 T_2) u`, `q = C y`; rows are motors. In a bundle the sizes fit the channels; a value made by
-/// hand is checked when it is written.
-#[derive(JsonSchema)]
-#[schemars(rename = "Geometry", deny_unknown_fields)]
-#[allow(dead_code, reason = "the schema of lpv_core::Geometry, which serde reads")]
-struct GeometryTable {
-    /// `[T_0]`, `[T_0, T_1]` or `[T_0, T_1, T_2]`, each n_motors x n_u, rows first.
-    force_from_input: Vec<Vec<Vec<f64>>>,
-    /// C, n_motors x n_y, rows first.
-    motor_from_output: Vec<Vec<f64>>,
 }
 
 /// Digital controller, one loop an input: u = sat(B_r/A r - B_y/A y) + injection, coefficients of z^0, z^-1, ...

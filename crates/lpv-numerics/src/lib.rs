@@ -7,6 +7,10 @@
 //! | [`whiten`] | factors that turn the error of a frequency response into independent unit noise |
 //! | [`statistics`] | figures of samples, p-values, decibels |
 //!
+//! # What it does not do
+//!
+//! It knows no model and chooses nothing; eigenvalues and Schur forms, which the models themselves need, are in [`lpv_core::linalg`].
+//!
 //! # A run
 //!
 //! ```

@@ -11,6 +11,10 @@
 //! records. Scheduling follows the record from sample to sample; a time-invariant model does not look at it. Signals are in the units of the
 //! record, frequencies in cycles per unit of its time.
 //!
+//! # What it does not do
+//!
+//! It fits nothing and judges nothing, and knows no effect beside a model: lpv-diagnose simulates those.
+//!
 //! # A run
 //!
 //! ```

@@ -19,6 +19,7 @@ mod replay;
 mod saturation;
 mod together;
 mod told;
+mod transient;
 mod watch;
 mod wrap;
 

@@ -45,7 +45,7 @@
 //!
 //! ```
 //! use obf_basis::lpv_core::Discrete;
-//! use num_complex::Complex;
+//! use obf_basis::lpv_core::num_complex::Complex;
 //! use obf_basis::{FkcmSettings, OrthonormalBasis, PoleSet, fkcm};
 //!
 //! // A lightly damped mode whose frequency moves.

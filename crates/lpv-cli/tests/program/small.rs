@@ -129,7 +129,7 @@ fn the_page_shows_sizes_uncertainty_and_what_p_may_do() {
         "two standard deviations",
         "deviation of the model",
         "known for slow p only",
-        "2.030 cycles",
+        "2.030 Hz",
         "p = -0.3000",
     ] {
         assert!(whole.contains(part), "{part} is not on the page");

@@ -246,7 +246,7 @@ fn odd(all: &[Standing]) -> Vec<(usize, f64)> {
 }
 
 /// The factor that units and signs make, if one is near.
-fn named(factor: f64) -> f64 {
+pub(super) fn named(factor: f64) -> f64 {
     let size = factor.abs();
     let off = |known: &f64| (size / known).ln().abs();
     let nearest = KNOWN.into_iter().min_by(|a, b| off(a).total_cmp(&off(b)));

@@ -64,7 +64,21 @@ pub(super) fn dead_time(u: &[f64], y: &[f64]) -> Option<usize> {
     }
     let first: f64 = adds.iter().skip(delay).take(FIRST).sum();
     // A sample of delay is what any machine has.
-    (delay > SHORTEST && delay < LONGEST && first > SEEN).then(|| delay - 1)
+    (delay > SHORTEST && delay < LONGEST && first > SEEN && begins(&adds, delay)).then(|| delay - 1)
+}
+
+/// Whether a response begins behind a dead time, and does not only come out of the noise there: one that grows evenly through the
+/// first lags behind it is traced back to where it is nothing.
+fn begins(adds: &[f64], delay: usize) -> bool {
+    /// Part of the dead time that must be one.
+    const PART: f64 = 0.5;
+    let sizes: Vec<f64> = adds.iter().skip(delay).take(FIRST).map(|a| a.sqrt()).collect();
+    let count = sizes.len() as f64;
+    let (middle, mean) = (0.5 * (count - 1.0), sizes.iter().sum::<f64>() / count);
+    let product = |(k, size): (usize, &f64)| (k as f64 - middle) * (size - mean);
+    let slope = sizes.iter().enumerate().map(product).sum::<f64>() / (count * (count * count - 1.0) / 12.0);
+    let origin = delay as f64 + middle - mean / slope;
+    slope <= 0.0 || origin > PART * delay as f64
 }
 
 /// Parts of a record whose means tell a drift.

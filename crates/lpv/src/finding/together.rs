@@ -5,6 +5,7 @@ use super::clock::is_clock;
 use super::compare::{Names, Voice, compare};
 use super::copies::copies;
 use super::places::places;
+use super::transient::odd_ones;
 use super::watch::{Look, clock_finding};
 use experiment_data::Bundle;
 use rayon::prelude::*;
@@ -27,7 +28,11 @@ pub(crate) fn examine<'b>(
         .filter_map(|l| Some((l.record.as_str(), l.scheduling?)));
     found.extend(places(&at.collect::<Vec<_>>()));
     found.extend(copies(&looks.iter().map(|l| &l.prints).collect::<Vec<_>>()));
-    for other in compare(voices, &names) {
+    let spectra: Vec<_> = looks.iter().filter_map(|l| l.spectrum.as_ref()).collect();
+    for other in compare(voices, &names)
+        .into_iter()
+        .chain(odd_ones(&spectra, &names))
+    {
         // The cause goes before what it does to the controller.
         let follows =
             |f: &Finding| matches!(f, Finding::ControllerMismatch { record, .. } if record == other.place());

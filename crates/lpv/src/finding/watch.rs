@@ -7,6 +7,7 @@ use super::held::held;
 use super::loop_only::is_feedback_only;
 use super::periods::Periods;
 use super::replay::mismatches;
+use super::transient::{Spectrum, spectrum};
 use super::wrap::wrap;
 use super::{Finding, Paths};
 use experiment_data::Bundle;
@@ -28,6 +29,7 @@ pub(crate) struct Watch<'a> {
     groups: [Group; 3],
     scheduling: [f64; 2],
     prints: Prints,
+    spectrum: Option<Spectrum>,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -49,6 +51,8 @@ pub(crate) struct Look {
     /// Rise over a period of the outputs and of the inputs, where it matters; else zero.
     pub(crate) rises: [Vec<f64>; 2],
     pub(super) prints: Prints,
+    /// The response of a transient record.
+    pub(super) spectrum: Option<Spectrum>,
     /// Mean periods of outputs, inputs, references; empty for a transient record.
     pub(super) means: [Vec<Vec<f64>>; 3],
 }
@@ -67,6 +71,7 @@ impl<'a> Watch<'a> {
             groups: Default::default(),
             scheduling: [f64::INFINITY, f64::NEG_INFINITY],
             prints: Prints::default(),
+            spectrum: None,
         }
     }
 
@@ -146,6 +151,7 @@ impl<'a> Watch<'a> {
         }
         if part.kind == RecordKind::Transient {
             self.prints.add(part);
+            self.spectrum = self.spectrum.take().or_else(|| spectrum(part));
             self.transient(part);
         }
         if part.kind == RecordKind::Transient
@@ -258,6 +264,7 @@ impl<'a> Watch<'a> {
             scheduling: (self.scheduling[0] <= self.scheduling[1]).then_some(self.scheduling),
             rises,
             prints: self.prints,
+            spectrum: self.spectrum,
             means,
         }
     }

@@ -240,10 +240,20 @@ impl Verdict {
 
     /// The same in view of data that contradict themselves, told in words; unchanged without.
     fn contradicted(self, contradictions: impl IntoIterator<Item = String>) -> Self {
+        // Of fewer records the same may be said with another remedy, and of more with more places.
+        let fact = |what: &str| what.split(';').next().unwrap_or_default().to_owned();
+        let known: Vec<String> = self
+            .causes
+            .iter()
+            .filter_map(|cause| match cause {
+                Cause::Data { what } => Some(fact(what)),
+                _ => None,
+            })
+            .collect();
         let mut causes: Vec<Cause> = contradictions
             .into_iter()
+            .filter(|what| !known.contains(&fact(what)))
             .map(|what| Cause::Data { what })
-            .filter(|cause| !self.causes.contains(cause))
             .collect();
         if causes.is_empty() {
             return self;

@@ -19,7 +19,6 @@
 //! | position | the constant p of a record |
 //!
 //! # What it does not do
-//!
 //! It knows no identification. It does not resample, detrend, align or repair: a number that is not finite, a clipped
 //! sensor or a moving scheduling signal is refused with its place, because a silent repair would end as a pole in some
 //! model. It does not look whether the periodic records at one position excite all inputs independently; that needs

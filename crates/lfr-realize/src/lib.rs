@@ -52,7 +52,7 @@
 //!
 //! # Examples
 //! ```
-//! use lfr_realize::lpv_core::nalgebra::{DMatrix, dmatrix};
+//! use lfr_realize::lpv_core::nalgebra::{self, DMatrix, dmatrix};
 //! use lfr_realize::lpv_core::{Discrete, MatrixFunction, SchedulingRange, SeriesExpansion, StateSpace};
 //!
 //! // y = (1 + p + p^2) q^-1 u on p in [-1, 1]: one state, two deltas.
@@ -71,7 +71,7 @@
 //! A mass on a spring whose stiffness is `2 + p`, from responses at five positions and a model at p = 0 alone:
 //! ```
 //! use lfr_realize::{FrozenData, GrowSettings, grow};
-//! use lfr_realize::lpv_core::nalgebra::dmatrix;
+//! use lfr_realize::lpv_core::nalgebra::{self, dmatrix};
 //! use lfr_realize::lpv_core::{Continuous, CoreError, DeltaBlock, Discrete, SchedulingRange, StateSpace};
 //!
 //! let clock = Discrete::new(0.5)?;

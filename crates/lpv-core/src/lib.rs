@@ -41,7 +41,7 @@
 //! # A run
 //!
 //! ```
-//! use lpv_core::nalgebra::{DMatrix, DVector, dmatrix};
+//! use lpv_core::nalgebra::{self, DMatrix, DVector, dmatrix};
 //! use lpv_core::{Discrete, LpvStateSpace, MatrixFunction, SchedulingRange, WellPosedness};
 //!
 //! // x(k+1) = (0.8 + 0.1 p) x + u, y = (1 + p^2) x on p in [-1, 1].

@@ -25,7 +25,7 @@
 //!
 //! # Example
 //! ```
-//! use lpv_ident::lpv_core::nalgebra::{DMatrix, dmatrix};
+//! use lpv_ident::lpv_core::nalgebra::{self, DMatrix, dmatrix};
 //! use lpv_ident::lpv_core::{Discrete, FrfEstimate, StateSpace};
 //! use lpv_ident::{Interpolation, RegressionSettings, Weighting, regress};
 //!

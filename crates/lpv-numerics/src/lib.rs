@@ -9,13 +9,14 @@
 //!
 //! # What it does not do
 //!
-//! It knows no model and chooses nothing; eigenvalues and Schur forms, which the models themselves need, are in [`lpv_core::linalg`].
+//! It knows no model, holds no threshold that decides what a user gets, and starts no thread. Eigenvalues, Schur forms and Gramians, which the
+//! models themselves need, are in [`lpv_core::linalg`].
 //!
 //! # A run
 //!
 //! ```
 //! use lpv_numerics::dense::triangle_of;
-//! use lpv_numerics::nalgebra::dmatrix;
+//! use lpv_numerics::nalgebra::{self, dmatrix};
 //!
 //! // The triangular factor of two blocks of rows that stand on top of each other.
 //! let blocks = [dmatrix![3.0, 1.0; 0.0, 2.0], dmatrix![4.0, 5.0]];

@@ -13,12 +13,13 @@
 //!
 //! # What it does not do
 //!
-//! It fits nothing and judges nothing, and knows no effect beside a model: lpv-diagnose simulates those.
+//! It fits nothing, says of no error whether it is large, and knows no effect beside a model: those are simulated, and explained, in
+//! lpv-diagnose. Between samples the input is held.
 //!
 //! # A run
 //!
 //! ```
-//! use lpv_simulate::lpv_core::nalgebra::dmatrix;
+//! use lpv_simulate::lpv_core::nalgebra::{self, dmatrix};
 //! use lpv_simulate::lpv_core::{Discrete, Model, Purpose, Record, RecordKind, Signals, StateSpace};
 //! use lpv_simulate::{Machine, Predictor, open_loop, rms_error};
 //!

@@ -21,7 +21,7 @@
 //! # Example
 //! ```
 //! use lpv::{IdentifyConfig, Identified, Moves, identify, silent};
-//! use lpv_core::{Discrete, FrfEstimate, StateSpace, nalgebra::dmatrix};
+//! use lpv::lpv_core::{Discrete, FrfEstimate, StateSpace, nalgebra::{self, dmatrix}};
 //!
 //! let clock = Discrete::new(1.0)?;
 //! let lines: Vec<f64> = (1..100).map(|k| 0.005 * f64::from(k)).collect();

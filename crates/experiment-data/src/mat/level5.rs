@@ -5,6 +5,7 @@ mod fields;
 use self::fields::fields;
 use super::catalog::{Item, Kind};
 use super::element::{COMPRESSED, Damage, Elements, MATRIX};
+use super::value::count;
 use super::{Array, DEEPEST};
 use crate::RecordError;
 use crate::columns::number::DEFLATE_RATIO;
@@ -359,7 +360,7 @@ fn matrix<R: Read>(
                     let class = String::from_utf8_lossy(&class).trim_end_matches('\0').to_owned();
                     Kind::Other(format!("an object of class {class}"))
                 }
-                4 if shape.iter().product::<u64>() <= LONGEST_NAME => {
+                4 if count(&shape).is_some_and(|n| n <= LONGEST_NAME) => {
                     let tag = e.tag()?;
                     Kind::Text(e.text(tag)?)
                 }

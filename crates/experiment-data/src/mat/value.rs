@@ -50,8 +50,7 @@ fn check(name: &str, value: &Value) -> Result<(), RecordError> {
     match value {
         Value::Array(a) => {
             writable(name, a.data.len())?;
-            let product = a.shape.iter().try_fold(1u64, |n, d| n.checked_mul(*d));
-            if product != Some(a.data.len() as u64) || a.shape.len() < 2 {
+            if count(&a.shape) != Some(a.data.len() as u64) || a.shape.len() < 2 {
                 return Err(RecordError::Malformed {
                     format: "MAT",
                     variable: name.to_owned(),
@@ -141,6 +140,11 @@ fn put(out: &mut Vec<u8>, kind: u32, data: &[u8]) {
     element(out, kind, data.len()).ok();
     out.write_all(data).ok();
     out.resize(out.len().next_multiple_of(8), 0);
+}
+
+/// How many entries an array of this shape has; none for more than can be counted.
+pub(super) fn count(shape: &[u64]) -> Option<u64> {
+    shape.iter().try_fold(1_u64, |n, d| n.checked_mul(*d))
 }
 
 #[cfg(test)]

@@ -142,9 +142,12 @@ pub(crate) fn rows(entries: &[Entry]) -> Vec<Row> {
 fn fuzzed() -> Option<(String, bool)> {
     let text = std::fs::read_to_string(root().join("docs/metrics/fuzz.json")).ok()?;
     let json: Value = serde_json::from_str(&text).ok()?;
-    let number = |key: &str| super::program::find(&json, key).and_then(Value::as_f64);
-    let executions = number("executions")?;
-    let failures = number("failures").or_else(|| number("crashes"))?;
+    let executions = json["total"].as_f64()?;
+    let failures: f64 = json["findings"]
+        .as_object()?
+        .values()
+        .filter_map(Value::as_f64)
+        .sum();
     Some((
         format!("{failures} in {executions:.2e} executions"),
         failures == 0.0 && executions >= 1e8,

@@ -6,16 +6,10 @@
     reason = "a check that cannot read the workspace must fail"
 )]
 
+use lpv_tests::root;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .unwrap()
-        .to_path_buf()
-}
 
 /// Rust of the first example on a page of documentation, as `cargo test --doc` completes it.
 fn first_example(page: &str) -> Option<String> {

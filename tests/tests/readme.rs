@@ -9,18 +9,12 @@
 )]
 
 use cargo_metadata::{Message, Metadata, MetadataCommand};
+use lpv_tests::root;
 use std::collections::BTreeMap;
 use std::io::Cursor;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, Output};
 use std::sync::OnceLock;
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .unwrap()
-        .to_path_buf()
-}
 
 fn read(name: &str) -> String {
     let path = root().join(name);

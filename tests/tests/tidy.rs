@@ -9,6 +9,7 @@
 )]
 
 use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
+use lpv_tests::root;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -49,13 +50,6 @@ const HOSTS: [&str; 8] = [
     "www.w3.org",
     "www.apache.org",
 ];
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .unwrap()
-        .to_path_buf()
-}
 
 fn metadata() -> Metadata {
     MetadataCommand::new()

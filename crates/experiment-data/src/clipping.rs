@@ -129,9 +129,7 @@ pub(crate) fn transient(x: &[f64]) -> Option<Clipped> {
     let moving = steps().count();
     let rms = (steps().map(|d| d * d).sum::<f64>() / moving as f64).sqrt();
     let steep = |d: f64| d.abs() > SLOPE * rms && d.abs() > 3.0 * converter_step;
-    let [low, high] = x.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| {
-        [l.min(*v), h.max(*v)]
-    });
+    let [low, high] = range(x);
     // Plateaus below, above and in between: how many, and how many samples they have.
     let mut plateaus = [(0, 0); 3];
     let mut k = 0;
@@ -193,15 +191,22 @@ fn add_levels(seen: &mut Vec<f64>, x: &[f64]) {
     }
 }
 
+/// Smallest and largest value.
+fn range(x: &[f64]) -> [f64; 2] {
+    x.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| {
+        [l.min(*v), h.max(*v)]
+    })
+}
+
 /// Whether more than half of the moving samples continue the line through the two before.
 fn piecewise_linear(x: &[f64]) -> bool {
-    let range =
-        x.iter().copied().fold(f64::NEG_INFINITY, f64::max) - x.iter().copied().fold(f64::INFINITY, f64::min);
+    let [low, high] = range(x);
+    let width = high - low;
     let (mut straight, mut moving) = (0usize, 0usize);
     for w in x.windows(3) {
         if w[1] != w[0] {
             moving += 1;
-            straight += usize::from((w[2] - 2.0 * w[1] + w[0]).abs() < 1e-9 * range);
+            straight += usize::from((w[2] - 2.0 * w[1] + w[0]).abs() < 1e-9 * width);
         }
     }
     2 * straight > moving

@@ -100,6 +100,20 @@ impl Record {
         }
     }
 
+    /// Keeps the first samples.
+    pub fn truncate(&mut self, samples: usize) {
+        let groups = [
+            &mut self.outputs,
+            &mut self.inputs,
+            &mut self.references,
+            &mut self.scheduling,
+            &mut self.auxiliary,
+            &mut self.injection,
+        ];
+        let columns = groups.into_iter().flat_map(|group| &mut group.columns);
+        columns.for_each(|column| column.truncate(samples));
+    }
+
     /// Samples of the record.
     pub fn len(&self) -> usize {
         self.outputs.len()

@@ -28,7 +28,7 @@ pub fn servo_axis(
         return Err(LtiIdentError::OppositeSigns {
             input: record.inputs.names[0].clone(),
             output: record.outputs.names[0].clone(),
-            inertia: found.mass(),
+            inertia: found.axis.mass(),
             deviation: found.deviation,
         }
         .into());
@@ -72,11 +72,6 @@ impl Found {
     /// Whether mass and stiffness are both below zero: what the input pushes up goes down.
     fn is_reversed(&self) -> bool {
         self.stiffness < 0.0
-    }
-
-    /// The mass.
-    fn mass(&self) -> f64 {
-        self.axis.mass()
     }
 
     /// The base, with the reason for it.

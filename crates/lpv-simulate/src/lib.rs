@@ -57,4 +57,4 @@ pub use residual::{
     share_of_inputs, whiteness,
 };
 pub use run::{Frozen, Run, Steps, closed_loop, open_loop, rms_error};
-pub use start::{at_rest, cut, first_state};
+pub use start::{at_rest, first_state};

@@ -35,7 +35,8 @@ pub fn first_state(machine: &Machine, record: &Record) -> Result<DVector<f64>, S
     let first = steps.at(0)?;
     let (n, ny) = (first.states(), first.outputs());
     let samples = (5 * n).max(50).min(record.len());
-    let short = cut(record, samples);
+    let mut short = record.clone();
+    short.truncate(samples);
     let forced = open_loop(machine, &short, None)?.outputs;
     let mut observed = DMatrix::zeros(samples * ny, n);
     let mut right = DVector::zeros(samples * ny);
@@ -53,20 +54,4 @@ pub fn first_state(machine: &Machine, record: &Record) -> Result<DVector<f64>, S
     Ok(svd
         .solve(&right, TOLERANCE * largest)
         .unwrap_or_else(|_| DVector::zeros(n)))
-}
-
-/// The first samples of a record, as a transient one.
-pub fn cut(record: &Record, samples: usize) -> Record {
-    let mut short = record.clone();
-    for signals in [
-        &mut short.outputs,
-        &mut short.inputs,
-        &mut short.references,
-        &mut short.scheduling,
-        &mut short.auxiliary,
-        &mut short.injection,
-    ] {
-        signals.columns.iter_mut().for_each(|c| c.truncate(samples));
-    }
-    short
 }

@@ -58,7 +58,7 @@ impl Moves {
         let mut records = load_records(bundle, moving, progress)?;
         for record in &mut records {
             let fitted = fitted_samples(record, config);
-            crate::signal::keep_first(record, fitted);
+            record.truncate(fitted);
         }
         records.retain(|r| !rests(r, bundle));
         if records.is_empty() {

@@ -1,21 +1,6 @@
 //! Small figures of one signal.
 
-use lpv_core::Record;
 use lpv_numerics::statistics::standard_deviation;
-
-/// Cuts a record after so many samples.
-pub(crate) fn keep_first(record: &mut Record, samples: usize) {
-    let groups = [
-        &mut record.outputs,
-        &mut record.inputs,
-        &mut record.references,
-        &mut record.scheduling,
-        &mut record.auxiliary,
-        &mut record.injection,
-    ];
-    let columns = groups.into_iter().flat_map(|group| &mut group.columns);
-    columns.for_each(|column| column.truncate(samples));
-}
 
 /// `100 (1 - |y - yh| / |y - mean y|)`, the fit percent of system identification.
 pub(crate) fn fit_percent(measured: &[f64], error: &[f64]) -> f64 {

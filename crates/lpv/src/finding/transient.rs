@@ -36,7 +36,7 @@ pub(super) struct Spectrum {
     responses: Vec<Vec<Option<C64>>>,
 }
 
-/// The response of a transient record with one input at rest in its scheduling.
+/// The response of a transient record with one input and without scheduling, over which a gain may change its sign.
 pub(super) fn spectrum(record: &Record) -> Option<Spectrum> {
     let ([u], true) = (
         record.inputs.columns.as_slice(),
@@ -81,11 +81,9 @@ pub(super) fn spectrum(record: &Record) -> Option<Spectrum> {
     })
 }
 
-/// Transforms of the segments of first differences, under a Hann window, in units of their largest value; without the mean.
+/// Transforms of the segments of first differences, under a Hann window; without the mean.
 fn transforms(x: &[f64]) -> Vec<Vec<C64>> {
-    let size = x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
-    let size = if size > 0.0 { size } else { 1.0 };
-    let differences: Vec<f64> = x.windows(2).map(|w| (w[1] - w[0]) / size).collect();
+    let differences: Vec<f64> = x.windows(2).map(|w| w[1] - w[0]).collect();
     let plan = RealFftPlanner::<f64>::new().plan_fft_forward(SEGMENT);
     let mut all = Vec::new();
     for segment in differences.windows(SEGMENT).step_by(SEGMENT / 2) {
@@ -93,8 +91,7 @@ fn transforms(x: &[f64]) -> Vec<Vec<C64>> {
         let mut input: Vec<f64> = segment.iter().enumerate().map(|(k, v)| v * window(k)).collect();
         let mut lines = plan.make_output_vec();
         if plan.process(&mut input, &mut lines).is_ok() {
-            // Back in the unit of the signal.
-            all.push(lines[1..SEGMENT / 2].iter().map(|v| v * size).collect());
+            all.push(lines[1..SEGMENT / 2].to_vec());
         }
     }
     all

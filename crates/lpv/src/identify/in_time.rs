@@ -31,7 +31,11 @@ pub(super) fn in_time(
     let cut: Vec<Record> = records
         .iter()
         .zip(&fitted)
-        .map(|(r, &n)| lpv_simulate::cut(r, n))
+        .map(|(r, &n)| {
+            let mut cut = r.clone();
+            cut.truncate(n);
+            cut
+        })
         .collect();
     let (estimates, reason) = estimate_local(cut, clock, progress)?;
     let mut reasons = vec![reason];

@@ -11,9 +11,7 @@ pub(super) fn to_one_length(records: &mut Vec<Record>) -> String {
     };
     let all = records.len();
     records.retain(|r| r.len() >= length);
-    records
-        .iter_mut()
-        .for_each(|r| crate::signal::keep_first(r, length));
+    records.iter_mut().for_each(|r| r.truncate(length));
     format!(
         "; the records have {shortest} to {longest} samples: the first {length} of {} of {all} records give the response",
         records.len()

@@ -1,6 +1,6 @@
 //! From continuous to discrete time and back: exact zero-order hold; and Tustin.
 
-use crate::linalg::{balanced, from_blocks};
+use crate::linalg::{balanced, finite, from_blocks};
 use crate::{Continuous, CoreError, Discrete, StateSpace};
 use nalgebra::DMatrix;
 
@@ -12,13 +12,14 @@ impl StateSpace<Continuous> {
     /// states do not matter: inputs and states are scaled by powers of two, which rounds nothing.
     ///
     /// # Errors
-    /// [`CoreError::TooStiff`] if the balanced A times the sample time exceeds 1e6; [`CoreError::NotFinite`] if the
-    /// exponential overflows (an unstable pole much faster than the clock).
+    /// [`CoreError::TooStiff`] if the balanced A times the sample time exceeds 1e6; [`CoreError::NotFinite`] if A or B times the sample
+    /// time overflows, or the exponential does (an unstable pole much faster than the clock).
     pub fn zero_order_hold(&self, clock: Discrete) -> Result<StateSpace<Discrete>, CoreError> {
         let (n, m) = (self.states(), self.inputs());
         let t = clock.sample_time();
         let mut a = self.a() * t;
         let states = balanced(&mut a);
+        finite("zero-order hold: A times the sample time", &a)?;
         let norm = a.norm();
         if norm > LARGEST_EXPONENT {
             return Err(CoreError::TooStiff {
@@ -28,10 +29,16 @@ impl StateSpace<Continuous> {
         }
         let mut b = self.b() * t;
         scale_rows(&mut b, &states, f64::recip);
+        // An entry that is not finite would be squared without end.
+        finite("zero-order hold: B times the sample time", &b)?;
         // Each input in a unit in which its column is no larger than A, or 1: B must not set the squarings.
         let inputs: Vec<f64> = b
             .column_iter()
-            .map(|c| power_of_two(c.norm() / norm.max(1.0)))
+            .map(|c| {
+                // The squares of large entries overflow, and those of small ones underflow.
+                let largest = power_of_two(c.amax());
+                power_of_two((c / largest).norm() / norm.max(1.0)) * largest
+            })
             .collect();
         for (mut column, unit) in b.column_iter_mut().zip(&inputs) {
             column /= *unit;
@@ -189,6 +196,43 @@ mod tests {
             .undo_zero_order_hold()?;
         assert!((back.a() - plant.a()).amax() < 1e-9, "{}", back.a());
         assert!((back.b() - plant.b()).amax() < 1e-9, "{}", back.b());
+        Ok(())
+    }
+
+    /// The squares of B overflow or underflow: as many squarings of the exponential as for a B of 1, and the same samples.
+    #[test]
+    fn the_size_of_an_input_does_not_matter() -> Result<(), CoreError> {
+        let sampled = |size: f64| {
+            StateSpace::new(
+                dmatrix![0.0, 1.0; -39.0, -0.2],
+                dmatrix![0.0; size],
+                dmatrix![1.0, 0.0],
+                dmatrix![0.0],
+                Continuous,
+            )?
+            .zero_order_hold(Discrete::new(0.2)?)
+        };
+        let plain = sampled(1.0)?;
+        for exponent in (-1000..=1000).step_by(100) {
+            let size = f64::from(exponent).exp2();
+            assert_eq!(*sampled(size)?.b(), plain.b() * size, "2^{exponent}");
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn what_overflows_in_a_sample_time_is_refused() -> Result<(), CoreError> {
+        for (a, b) in [(1e300, 1.0), (1.0, 1e300)] {
+            let plant = StateSpace::new(
+                dmatrix![-1.0, a; 0.0, -1.0],
+                dmatrix![b; 1.0],
+                dmatrix![1.0, 0.0],
+                dmatrix![0.0],
+                Continuous,
+            )?;
+            let clock = Discrete::new(1e10)?;
+            assert!(plant.zero_order_hold(clock).is_err(), "{a} {b}");
+        }
         Ok(())
     }
 

@@ -1,7 +1,7 @@
 //! Free masses joined by springs and dampers: the structure of a machine that moves.
 
 use crate::{Candidate, Channel, FrozenData, RandomChannels, RealizeError};
-use lpv_core::linalg::{dimension, eigenvalues};
+use lpv_core::linalg::{dimension, eigenvalues, pseudo_inverse, svd};
 use lpv_core::{Continuous, LfrBlocks, SchedulingRange, StateSpace};
 use nalgebra::{Complex, DMatrix, DVector};
 
@@ -118,12 +118,8 @@ impl MechanicalForm {
         let no_svd = RealizeError::NoConvergence {
             operation: "the singular value decomposition of the mode shapes",
         };
-        let shapes = &scaled
-            * displacements
-                .clone()
-                .pseudo_inverse(1e-12)
-                .map_err(|_| no_svd.clone())?;
-        let svd = shapes.svd(true, true);
+        let shapes = &scaled * pseudo_inverse(displacements.clone(), 1e-12)?;
+        let svd = svd(shapes)?;
         let (Some(u), Some(v)) = (svd.u, svd.v_t) else {
             return Err(no_svd);
         };
@@ -163,11 +159,7 @@ impl MechanicalForm {
             problem: "the mechanical coordinates are singular there",
         };
         let scaled = DMatrix::from_fn(ny, nf, |i, j| flexible.c()[(i, j)] / self.scales[i]);
-        let pinv = flexible
-            .b()
-            .clone()
-            .pseudo_inverse(1e-12)
-            .map_err(|_| singular())?;
+        let pinv = pseudo_inverse(flexible.b().clone(), 1e-12).map_err(|_| singular())?;
         let free_of_b = DMatrix::identity(nf, nf) - flexible.b() * pinv;
         let mut l = DMatrix::zeros(nm, nf);
         let seen = self.seen.nrows();
@@ -256,12 +248,7 @@ impl MechanicalForm {
 /// answers the others' inputs as strongly as they answer its own (Osborne's iteration). The geometric mean is one.
 fn output_sizes(data: &FrozenData, gamma: &DMatrix<f64>) -> Result<Vec<f64>, RealizeError> {
     let ny = data.outputs();
-    let inverse = gamma
-        .clone()
-        .pseudo_inverse(1e-12)
-        .map_err(|_| RealizeError::NoConvergence {
-            operation: "the pseudo-inverse of the rigid body's gain",
-        })?;
+    let inverse = pseudo_inverse(gamma.clone(), 1e-12)?;
     let inverse = inverse.map(|v| Complex::new(v, 0.0));
     let mut power = DMatrix::<f64>::zeros(ny, ny);
     for frf in data.responses() {
@@ -305,7 +292,7 @@ fn part(whole: &StateSpace<Continuous>, first: usize) -> Result<StateSpace<Conti
 fn displacement(flexible: &StateSpace<Continuous>, pole: Complex<f64>) -> Result<DVector<f64>, RealizeError> {
     let n = flexible.states();
     let shifted = flexible.a().map(|v| Complex::new(v, 0.0)).transpose() - DMatrix::identity(n, n) * pole;
-    let svd = shifted.svd(false, true);
+    let svd = svd(shifted)?;
     let at = svd.singular_values.imin();
     let v = svd.v_t.ok_or(RealizeError::NoConvergence {
         operation: "the singular value decomposition of a mode",

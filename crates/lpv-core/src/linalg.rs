@@ -1,11 +1,13 @@
 //! The few matrix routines that the models need: Schur form, eigenvalues with balancing, Gramians, finite checks.
 
 mod balance;
+mod decompositions;
 mod order;
 mod schur;
 
 use crate::CoreError;
 pub use balance::balanced;
+pub use decompositions::{least_squares, pseudo_inverse, svd, symmetric_eigen};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
 pub(crate) use order::Order;

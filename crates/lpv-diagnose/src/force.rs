@@ -4,6 +4,7 @@ use crate::TraceError;
 use crate::base::Pair;
 use crate::fit::Explained;
 use crate::track::Track;
+use lpv_core::linalg::pseudo_inverse;
 use lpv_core::{Continuous, ControllerState, Discrete, StateSpace};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -181,7 +182,7 @@ impl Smoother {
         let mut x = DVector::zeros(n + m);
         let mut p = DMatrix::zeros(n + m, n + m);
         // At rest, as well as the sensors tell; forces may be there from the start.
-        if let Ok(inverse) = self.systems[0].c().clone().pseudo_inverse(1e-12) {
+        if let Ok(inverse) = pseudo_inverse(self.systems[0].c().clone(), 1e-12) {
             p.view_mut((0, 0), (n, n))
                 .copy_from(&(&inverse * &noise * inverse.transpose()));
         }

@@ -2,6 +2,7 @@
 
 use crate::simulate::Response;
 use crate::track::Track;
+use lpv_core::linalg::symmetric_eigen;
 use lpv_numerics::statistics::chi_squared_p_value;
 use nalgebra::{DMatrix, DVector};
 
@@ -145,7 +146,7 @@ fn explained(errors: &[&[f64]], columns: &[Vec<f64>], first: usize) -> Option<(f
     }
     gram.fill_lower_triangle_with_upper_triangle();
     // Delays of a smooth signal are nearly the same: only directions that stand out count.
-    let values = gram.symmetric_eigen();
+    let values = symmetric_eigen(gram).ok()?;
     let largest = values.eigenvalues.max();
     if !(largest > 0.0 && largest.is_finite()) {
         return None;

@@ -6,6 +6,7 @@
 //! smaller by it, which the likelihood takes into account: it is that of the error one step ahead, whitened.
 
 use crate::{Base, Explained, TraceError, Track};
+use lpv_core::linalg::least_squares;
 use lpv_core::{Controller, ControllerState, Discrete, Record};
 use lpv_numerics::statistics::mean;
 use nalgebra::{DMatrix, DVector};
@@ -133,7 +134,7 @@ fn better(model: &Explained, controller: &ControllerState, told: &Track, track: 
     };
     let here = all(now.clone(), at);
     let rows = DMatrix::from_columns(&[moved(0)? - &here, moved(1)? - &here]);
-    let change = rows.svd(true, true).solve(&-&here, 1e-12).ok()?;
+    let change = least_squares(rows, &-&here, 1e-12).ok()?;
     let at = [
         at[0] + deviations[0] * change[0],
         at[1] + deviations[1] * change[1],

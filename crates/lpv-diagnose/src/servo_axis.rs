@@ -1,6 +1,7 @@
 //! A servo axis from its records by least squares: free, or on a spring to ground (a flexure, a piezo stage, a mass on a spring).
 
 use crate::{Axis, Base, TraceError};
+use lpv_core::linalg::svd;
 use lpv_core::{Discrete, Record};
 use lti_ident::rigid_body::{Filter, Motion, RigidBodySettings, centred, decimated};
 use lti_ident::{LtiIdentError, Segment};
@@ -119,7 +120,7 @@ fn on_spring(records: &[Record], clock: Discrete) -> Result<Option<Found>, Trace
         }
         let rows = DMatrix::from_fn(force.len(), columns.len(), |k, j| columns[j][k] / sizes[j]);
         let target = DVector::from_column_slice(&force);
-        let svd = rows.clone().svd(true, true);
+        let svd = svd(rows.clone()).ok()?;
         let found = svd.solve(&target, 1e-12).ok()?;
         let left = (&target - rows * &found).norm();
         let values: Vec<f64> = found.iter().zip(&sizes).map(|(v, s)| v / s).collect();

@@ -2,6 +2,7 @@
 
 use crate::TraceError;
 use crate::base::{Pair, Start};
+use lpv_core::linalg::least_squares;
 use lpv_core::{ControllerState, Record};
 use nalgebra::{DMatrix, DVector};
 
@@ -239,7 +240,7 @@ fn beginning(y: &[f64]) -> [f64; 2] {
         let rows = DMatrix::from_fn(n, degree as usize + 1, |k, j| {
             (k as f64 / n as f64).powi(j as i32)
         });
-        let Ok(found) = rows.clone().svd(true, true).solve(&right, 1e-12) else {
+        let Ok(found) = least_squares(rows.clone(), &right, 1e-12) else {
             continue;
         };
         let left = (&right - rows * &found).norm_squared().max(f64::MIN_POSITIVE);

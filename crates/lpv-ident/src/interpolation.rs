@@ -1,7 +1,7 @@
 //! From samples of the coefficient functions to functions of p. Every kind is linear in the samples.
 
 use crate::IdentError;
-use lpv_core::linalg::dimension;
+use lpv_core::linalg::{dimension, pseudo_inverse};
 use lpv_core::{BasisKind, FunctionBasis, MatrixFunction, SchedulingRange, matern52};
 use nalgebra::DMatrix;
 
@@ -97,7 +97,7 @@ impl Interpolation {
                     needed: order + 1,
                     found: n,
                 };
-                let map = f.svd(true, true).pseudo_inverse(1e-13).map_err(|_| singular)?;
+                let map = pseudo_inverse(f, 1e-13).map_err(|_| singular)?;
                 Ok(InterpolationOperator { basis, map })
             }
             Self::Chebyshev { order } if order > MOST_CHEBYSHEV => Err(IdentError::Setting {

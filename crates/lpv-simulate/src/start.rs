@@ -4,6 +4,7 @@ use crate::SimulateError;
 use crate::machine::Machine;
 use crate::run::{Frozen, Steps, open_loop};
 use lpv_core::Record;
+use lpv_core::linalg::svd;
 use lpv_numerics::statistics::range;
 use nalgebra::{DMatrix, DVector};
 
@@ -28,12 +29,16 @@ pub fn at_rest(machine: &Machine, record: &Record, noise: Option<&[f64]>) -> boo
         .all(|(i, y)| near(y, offset(1, i), noise.map_or(0.0, |n| n[i])))
 }
 
-/// The first state by least squares over the first samples, directions that hardly show left at zero.
+/// The first state by least squares over the first samples, directions that hardly show left at zero, and all where the model grows beyond the
+/// range of numbers within them.
 pub fn first_state(machine: &Machine, record: &Record) -> Result<DVector<f64>, SimulateError> {
     const TOLERANCE: f64 = 1e-4;
     let steps = Steps::new(machine, record);
     let first = steps.at(0)?;
     let (n, ny) = (first.states(), first.outputs());
+    if n == 0 {
+        return Ok(DVector::zeros(0));
+    }
     let samples = (5 * n).max(50).min(record.len());
     let mut short = record.clone();
     short.truncate(samples);
@@ -49,7 +54,10 @@ pub fn first_state(machine: &Machine, record: &Record) -> Result<DVector<f64>, S
         }
         product = frozen.a() * product;
     }
-    let svd = observed.svd(true, true);
+    // What grows without bound within these samples tells nothing of the start.
+    let Ok(svd) = svd(observed) else {
+        return Ok(DVector::zeros(n));
+    };
     let largest = svd.singular_values.max();
     Ok(svd
         .solve(&right, TOLERANCE * largest)

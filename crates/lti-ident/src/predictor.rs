@@ -1,7 +1,7 @@
 //! The one structure that both fits search: a linear filter from known signals to predictions.
 
 use crate::{LtiIdentError, Offset};
-use lpv_core::linalg::{discrete_gramian, eigenvalues, from_blocks, real_schur};
+use lpv_core::linalg::{discrete_gramian, eigenvalues, from_blocks, real_schur, svd};
 use nalgebra::{Complex, DMatrix, DMatrixView, DVector};
 
 /// `x+ = A x + B w`, `y_hat = C x + D w + d`, kept as `[A B 0; C D d]`, which `[x; w; 1]` drives.
@@ -100,7 +100,7 @@ impl Predictor {
             .ok()?
             .cholesky()?
             .unpack();
-        let svd = (see.transpose() * &reach).try_svd(true, true, f64::EPSILON, 1000)?;
+        let svd = svd(see.transpose() * &reach).ok()?;
         let (u, v_t) = (svd.u?, svd.v_t?);
         let scale = DMatrix::from_diagonal(&svd.singular_values.map(|s| 1.0 / s.sqrt()));
         if scale.iter().any(|s| !s.is_finite())

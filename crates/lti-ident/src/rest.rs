@@ -2,6 +2,7 @@
 
 use crate::LtiIdentError;
 use crate::predictor::Predictor;
+use lpv_core::linalg::{least_squares, svd};
 use nalgebra::{DMatrix, DVector};
 
 /// Least singular value of the response from a constant output offset to the prediction at which that offset is
@@ -42,7 +43,7 @@ impl Rest {
         let response = predictor.d() + predictor.c() * &states;
         let (u, y) = (response.columns(0, inputs), response.columns(inputs, ny));
         let from_output = DMatrix::identity(ny, ny) - y;
-        let svd = from_output.clone().svd(true, true);
+        let svd = svd(from_output.clone())?;
         let mut rest = DVector::zeros(inputs + ny);
         if svd.singular_values.min() > LEAST_RESPONSE {
             let output = svd.solve(&predictor.offset(), 0.0).map_err(|_| singular())?;
@@ -51,7 +52,7 @@ impl Rest {
             let mut both = DMatrix::zeros(ny, inputs + ny);
             both.columns_mut(0, inputs).copy_from(&-u);
             both.columns_mut(inputs, ny).copy_from(&from_output);
-            let least = both.svd(true, true).solve(&predictor.offset(), 1e-12);
+            let least = least_squares(both, &predictor.offset(), 1e-12);
             rest.copy_from(&least.map_err(|_| singular())?);
         }
         Ok(Self {

@@ -4,6 +4,7 @@ use crate::LtiIdentError;
 use crate::predictor::{Predictor, Region, reflected};
 use crate::problem::{Equations, InitialStates, Point, Problem, unit_directions};
 use crate::search::{Bounds, moved};
+use lpv_core::linalg::{least_squares, svd};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SVD};
 
 /// Longest impulse response that is estimated unless the settings ask for more.
@@ -92,7 +93,7 @@ impl<'a> ImpulseResponse<'a> {
                     .copy_from(&markov[1 + i + j]);
             }
         }
-        let svd = hankel.try_svd(true, true, f64::EPSILON, 10_000)?;
+        let svd = svd(hankel).ok()?;
         Some(Realisation {
             svd,
             direct: markov[0].clone(),
@@ -129,10 +130,7 @@ impl Realisation {
         let reach = &root * v_t.rows(0, order);
         let rows = observe.nrows() - ny;
         let upper = observe.rows(0, rows).into_owned();
-        let a = upper
-            .svd(true, true)
-            .solve(&observe.rows(ny, rows).into_owned(), 1e-10)
-            .ok()?;
+        let a = least_squares(upper, &observe.rows(ny, rows).into_owned(), 1e-10).ok()?;
         let (b, c) = (
             reach.columns(0, self.known).into_owned(),
             observe.rows(0, ny).into_owned(),

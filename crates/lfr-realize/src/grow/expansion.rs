@@ -2,6 +2,7 @@
 
 use super::weights::Weights;
 use crate::{Channel, RealizeError};
+use lpv_core::linalg::{eigenvalues, least_squares, svd};
 use nalgebra::DMatrix;
 
 /// `S(delta) = sum S_m delta^m` in monomials of a largest total degree, fitted to samples by least squares.
@@ -51,13 +52,9 @@ impl Expansion {
             value(&places[i], &monomials[m])
         });
         let targets = DMatrix::from_fn(places.len(), first.len(), |i, j| samples[i][j]);
-        let solved =
-            design
-                .svd(true, true)
-                .solve(&targets, 1e-10)
-                .map_err(|_| RealizeError::NoConvergence {
-                    operation: "the polynomial through the local models",
-                })?;
+        let solved = least_squares(design, &targets, 1e-10).map_err(|_| RealizeError::NoConvergence {
+            operation: "the polynomial through the local models",
+        })?;
         let shape = first.shape();
         let coefficients = (0..monomials.len())
             .map(|m| DMatrix::from_iterator(shape.0, shape.1, solved.row(m).iter().copied()));
@@ -81,7 +78,7 @@ impl Expansion {
     /// singular values as there are channels, gives a balanced realisation (Ho and Kalman). What two parameters do
     /// together goes into the blocks of `inner` between them, by least squares.
     pub(super) fn channels(&self, weights: &Weights, channels: &[Channel]) -> Result<Channels, RealizeError> {
-        let [left, left_inverse, right, right_inverse] = weights.roots();
+        let [left, left_inverse, right, right_inverse] = weights.roots()?;
         let (rows, columns) = self.constant().shape();
         let nc = channels.len();
         let mut all = Channels {
@@ -115,7 +112,7 @@ impl Expansion {
                 }
                 h
             };
-            let svd = hankel(0).svd(true, true);
+            let svd = svd(hankel(0))?;
             let (Some(u), Some(v)) = (&svd.u, &svd.v_t) else {
                 continue;
             };
@@ -140,7 +137,7 @@ impl Expansion {
             }
         }
         self.cross(&mut all, channels, weighted)?;
-        let radius = lpv_core::linalg::eigenvalues(&all.inner)?;
+        let radius = eigenvalues(&all.inner)?;
         let radius = radius.iter().map(|l| l.norm()).fold(0.0, f64::max);
         if radius > LARGEST_D11 {
             all.inner *= LARGEST_D11 / radius;
@@ -180,7 +177,7 @@ impl Expansion {
                 });
                 let design = DMatrix::from_columns(&outer.collect::<Vec<_>>());
                 let target = nalgebra::DVector::from_column_slice(product.as_slice());
-                let svd = design.svd(true, true);
+                let svd = svd(design)?;
                 let cut = 1e-6 * svd.singular_values.max();
                 let solved = svd.solve(&target, cut).map_err(|_| RealizeError::NoConvergence {
                     operation: "the products of parameters in the local models",

@@ -1,7 +1,9 @@
 //! How much a change of `[A B; C D]` moves the relative response, on average.
 
+use crate::RealizeError;
+use lpv_core::linalg::symmetric_eigen;
 use lpv_core::{Clock, Frf, StateSpace};
-use nalgebra::{DMatrix, SymmetricEigen};
+use nalgebra::DMatrix;
 use num_complex::Complex;
 
 /// Averages over positions and lines of `l^H l / |G|` and `r r^H / |G|`, where `dF = l dS r` with
@@ -58,15 +60,15 @@ impl Weights {
     }
 
     /// Symmetric roots of both weights with their inverses.
-    pub(super) fn roots(&self) -> [DMatrix<f64>; 4] {
-        let [left, left_inverse] = roots(&self.left);
-        let [right, right_inverse] = roots(&self.right);
-        [left, left_inverse, right, right_inverse]
+    pub(super) fn roots(&self) -> Result<[DMatrix<f64>; 4], RealizeError> {
+        let [left, left_inverse] = roots(&self.left)?;
+        let [right, right_inverse] = roots(&self.right)?;
+        Ok([left, left_inverse, right, right_inverse])
     }
 }
 
-fn roots(m: &DMatrix<f64>) -> [DMatrix<f64>; 2] {
-    let eigen = SymmetricEigen::new(m.clone());
+fn roots(m: &DMatrix<f64>) -> Result<[DMatrix<f64>; 2], RealizeError> {
+    let eigen = symmetric_eigen(m.clone())?;
     let floor = FLOOR * eigen.eigenvalues.max();
     // No weight at all: every direction alike.
     let roots = eigen
@@ -75,5 +77,5 @@ fn roots(m: &DMatrix<f64>) -> [DMatrix<f64>; 2] {
     let with = |values: nalgebra::DVector<f64>| {
         &eigen.eigenvectors * DMatrix::from_diagonal(&values) * eigen.eigenvectors.transpose()
     };
-    [with(roots.clone()), with(roots.map(f64::recip))]
+    Ok([with(roots.clone()), with(roots.map(f64::recip))])
 }

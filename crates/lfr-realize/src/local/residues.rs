@@ -127,11 +127,10 @@ impl Residues {
         let mut at = 0;
         for (pole, residue) in self.poles.iter().zip(&self.residues) {
             let s = clock.pole_of_sampled(*pole, data.clock());
-            let svd = residue.clone().try_svd(true, true, f64::EPSILON, 1000);
             let failed = || RealizeError::NoConvergence {
                 operation: "the singular values of a residue",
             };
-            let svd = svd.ok_or_else(failed)?;
+            let svd = lpv_core::linalg::svd(residue.clone())?;
             let (Some(u), Some(v)) = (&svd.u, &svd.v_t) else {
                 return Err(failed());
             };

@@ -3,6 +3,7 @@
 use super::data::{MovingData, MovingRecord};
 use super::flow::{Want, add_product, multiply};
 use crate::problem::Linear;
+use lpv_core::linalg::least_squares;
 use lpv_numerics::dense::Triangle;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -88,7 +89,7 @@ fn first_state<D: Dynamics>(dynamics: &D, data: &MovingData, record: &MovingReco
         }
     })?;
     let (observed, right) = (whole.columns(0, n).into_owned(), whole.column(n).into_owned());
-    let start = observed.svd(true, true).solve(&right, 1e-12).ok()?;
+    let start = least_squares(observed, &right, 1e-12).ok()?;
     Some(start.column(0).into_owned())
 }
 

@@ -3,9 +3,9 @@
 use super::rigid::Split;
 use crate::sampling::Sampling;
 use crate::{Candidate, RandomChannels, RealizeError};
-use lpv_core::linalg::{discrete_gramian, eigenvalues};
+use lpv_core::linalg::{discrete_gramian, eigenvalues, svd, symmetric_eigen};
 use lpv_core::{DeltaBlock, Discrete, Lfr, LfrBlocks, StateSpace};
-use nalgebra::{DMatrix, SymmetricEigen};
+use nalgebra::DMatrix;
 use num_complex::Complex;
 
 type C64 = Complex<f64>;
@@ -23,8 +23,8 @@ struct Projection {
 impl Projection {
     /// The square-root method: no inverse of a Gramian.
     fn new(reachable: &DMatrix<f64>, observable: &DMatrix<f64>, order: usize) -> Option<Self> {
-        let (x, y) = (factor(reachable), factor(observable));
-        let svd = (y.transpose() * &x).svd(true, true);
+        let (x, y) = (factor(reachable)?, factor(observable)?);
+        let svd = svd(y.transpose() * &x).ok()?;
         let (u, v, values) = (svd.u?, svd.v_t?, svd.singular_values);
         let rank = values
             .iter()
@@ -40,9 +40,9 @@ impl Projection {
 }
 
 /// F with `F F^T = m`, for a Gramian.
-fn factor(m: &DMatrix<f64>) -> DMatrix<f64> {
-    let eigen = SymmetricEigen::new(m.clone());
-    &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.map(|v| v.max(0.0).sqrt()))
+fn factor(m: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let eigen = symmetric_eigen(m.clone()).ok()?;
+    Some(&eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.map(|v| v.max(0.0).sqrt())))
 }
 
 /// Poles of the balanced truncation of a stable model to `order` states, or to its rank if that is lower.

@@ -1,6 +1,7 @@
 //! The integrators of a frozen model, apart from the rest.
 
 use crate::RealizeError;
+use lpv_core::linalg::svd;
 use lpv_core::{Discrete, StateSpace};
 use nalgebra::{DMatrix, DVector};
 
@@ -93,7 +94,7 @@ impl Split {
 
 /// Orthonormal bases of the null space, if it has this dimension, and of its complement.
 fn null_space(m: &DMatrix<f64>, dimension: usize) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
-    let svd = m.clone().svd(false, true);
+    let svd = svd(m.clone()).ok()?;
     let vectors = svd.v_t?;
     let cut = NULL * svd.singular_values.max().max(1.0);
     let pick = |null: bool| {

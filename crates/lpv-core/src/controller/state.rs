@@ -1,5 +1,6 @@
 //! A controller while it runs.
 
+use crate::linalg::least_squares;
 use crate::{Record, Signals};
 use nalgebra::{DMatrix, DVector};
 
@@ -69,7 +70,7 @@ impl ControllerState {
             let right = DVector::from_vec(right);
             let size = inputs.iter().map(|u| u * u).sum::<f64>() / inputs.len() as f64;
             let count = right.len() as f64;
-            let Ok(state) = rows.clone().svd(true, true).solve(&right, 1e-12) else {
+            let Ok(state) = least_squares(rows.clone(), &right, 1e-12) else {
                 continue;
             };
             let left = (&right - rows * &state).norm_squared();

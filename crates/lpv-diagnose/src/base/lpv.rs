@@ -5,7 +5,7 @@ mod grid;
 use super::{BaseParameter, Body, Forces, Motion, Pair, Start};
 use crate::TraceError;
 use grid::{Grid, ROOM, times};
-use lpv_core::linalg::eigenvalues;
+use lpv_core::linalg::{eigenvalues, least_squares};
 use lpv_core::{Continuous, CoreError, Discrete, Geometry, StateSpace};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
@@ -202,8 +202,7 @@ impl Body for Lpv {
             rows.view_mut((n + m, n), (m, m)).copy_from(&(&c * &b));
             (0..m).for_each(|i| right[n + m + i] = start.speed[i] / (size * self.tempo));
         }
-        // A matrix of finite numbers has singular values.
-        if let Ok(found) = rows.svd(true, true).solve(&right, 1e-10) {
+        if let Ok(found) = least_squares(rows, &right, 1e-10) {
             x[..n].copy_from_slice(&found.as_slice()[..n]);
         }
     }

@@ -8,6 +8,7 @@ use crate::fit::{Explained, Fitted, Grain, Problem, Seen, squares};
 use crate::screen::{Known, Pulses, Screen};
 use crate::track::Track;
 use crate::whiten::Whitening;
+use lpv_core::linalg::least_squares;
 use nalgebra::DVector;
 
 /// Iterations after which the leading fits go on.
@@ -262,6 +263,6 @@ fn step(
     let residual = &known.residual + DVector::from_vec(change);
     let own = &columns - &known.basis * known.basis.tr_mul(&columns);
     let left = &residual - &known.basis * known.basis.tr_mul(&residual);
-    let step = own.clone().svd(true, true).solve(&(-&left), 1e-9).ok()?;
+    let step = least_squares(own.clone(), &(-&left), 1e-9).ok()?;
     Some(((left + own * &step).norm_squared(), step))
 }

@@ -1,5 +1,6 @@
 //! Does the controller of the description give the inputs that were logged? One filter run over references and outputs tells.
 
+use lpv_core::linalg::least_squares;
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{Controller, Record};
 
@@ -130,8 +131,7 @@ impl Fit<'_> {
             return Some((Vec::new(), right.norm()));
         }
         let matrix = DMatrix::from_fn(self.rows.len(), all.len(), |k, j| all[j][self.rows[k]] / norms[j]);
-        let solution = matrix.tr_mul(&matrix).svd(true, true);
-        let solution = solution.solve(&matrix.tr_mul(&right), 1e-13).ok()?;
+        let solution = least_squares(matrix.tr_mul(&matrix), &matrix.tr_mul(&right), 1e-13).ok()?;
         let left = (right - matrix * &solution).norm();
         let values = solution.iter().zip(&norms).map(|(v, n)| v * self.size / n);
         Some((values.take(columns.len()).collect(), left))

@@ -65,11 +65,7 @@ impl Coordinates {
             .collect::<Result<_, RealizeError>>()?;
         let degree = fit.turning.coefficients.ncols();
         let vandermonde = DMatrix::from_fn(NODES, degree, |k, j| chebyshev(at[k], degree)[j]);
-        let project = vandermonde
-            .pseudo_inverse(1e-12)
-            .map_err(|_| RealizeError::NoConvergence {
-                operation: "the pseudo-inverse of Chebyshev polynomials",
-            })?;
+        let project = lpv_core::linalg::pseudo_inverse(vandermonde, 1e-12)?;
         Ok(Self {
             nodes,
             differentiate: differentiation(&at),

@@ -3,6 +3,7 @@
 use super::Target;
 use crate::{Candidate, DeltaSplit, MechanicalForm, RandomChannels, RealizeError};
 use lpv_core::Continuous;
+use lpv_core::linalg::{pseudo_inverse, svd};
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -28,12 +29,7 @@ pub(super) fn slope_start(
     let mut m = plain.matrix().clone();
     let (z, w) = (n + ny, n + nu);
     let e0 = m.view((z, 0), (nm, n)).into_owned();
-    let inverse = e0
-        .clone()
-        .pseudo_inverse(1e-12)
-        .map_err(|_| RealizeError::NoConvergence {
-            operation: "the pseudo-inverse of the springs",
-        })?;
+    let inverse = pseudo_inverse(e0.clone(), 1e-12)?;
     let mut rng = ChaCha8Rng::seed_from_u64(random.seed);
     let gamma = DMatrix::from_fn(nm, nm, |_, _| {
         let value: f64 = StandardNormal.sample(&mut rng);
@@ -90,7 +86,7 @@ type Triple = (DVector<f64>, DVector<f64>);
 
 /// `sum_k left_k right_k^T`, the balanced singular triples.
 fn low_rank(m: DMatrix<f64>, rank: usize) -> Result<Vec<Triple>, RealizeError> {
-    let svd = m.svd(true, true);
+    let svd = svd(m)?;
     let (Some(u), Some(v)) = (svd.u, svd.v_t) else {
         return Err(RealizeError::NoConvergence {
             operation: "the singular value decomposition of a slope",

@@ -17,16 +17,15 @@ const NEGLIGIBLE: f64 = 5.0 * f64::EPSILON;
 /// [`CoreError::Dimension`] of a matrix without entries; [`CoreError::NotFinite`]; [`CoreError::NoConvergence`].
 pub fn svd<T: ComplexField<RealField = f64>>(m: DMatrix<T>) -> Result<SVD<T, Dyn, Dyn>, CoreError> {
     let operation = "the singular value decomposition";
-    if m.is_empty() {
-        return Err(CoreError::Dimension {
-            what: operation,
-            expected: 1,
-            found: 0,
-        });
-    }
+    has_entries(operation, m.len())?;
     finite("singular value decomposition: matrix", &m.map(|v| v.abs()))?;
     let steps = STEPS * (m.nrows() + m.ncols());
     SVD::try_new(m, true, true, NEGLIGIBLE, steps).ok_or(CoreError::NoConvergence { operation })
+}
+
+/// An empty matrix has neither.
+fn has_entries(what: &'static str, entries: usize) -> Result<(), CoreError> {
+    super::dimension(what, entries.max(1), entries)
 }
 
 /// The shortest X that makes `|rows X - right|` least, without the directions whose singular values are at most `cut`.
@@ -71,9 +70,10 @@ pub fn pseudo_inverse(m: DMatrix<f64>, cut: f64) -> Result<DMatrix<f64>, CoreErr
 /// `M = V diag(values) V^T` of a symmetric matrix, of which the lower triangle is read.
 ///
 /// # Errors
-/// [`CoreError::Dimension`] if it is not square; [`CoreError::NotFinite`]; [`CoreError::NoConvergence`].
+/// [`CoreError::Dimension`] if it is not square or has no entries; [`CoreError::NotFinite`]; [`CoreError::NoConvergence`].
 pub fn symmetric_eigen(m: DMatrix<f64>) -> Result<SymmetricEigen<f64, Dyn>, CoreError> {
     super::square("symmetric eigenvalues: matrix", &m)?;
+    has_entries("symmetric eigenvalues: entries", m.len())?;
     finite("symmetric eigenvalues: matrix", &m)?;
     let steps = STEPS * m.nrows().max(1);
     SymmetricEigen::try_new(m, f64::EPSILON, steps).ok_or(CoreError::NoConvergence {

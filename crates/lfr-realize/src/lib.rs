@@ -133,11 +133,11 @@ pub use grow::{
 };
 pub use local::{CheckedLocalSettings, LocalMode, LocalModel, LocalSettings, RigidGain, local_model};
 pub use lpv_core;
+pub use lpv_numerics::least_squares::StopReason;
 pub use mechanical::{DeltaSplit, MechanicalForm};
 pub use reduce::{CheckedReduceSettings, ReduceSettings, Reduced, reduce, reduce_to_continuous};
 pub use refine::{RefineAccount, Refined, refine};
 pub use sampling::Sampling;
-pub use search::StopReason;
 pub use settings::{CheckedRefineSettings, RefineSettings};
 pub use start::RandomChannels;
 pub use units::Units;

@@ -3,10 +3,11 @@
 use crate::minimax::polish;
 use crate::problem::Problem;
 use crate::sampling::Sampling;
-use crate::search::{Found, Limits, Noise, Scaled, StopReason, search};
+use crate::search::{Found, Limits, Noise, search};
 use crate::{Candidate, CheckedRefineSettings, FrozenData, RealizeError, ResidualUnit};
 use lpv_core::WellPosedness;
 use lpv_numerics::dense::right_singular;
+use lpv_numerics::least_squares::{Quadratic, StopReason};
 use nalgebra::{DMatrix, DVector};
 
 /// A refined model, with the account of its making.
@@ -130,7 +131,7 @@ pub(crate) fn account<K: Sampling>(
     let linear = problem
         .linearise(&found.theta)
         .ok_or_else(|| problem.no_start())?;
-    let scaled = Scaled::new(&linear, &problem.gauge(&found.theta)?);
+    let scaled = Quadratic::new(&linear.jacobian, &linear.residual, &problem.gauge(&found.theta)?);
     let (values, vectors) = right_singular(&scaled.r)?;
     let largest = values.get(0).copied().unwrap_or(0.0);
     let rank = values.iter().filter(|v| **v > UNDETERMINED * largest).count();

@@ -1,28 +1,13 @@
-//! Levenberg-Marquardt in the directions that no change of coordinates makes.
+//! What the searches for an LFR minimise, and when they end.
 
 use crate::RealizeError;
 use crate::problem::{Cost, Linear, Problem};
 use crate::sampling::Sampling;
-use lpv_numerics::dense::{complement, triangle_beside, triangle_of};
+use lpv_numerics::least_squares::{
+    AfterDescent, AfterRefusal, DampedStep, Damping, Quadratic, Search, StopReason, Trial, minimise,
+};
 use nalgebra::{DMatrix, DVector};
-
-/// Why a refinement ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum StopReason {
-    /// The residual reached the target.
-    TargetReached,
-    /// What a step can still win, or what the last iterations won, is below the tolerance.
-    CostSettled,
-    /// The residual is rounding: noise-free data, fitted exactly.
-    ResidualAtRounding,
-    /// No step lowers the cost.
-    NoDescent,
-    /// `max_iterations` was reached first.
-    IterationLimit,
-    /// Nothing is free.
-    NothingFree,
-}
+use std::ops::ControlFlow;
 
 /// When to end.
 #[derive(Debug, Clone, Copy)]
@@ -57,7 +42,6 @@ pub(crate) struct Found {
     pub(crate) trials: usize,
     /// Tall blocks factorised.
     pub(crate) factorisations: usize,
-    pub(crate) damping: f64,
 }
 
 /// Iterations over which the decrease of the cost is judged.
@@ -71,96 +55,6 @@ const NOISE: f64 = 1.5;
 
 /// A correction that bends a step by more than this is not believed.
 const BEND: f64 = 0.75;
-
-/// Damping, relative to the largest possible singular value of the scaled Jacobian: below the first it is rounding, above
-/// the second a step is.
-const LEAST_DAMPING: f64 = 1e-15;
-const MOST_DAMPING: f64 = 1e6;
-
-/// Tangents of a change of coordinates that depend on others up to this are dropped: a direction too many would be lost
-/// to the search, one too few costs a direction without slope, which the damping holds.
-const DEPENDENT: f64 = 1e-8;
-
-/// The linearised problem in the coordinates that a step is taken in: `theta + map y`, residual `b + R y`.
-pub(crate) struct Scaled {
-    /// `n_theta x m`: the inverse scale times an orthonormal basis of the complement of the scaled tangents.
-    pub(crate) map: DMatrix<f64>,
-    pub(crate) r: DMatrix<f64>,
-    pub(crate) b: DVector<f64>,
-}
-
-impl Scaled {
-    /// Every free entry is scaled to a column of length one (Marquardt). A step in the complement of the tangents is the
-    /// damped step of all entries in the limit of no damping along the tangents.
-    pub(crate) fn new(linear: &Linear, tangents: &DMatrix<f64>) -> Self {
-        let norms = linear.jacobian.column_iter().map(|c| c.norm());
-        let scale = DVector::from_iterator(
-            linear.jacobian.ncols(),
-            norms.map(|norm| if norm > 0.0 { norm } else { 1.0 }),
-        );
-        let mut scaled = tangents.clone();
-        for mut column in scaled.column_iter_mut() {
-            column.component_mul_assign(&scale);
-            let length = column.norm();
-            if length > 0.0 {
-                column /= length;
-            }
-        }
-        let mut map = complement(&scaled, DEPENDENT);
-        for mut column in map.column_iter_mut() {
-            column.component_div_assign(&scale);
-        }
-        let size = map.ncols();
-        let factor = triangle_beside(&(&linear.jacobian * &map), &linear.residual);
-        Self {
-            r: factor.view((0, 0), (size, size)).into_owned(),
-            b: factor.view((0, size), (size, 1)).column(0).into_owned(),
-            map,
-        }
-    }
-
-    /// What a full step of Gauss and Newton takes off the sum of squares, if it does what it promises.
-    pub(crate) fn decrease(&self) -> f64 {
-        self.b.norm_squared()
-    }
-
-    /// The minimiser of `||b + R y||^2 + damping ||y||^2`.
-    fn step(&self, damping: f64) -> Option<Step> {
-        let size = self.b.len();
-        let mut top = DMatrix::zeros(size, size + 1);
-        top.columns_mut(0, size).copy_from(&self.r);
-        top.column_mut(size).copy_from(&self.b);
-        let mut bottom = DMatrix::zeros(size, size + 1);
-        bottom.fill_diagonal(damping.sqrt());
-        let factor = triangle_of(size + 1, [&top, &bottom].into_iter());
-        let r = factor.view((0, 0), (size, size));
-        let y = -r.solve_upper_triangular(&factor.view((0, size), (size, 1)).column(0))?;
-        let rest = &self.b + &self.r * &y;
-        y.iter().all(|v| v.is_finite()).then(|| Step {
-            predicted: self.b.norm_squared() - rest.norm_squared(),
-            triangle: r.into_owned(),
-            y,
-        })
-    }
-}
-
-/// A damped step.
-struct Step {
-    y: DVector<f64>,
-    /// The decrease of the cost, if the residuals were straight.
-    predicted: f64,
-    /// `F^T F = R^T R + damping I`.
-    triangle: DMatrix<f64>,
-}
-
-impl Step {
-    /// What the step lacks to follow residuals that bend, `-1/2 (F^T F)^-1 c` with `c = (J map)^T r''` (Transtrum and
-    /// Sethna 2012, geodesic acceleration).
-    fn correction(&self, curvature: &DVector<f64>) -> Option<DVector<f64>> {
-        let half = self.triangle.tr_solve_upper_triangular(curvature)?;
-        Some(self.triangle.solve_upper_triangular(&half)? * -0.5)
-    }
-}
 
 /// A sum of squares with its linearisation.
 pub(crate) trait Objective {
@@ -229,106 +123,135 @@ impl<K: Sampling> Objective for Problem<'_, K> {
     }
 }
 
-/// The step with its correction; none where the residuals bend too much for it to be believed.
-fn follow(
-    problem: &impl Objective,
-    theta: &DVector<f64>,
-    (linear, scaled): (&Linear, &Scaled),
-    step: &Step,
-) -> Option<DVector<f64>> {
-    let curvature = problem.curvature(theta, linear, &(&scaled.map * &step.y));
-    let Some(more) = curvature.and_then(|c| step.correction(&scaled.map.tr_mul(&c))) else {
-        return Some(step.y.clone());
-    };
-    (2.0 * more.norm() <= BEND * step.y.norm()).then(|| &step.y + more)
+/// Damping, relative to the largest possible singular value of the scaled Jacobian: below the first it is rounding, above
+/// the second a step is.
+const DAMPING: [f64; 2] = [1e-15, 1e6];
+
+/// An objective on the way down.
+struct Descent<'a, O> {
+    objective: &'a O,
+    limits: &'a Limits,
+    factorisations: usize,
+}
+
+struct Point {
+    theta: DVector<f64>,
+    cost: Cost,
+}
+
+struct Linearised {
+    linear: Linear,
+    quadratic: Quadratic,
+}
+
+impl<O: Objective> Search for Descent<'_, O> {
+    type Point = Point;
+    type Linear = Linearised;
+    type Error = RealizeError;
+
+    fn cost(&self, point: &Point) -> f64 {
+        point.cost.total
+    }
+
+    fn ended(&mut self, point: &Point, history: &[f64], _: &mut f64) -> Option<StopReason> {
+        let (cost, limits, size) = (point.cost.total, self.limits, self.objective.size() as f64);
+        let iterations = history.len() - 1;
+        if size == 0.0 {
+            return Some(StopReason::NothingFree);
+        }
+        if cost <= self.objective.rounding() {
+            return Some(StopReason::ResidualAtRounding);
+        }
+        if cost <= limits.target {
+            return Some(StopReason::TargetReached);
+        }
+        if iterations >= PATIENCE {
+            let won = history[iterations - PATIENCE] - cost;
+            // Near the noise the cost says nothing about what is left to win, its excess does.
+            let (worth, nothing) = limits.noise.map_or((cost, f64::NEG_INFINITY), |noise| {
+                let hidden = noise.hidden * size;
+                ((cost - NOISE * noise.cost).max(hidden), SETTLED * hidden)
+            });
+            if won <= (limits.tolerance * worth).max(nothing) {
+                return Some(StopReason::CostSettled);
+            }
+        }
+        (iterations >= limits.max_iterations).then_some(StopReason::IterationLimit)
+    }
+
+    fn linearise(&mut self, point: &mut Point) -> Result<ControlFlow<StopReason, Linearised>, RealizeError> {
+        let Some(linear) = self.objective.linearise(&point.theta) else {
+            return Ok(ControlFlow::Break(StopReason::NoDescent));
+        };
+        self.factorisations += linear.factorisations;
+        let tangents = self.objective.gauge(&point.theta)?;
+        let quadratic = Quadratic::new(&linear.jacobian, &linear.residual, &tangents);
+        let hidden = |noise: Noise| quadratic.decrease() <= noise.hidden * quadratic.b.len() as f64;
+        Ok(match self.limits.noise.is_some_and(hidden) {
+            true => ControlFlow::Break(StopReason::CostSettled),
+            false => ControlFlow::Continue(Linearised { linear, quadratic }),
+        })
+    }
+
+    fn trial(&mut self, point: &Point, linearised: &Linearised, damping: f64) -> Trial<Point> {
+        let Some(step) = linearised.quadratic.step(damping) else {
+            return Trial::Refused;
+        };
+        if step.predicted <= 1e-3 * self.limits.tolerance * point.cost.total && damping < 1.0 {
+            return Trial::Stop(StopReason::CostSettled);
+        }
+        let moved = self.follow(point, linearised, &step).and_then(|y| {
+            let theta = &point.theta + &linearised.quadratic.map * y;
+            let cost = self.objective.cost(&theta)?;
+            Some(Point { theta, cost })
+        });
+        moved.map_or(Trial::Refused, |point| Trial::To {
+            point,
+            predicted: step.predicted,
+        })
+    }
+}
+
+impl<O: Objective> Descent<'_, O> {
+    /// The step with its correction; none where the residuals bend too much for it to be believed.
+    fn follow(&self, point: &Point, at: &Linearised, step: &DampedStep) -> Option<DVector<f64>> {
+        let map = &at.quadratic.map;
+        let curvature = self
+            .objective
+            .curvature(&point.theta, &at.linear, &(map * &step.y));
+        let Some(more) = curvature.and_then(|c| step.correction(&map.tr_mul(&c))) else {
+            return Some(step.y.clone());
+        };
+        (2.0 * more.norm() <= BEND * step.y.norm()).then(|| &step.y + more)
+    }
 }
 
 pub(crate) fn search(
-    problem: &impl Objective,
+    objective: &impl Objective,
     start: DVector<f64>,
     limits: &Limits,
 ) -> Result<Found, RealizeError> {
-    let cost = problem.cost(&start).ok_or_else(|| problem.no_start())?;
-    let rounding = problem.rounding();
-    let mut found = Found {
-        history: vec![cost.total],
-        theta: start,
-        cost,
-        stop: StopReason::NothingFree,
-        trials: 0,
+    let cost = objective.cost(&start).ok_or_else(|| objective.no_start())?;
+    let mut descent = Descent {
+        objective,
+        limits,
         factorisations: 0,
-        damping: limits.damping,
     };
-    if problem.size() == 0 {
-        return Ok(found);
-    }
-    found.stop = 'search: loop {
-        let iterations = found.history.len() - 1;
-        if found.cost.total <= rounding {
-            break StopReason::ResidualAtRounding;
-        }
-        if found.cost.total <= limits.target {
-            break StopReason::TargetReached;
-        }
-        // Near the noise the cost says nothing about what is left to win, its excess does.
-        let worth = limits.noise.map_or(found.cost.total, |noise| {
-            let least = noise.hidden * problem.size() as f64;
-            (found.cost.total - NOISE * noise.cost).max(least)
-        });
-        let settled = |noise: Noise| {
-            iterations >= PATIENCE
-                && found.history[iterations - PATIENCE] - found.cost.total
-                    <= SETTLED * noise.hidden * problem.size() as f64
-        };
-        if limits.noise.is_some_and(settled) {
-            break StopReason::CostSettled;
-        }
-        if iterations >= PATIENCE
-            && found.history[iterations - PATIENCE] <= found.cost.total + limits.tolerance * worth
-        {
-            break StopReason::CostSettled;
-        }
-        if iterations >= limits.max_iterations {
-            break StopReason::IterationLimit;
-        }
-        let Some(linear) = problem.linearise(&found.theta) else {
-            break StopReason::NoDescent;
-        };
-        found.factorisations += linear.factorisations;
-        let scaled = Scaled::new(&linear, &problem.gauge(&found.theta)?);
-        let hidden = |noise: Noise| scaled.decrease() <= noise.hidden * scaled.b.len() as f64;
-        if limits.noise.is_some_and(hidden) {
-            break StopReason::CostSettled;
-        }
-        let mut growth = 2.0;
-        loop {
-            if let Some(step) = scaled.step(found.damping) {
-                if step.predicted <= 1e-3 * limits.tolerance * found.cost.total && found.damping < 1.0 {
-                    break 'search StopReason::CostSettled;
-                }
-                found.trials += 1;
-                let trial = follow(problem, &found.theta, (&linear, &scaled), &step).and_then(|y| {
-                    let theta = &found.theta + &scaled.map * y;
-                    let cost = problem.cost(&theta).filter(|c| c.total < found.cost.total)?;
-                    Some((theta, cost))
-                });
-                if let Some((theta, cost)) = trial {
-                    let gain = (found.cost.total - cost.total) / step.predicted;
-                    // Nielsen's rule: a step that keeps what it promised lowers the damping to a fifth.
-                    let factor = (1.0 - (2.0 * gain - 1.0).powi(3)).clamp(1.0 / 5.0, 2.0);
-                    found.damping = (found.damping * factor).max(LEAST_DAMPING);
-                    found.history.push(cost.total);
-                    found.theta = theta;
-                    found.cost = cost;
-                    continue 'search;
-                }
-            }
-            found.damping *= growth;
-            growth *= 2.0;
-            if found.damping > MOST_DAMPING {
-                break 'search StopReason::NoDescent;
-            }
-        }
+    let rule = Damping {
+        start: limits.damping,
+        least: DAMPING[0],
+        most: DAMPING[1],
+        attempts: usize::MAX,
+        after_descent: AfterDescent::Nielsen,
+        after_refusal: AfterRefusal::Doubling,
     };
-    Ok(found)
+    let found = minimise(&mut descent, Point { theta: start, cost }, &rule)?;
+    Ok(Found {
+        theta: found.point.theta,
+        cost: found.point.cost,
+        stop: found.stop,
+        history: found.history,
+        trials: found.trials,
+        factorisations: descent.factorisations,
+    })
 }

@@ -1,10 +1,10 @@
 //! Parameters of the machine and of its effects together, from records in closed loop.
 
+mod descent;
 mod explained;
 mod levenberg;
 mod triangle;
 
-use crate::TraceError;
 use crate::base::{Motion, Pair};
 use crate::simulate::{simulate, simulate_in};
 use crate::track::Track;
@@ -14,7 +14,8 @@ pub(crate) use levenberg::{Minimum, minimum};
 use lpv_core::ControllerState;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-pub(crate) use triangle::{damped, deviations, squares, triangle};
+use triangle::in_coordinates;
+pub(crate) use triangle::{deviations, squares};
 
 /// What is known of the machine's coordinates before the moves: `|W (c - c0)|^2` joins the sum of squares.
 #[derive(Debug, Clone, PartialEq)]
@@ -259,112 +260,7 @@ impl Problem<'_> {
         }
         Some(matrix)
     }
-
-    /// Levenberg-Marquardt from a model. The machine's columns that are `known` from a neighbouring model serve for
-    /// the first step.
-    ///
-    /// # Errors
-    /// [`TraceError::Diverges`] if the start has no response.
-    pub(crate) fn fit(
-        &self,
-        start: &Explained,
-        iterations: usize,
-        known: Option<&Fitted>,
-    ) -> Result<Fitted, TraceError> {
-        let diverges = || TraceError::Diverges {
-            record: self.tracks.first().map_or(String::new(), |t| t.name.clone()),
-        };
-        let mut model = start.clone();
-        let mut residual = self.residual(&model).ok_or_else(diverges)?;
-        let mut cost = self.objective(&residual);
-        let own = model.base.coordinates().len();
-        let all = model.coordinates().len();
-        let bounded = model.bounded();
-        let mut steps = known.map_or(Vec::new(), |k| k.steps[..own].to_vec());
-        let mut columns = known.map(|k| {
-            let mut columns = k.columns.clone();
-            self.weigh_columns(&mut columns, k.scale.recip());
-            columns
-        });
-        let mut fresh = false;
-        let mut damping = 1e-4;
-        let mut iteration = 0;
-        loop {
-            let base = match columns.take() {
-                Some(columns) => columns,
-                None => {
-                    fresh = true;
-                    let rough = self.rough(&model).ok_or_else(diverges)?;
-                    self.columns(&model, (Grain::Rough, &rough), 0..own, &mut steps)
-                        .ok_or_else(diverges)?
-                }
-            };
-            let more = self
-                .columns(&model, (Grain::Fine, &residual), own..all, &mut steps)
-                .ok_or_else(diverges)?;
-            let mut jacobian = DMatrix::zeros(residual.len(), all);
-            jacobian.columns_mut(0, own).copy_from(&base);
-            jacobian.columns_mut(own, all - own).copy_from(&more);
-            let (excess, scale) = (self.excess(&residual), self.scale(&residual));
-            self.weigh_columns(&mut jacobian, scale);
-            let mut weighed = residual.clone();
-            self.weigh(&mut weighed, scale);
-            let r = triangle(&jacobian, &weighed);
-            let before = cost;
-            let mut stuck = true;
-            if iteration < iterations {
-                for _ in 0..6 {
-                    let mut step = damped(&r, all, damping);
-                    for (s, _) in step.iter_mut().zip(&bounded).filter(|(_, b)| **b) {
-                        *s = s.clamp(-MOST_STEP, MOST_STEP);
-                    }
-                    let there: Vec<f64> = model
-                        .coordinates()
-                        .iter()
-                        .zip(step.iter())
-                        .map(|(a, b)| a + b)
-                        .collect();
-                    let next = model.with(&there);
-                    if let Some(found) = self.residual(&next)
-                        && self.objective(&found) < cost
-                    {
-                        cost = self.objective(&found);
-                        (model, residual) = (next, found);
-                        damping = f64::max(damping * 0.1, 1e-9);
-                        stuck = false;
-                        break;
-                    }
-                    damping *= 10.0;
-                }
-            }
-            iteration += 1;
-            let fall = before - cost;
-            let settled = stuck || fall < 0.3;
-            if iteration >= iterations || (settled && (fresh || own == all)) {
-                let (mut base, mut residual) = (base, residual);
-                self.weigh_columns(&mut base, scale);
-                self.weigh(&mut residual, scale);
-                return Ok(Fitted {
-                    model,
-                    objective: cost,
-                    excess,
-                    scale,
-                    residual,
-                    factor: r.view((0, 0), (all, all)).into_owned(),
-                    columns: base,
-                    steps,
-                });
-            }
-            fresh = false;
-            if settled {
-                damping = 1e-4;
-            }
-        }
-    }
 }
-
-/// Largest change of a logarithm in one step.
-const MOST_STEP: f64 = 2.0;
 
 /// A small part of a coordinate: logarithms have no unit, the others their own. Of one that is nothing, no unit is known; the
 /// step grows until it shows.

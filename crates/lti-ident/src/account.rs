@@ -2,6 +2,7 @@
 
 use crate::LtiIdentError;
 use lpv_core::InnovationModel;
+use lpv_numerics::least_squares::StopReason;
 use nalgebra::{DMatrix, DVector};
 
 /// Models of all orders tried, and the choice between them.
@@ -91,15 +92,4 @@ pub struct StartEntry {
     pub iterations: usize,
     /// Why the search ended.
     pub stop: StopReason,
-}
-
-/// Why a search ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum StopReason {
-    /// The cost no longer decreased by more than the tolerance.
-    Converged,
-    /// No step, however short, decreased the cost and kept the model stable.
-    NoDescent,
-    /// The iterations allowed were used up.
-    IterationLimit,
 }

@@ -79,9 +79,10 @@ mod segment;
 mod settings;
 mod start;
 
-pub use account::{InnovationFit, OrderEntry, StartEntry, StartKind, StopReason};
+pub use account::{InnovationFit, OrderEntry, StartEntry, StartKind};
 pub use error::LtiIdentError;
 pub use identify::identify;
 pub use lpv_core;
+pub use lpv_numerics::least_squares::StopReason;
 pub use segment::Segment;
 pub use settings::{CheckedInnovationSettings, DirectTerm, Focus, InnovationSettings, ORDER_LIMIT, Offset};

@@ -1,12 +1,12 @@
 //! Levenberg-Marquardt on the manifold of filters.
 
-use crate::StopReason;
 use crate::predictor::{Predictor, reflected};
 use crate::problem::{Equations, InitialStates, Point, Problem, Step, unit_directions, unvec};
+use lpv_numerics::dense::complement;
+use lpv_numerics::least_squares::{AfterDescent, AfterRefusal, Damping, Search, StopReason, Trial, minimise};
 use nalgebra::DMatrix;
-
-/// Damping at which a search without descent gives up.
-const LARGEST_DAMPING: f64 = 1e10;
+use std::convert::Infallible;
+use std::ops::ControlFlow;
 
 /// Along what a search may move.
 #[derive(Debug, Clone)]
@@ -30,6 +30,7 @@ pub(crate) enum Bounds {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
     pub(crate) iterations: usize,
+    /// Decrease of the cost that counts as none.
     pub(crate) tolerance: f64,
 }
 
@@ -39,73 +40,94 @@ pub(crate) struct Outcome {
     pub(crate) stop: StopReason,
 }
 
+const DAMPING: Damping = Damping {
+    start: 1e-2,
+    least: 1e-9,
+    most: 1e10,
+    attempts: usize::MAX,
+    after_descent: AfterDescent::Divide(6.0),
+    after_refusal: AfterRefusal::Multiply(4.0),
+};
+
 /// Minimises `ln det` of the residuals' covariance, whose gradient is that of the sum of squares weighted by the
 /// inverse of the covariance at the point \[ljung1999\], (7.29).
 pub(crate) fn search(problem: &Problem, start: Point, coordinates: &Coordinates, limits: Limits) -> Outcome {
-    let mut point = start;
-    let mut damping = 1e-2;
-    let mut small = 0;
-    for iterations in 0..limits.iterations {
-        if let Coordinates::Local = coordinates {
-            point = rebalanced(problem, point);
-        }
-        let directions = match coordinates {
-            Coordinates::Local => local_directions(problem, &point.predictor),
-            Coordinates::Fixed(directions) => directions.clone(),
-        };
-        let (initial, bounds) = match coordinates {
-            Coordinates::Local => (InitialStates::Estimated, Bounds::Projected),
-            Coordinates::Fixed(_) => (InitialStates::Held, Bounds::Refused),
-        };
-        let next = Equations::new(problem, &point, &directions, initial)
-            .and_then(|equations| descend(problem, &point, &directions, &equations, bounds, &mut damping));
-        let Some(next) = next else {
-            return Outcome {
-                point,
-                iterations,
-                stop: StopReason::NoDescent,
-            };
-        };
-        // One short step may only say that the damping was high.
-        small = if point.cost - next.cost < limits.tolerance {
-            small + 1
-        } else {
-            0
-        };
-        point = next;
-        if small == 2 {
-            return Outcome {
-                point,
-                iterations: iterations + 1,
-                stop: StopReason::Converged,
-            };
-        }
-    }
+    let mut descent = Descent {
+        problem,
+        coordinates,
+        limits,
+    };
+    let Ok(found) = minimise(&mut descent, start, &DAMPING);
     Outcome {
-        point,
-        iterations: limits.iterations,
-        stop: StopReason::IterationLimit,
+        iterations: found.history.len() - 1,
+        point: found.point,
+        stop: found.stop,
     }
 }
 
-fn descend(
-    problem: &Problem,
-    point: &Point,
-    directions: &DMatrix<f64>,
-    equations: &Equations,
-    bounds: Bounds,
-    damping: &mut f64,
-) -> Option<Point> {
-    while *damping < LARGEST_DAMPING {
-        let step = equations.step(*damping);
-        let trial = step.and_then(|step| moved(problem, point, directions, &step, bounds));
-        if let Some(trial) = trial.filter(|t| t.cost < point.cost) {
-            *damping = (*damping / 6.0).max(1e-9);
-            return Some(trial);
-        }
-        *damping *= 4.0;
+/// A problem on the way down.
+struct Descent<'a> {
+    problem: &'a Problem,
+    coordinates: &'a Coordinates,
+    limits: Limits,
+}
+
+/// Along what the cost changes, and how.
+struct Linearised {
+    directions: DMatrix<f64>,
+    equations: Equations,
+}
+
+impl Search for Descent<'_> {
+    type Point = Point;
+    type Linear = Linearised;
+    type Error = Infallible;
+
+    fn cost(&self, point: &Point) -> f64 {
+        point.cost
     }
-    None
+
+    fn ended(&mut self, _: &Point, history: &[f64], _: &mut f64) -> Option<StopReason> {
+        // One short step may only say that the damping was high.
+        let short = |pair: &[f64]| pair[0] - pair[1] < self.limits.tolerance;
+        if history.len() > 2 && history[history.len() - 3..].windows(2).all(short) {
+            return Some(StopReason::CostSettled);
+        }
+        (history.len() > self.limits.iterations).then_some(StopReason::IterationLimit)
+    }
+
+    fn linearise(&mut self, point: &mut Point) -> Result<ControlFlow<StopReason, Linearised>, Infallible> {
+        let (directions, initial) = match self.coordinates {
+            Coordinates::Local => {
+                rebalance(self.problem, point);
+                let local = local_directions(self.problem, &point.predictor);
+                (local, InitialStates::Estimated)
+            }
+            Coordinates::Fixed(directions) => (directions.clone(), InitialStates::Held),
+        };
+        let equations = Equations::new(self.problem, point, &directions, initial);
+        Ok(
+            equations.map_or(ControlFlow::Break(StopReason::NoDescent), |equations| {
+                ControlFlow::Continue(Linearised {
+                    directions,
+                    equations,
+                })
+            }),
+        )
+    }
+
+    fn trial(&mut self, point: &Point, linear: &Linearised, damping: f64) -> Trial<Point> {
+        let bounds = match self.coordinates {
+            Coordinates::Local => Bounds::Projected,
+            Coordinates::Fixed(_) => Bounds::Refused,
+        };
+        let step = linear.equations.step(damping);
+        let moved = step.and_then(|step| moved(self.problem, point, &linear.directions, &step, bounds));
+        moved.map_or(Trial::Refused, |point| Trial::To {
+            point,
+            predicted: f64::NAN,
+        })
+    }
 }
 
 /// The point at the end of a step, if it is one.
@@ -135,15 +157,17 @@ pub(crate) fn moved(
     problem.point(predictor, initial)
 }
 
-/// The same filter in balanced coordinates, if rounding leaves it as good as it was.
-fn rebalanced(problem: &Problem, point: Point) -> Point {
+/// Writes a filter in balanced coordinates, if rounding leaves it as good as it was.
+fn rebalance(problem: &Problem, point: &mut Point) {
     let moved = point.predictor.balanced(&point.initial);
     let moved = moved.and_then(|(predictor, initial)| problem.point(predictor, initial));
-    match moved {
-        Some(moved) if moved.cost <= point.cost + 1e-9 => moved,
-        _ => point,
+    if let Some(moved) = moved.filter(|moved| moved.cost <= point.cost + 1e-9) {
+        *point = moved;
     }
 }
+
+/// Tangents that depend on others up to this are none: the filter is not minimal.
+const DEPENDENT: f64 = 1e-12;
 
 /// Orthonormal directions along which the response of the filter changes: the complement of
 /// `(T A - A T, T B, -C T)` for all T, and the free entries of D and d.
@@ -173,7 +197,7 @@ pub(crate) fn local_directions(problem: &Problem, predictor: &Predictor) -> DMat
     let bare: Vec<usize> = (0..rows * (columns - 1))
         .filter(|&i| i % rows < n || i / rows < n)
         .collect();
-    let complement = complement(&tangent.select_rows(&bare));
+    let complement = complement(&tangent.select_rows(&bare), DEPENDENT);
     let feed = unit_directions((rows, columns), &problem.feedthrough(n));
     let mut all = DMatrix::zeros(rows * columns, complement.ncols() + feed.ncols());
     for (from, &to) in bare.iter().enumerate() {
@@ -182,39 +206,4 @@ pub(crate) fn local_directions(problem: &Problem, predictor: &Predictor) -> DMat
     }
     all.columns_mut(complement.ncols(), feed.ncols()).copy_from(&feed);
     all
-}
-
-/// Orthonormal basis of the orthogonal complement of the columns.
-fn complement(m: &DMatrix<f64>) -> DMatrix<f64> {
-    let (rows, columns) = m.shape();
-    let rest = rows - columns;
-    let mut last = DMatrix::zeros(rows, rest);
-    last.view_mut((columns, 0), (rest, rest)).fill_with_identity();
-    // H_1 H_2 ... applied to the last columns of the identity.
-    let (reflectors, _) = householder(m.clone());
-    for (j, v) in reflectors.iter().enumerate().rev() {
-        let mut below = last.rows_mut(j, rows - j);
-        let projected = below.tr_mul(v);
-        below.ger(-2.0, v, &projected, 1.0);
-    }
-    last
-}
-
-/// Unit reflectors of the QR factorisation, and the factored matrix.
-fn householder(mut m: DMatrix<f64>) -> (Vec<nalgebra::DVector<f64>>, DMatrix<f64>) {
-    let (rows, columns) = m.shape();
-    let mut reflectors = Vec::with_capacity(columns);
-    for j in 0..columns {
-        let mut v = m.view((j, j), (rows - j, 1)).column(0).into_owned();
-        v[0] += v.norm().copysign(v[0]);
-        let norm = v.norm();
-        if norm > 0.0 {
-            v /= norm;
-        }
-        let mut below = m.view_mut((j, j), (rows - j, columns - j));
-        let projected = below.tr_mul(&v);
-        below.ger(-2.0, &v, &projected, 1.0);
-        reflectors.push(v);
-    }
-    (reflectors, m)
 }

@@ -5,9 +5,10 @@ use super::data::MovingData;
 use super::fixed::Fixed;
 use super::flow::Want;
 use crate::problem::{Cost, Linear, Problem};
-use crate::search::{Limits, Objective, StopReason, search};
+use crate::search::{Limits, Objective, search};
 use crate::{Candidate, CheckedRefineSettings, FrozenData, RealizeError};
 use lpv_core::Continuous;
+use lpv_numerics::least_squares::StopReason;
 use nalgebra::{DMatrix, DVector};
 
 /// A model refined on frozen responses and moving records.

@@ -1,7 +1,11 @@
 //! Levenberg-Marquardt on a residual of moderate size.
 
-use super::{damped, squares, triangle};
-use nalgebra::DMatrix;
+use super::{in_coordinates, squares};
+use lpv_numerics::least_squares::{
+    AfterDescent, AfterRefusal, Damping, Quadratic, Search, StopReason, Trial, minimise,
+};
+use nalgebra::{DMatrix, DVector};
+use std::ops::ControlFlow;
 
 /// Where it ended.
 pub(crate) struct Minimum {
@@ -17,58 +21,99 @@ pub(crate) struct Minimum {
 /// Minimises the squares of a residual, with forward differences; steps are at most one in every coordinate that is a logarithm,
 /// the others have units. None where the start or one of its neighbours has no residual.
 pub(crate) fn minimum(
-    mut at: Vec<f64>,
+    at: Vec<f64>,
     logarithms: &[bool],
     iterations: usize,
     residual: impl Fn(&[f64]) -> Option<Vec<f64>>,
 ) -> Option<Minimum> {
-    let mut error = residual(&at)?;
-    let mut cost = squares(&error);
-    let mut damping = 1e-3;
-    for iteration in 0.. {
+    let error = residual(&at)?;
+    let mut descent = Descent {
+        residual,
+        logarithms,
+        iterations,
+    };
+    let found = minimise(&mut descent, (at, error), &DAMPING).ok()?;
+    Some(Minimum {
+        cost: squares(&found.point.1),
+        at: found.point.0,
+        rows: found.point.1.len(),
+        factor: in_coordinates(&found.linear?),
+    })
+}
+
+const DAMPING: Damping = Damping {
+    start: 1e-3,
+    least: 1e-9,
+    most: f64::INFINITY,
+    attempts: 8,
+    after_descent: AfterDescent::Divide(10.0),
+    after_refusal: AfterRefusal::Multiply(10.0),
+};
+
+/// Part of the cost that counts as no decrease.
+const SETTLED: f64 = 1e-5;
+
+struct Descent<'a, F> {
+    residual: F,
+    logarithms: &'a [bool],
+    iterations: usize,
+}
+
+/// A neighbour has no residual.
+struct NoNeighbour;
+
+impl<F: Fn(&[f64]) -> Option<Vec<f64>>> Search for Descent<'_, F> {
+    /// Coordinates and residual.
+    type Point = (Vec<f64>, Vec<f64>);
+    type Linear = Quadratic;
+    type Error = NoNeighbour;
+
+    fn cost(&self, point: &Self::Point) -> f64 {
+        squares(&point.1)
+    }
+
+    fn ended(&mut self, _: &Self::Point, history: &[f64], _: &mut f64) -> Option<StopReason> {
+        let [.., before, now] = history else {
+            return None;
+        };
+        if before - now < SETTLED * now {
+            return Some(StopReason::CostSettled);
+        }
+        (history.len() > self.iterations + 1).then_some(StopReason::IterationLimit)
+    }
+
+    fn linearise(
+        &mut self,
+        (at, error): &mut Self::Point,
+    ) -> Result<ControlFlow<StopReason, Quadratic>, NoNeighbour> {
         let mut jacobian = DMatrix::zeros(error.len(), at.len());
         for j in 0..at.len() {
-            let (step, moved) = difference(&at, j, logarithms, &error, &residual)?;
-            let column = moved.iter().zip(&error).map(|(a, b)| (a - b) / step);
-            jacobian
-                .column_mut(j)
-                .iter_mut()
-                .zip(column)
-                .for_each(|(j, c)| *j = c);
+            let found = difference(at, j, self.logarithms, error, &self.residual);
+            let (step, moved) = found.ok_or(NoNeighbour)?;
+            let column = moved.iter().zip(error.iter()).map(|(a, b)| (a - b) / step);
+            jacobian.set_column(j, &DVector::from_iterator(error.len(), column));
         }
-        let r = triangle(&jacobian, &error);
-        let before = cost;
-        let mut stuck = true;
-        for _ in 0..8 {
-            let step = damped(&r, at.len(), damping);
-            let there: Vec<f64> = at
-                .iter()
-                .zip(step.iter())
-                .zip(logarithms)
-                .map(|((a, s), log)| a + if *log { s.clamp(-1.0, 1.0) } else { *s })
-                .collect();
-            if let Some(found) = residual(&there)
-                && squares(&found) < cost
-            {
-                cost = squares(&found);
-                (at, error) = (there, found);
-                damping = f64::max(0.1 * damping, 1e-9);
-                stuck = false;
-                break;
-            }
-            damping *= 10.0;
-        }
-        if stuck || before - cost < 1e-5 * cost || iteration >= iterations {
-            let n = at.len();
-            return Some(Minimum {
-                at,
-                cost,
-                rows: error.len(),
-                factor: r.view((0, 0), (n, n)).into_owned(),
-            });
-        }
+        let residual = DVector::from_column_slice(error);
+        let none = DMatrix::zeros(at.len(), 0);
+        Ok(ControlFlow::Continue(Quadratic::new(&jacobian, &residual, &none)))
     }
-    None
+
+    fn trial(&mut self, (at, _): &Self::Point, near: &Quadratic, damping: f64) -> Trial<Self::Point> {
+        let Some(step) = near.step(damping) else {
+            return Trial::Refused;
+        };
+        let change = &near.map * &step.y;
+        let there: Vec<f64> = at
+            .iter()
+            .zip(change.iter())
+            .zip(self.logarithms)
+            .map(|((a, s), log)| a + if *log { s.clamp(-1.0, 1.0) } else { *s })
+            .collect();
+        (self.residual)(&there).map_or(Trial::Refused, |error| Trial::To {
+            point: (there, error),
+            predicted: step.predicted,
+        })
+    }
 }
 
 /// A step of one coordinate that moves the residual a little, and the residual there.

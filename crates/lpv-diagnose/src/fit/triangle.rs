@@ -1,45 +1,19 @@
-//! Least squares by a triangular factor.
+//! What the triangular factor of a linearisation tells.
 
-use nalgebra::{DMatrix, DVector};
+use lpv_numerics::least_squares::Quadratic;
+use nalgebra::DMatrix;
 
 pub(crate) fn squares(v: &[f64]) -> f64 {
     v.iter().map(|x| x * x).sum()
 }
 
-/// Triangular factor of `[J r]`.
-pub(crate) fn triangle(jacobian: &DMatrix<f64>, residual: &[f64]) -> DMatrix<f64> {
-    let n = jacobian.ncols();
-    let mut both = DMatrix::zeros(jacobian.nrows(), n + 1);
-    both.columns_mut(0, n).copy_from(jacobian);
-    both.column_mut(n).copy_from_slice(residual);
-    both.qr().unpack_r()
-}
-
-/// Step that minimises `|R_11 s + r|^2 + damping |D s|^2`, D the lengths of the columns; none where a column is zero.
-pub(crate) fn damped(r: &DMatrix<f64>, n: usize, damping: f64) -> DVector<f64> {
-    let mut rows = DMatrix::zeros(2 * n, n);
-    let mut right = DVector::zeros(2 * n);
-    let lengths: Vec<f64> = (0..n).map(|j| r.column(j).norm().max(1e-30)).collect();
-    for j in 0..n {
-        for i in 0..=j {
-            rows[(i, j)] = r[(i, j)] / lengths[j];
-        }
-        rows[(n + j, j)] = damping.sqrt();
-        right[j] = -r[(j, n)];
+/// Upper triangle with `R^T R = J^T J` of a linearisation without tangents, in its coordinates.
+pub(crate) fn in_coordinates(quadratic: &Quadratic) -> DMatrix<f64> {
+    let mut factor = quadratic.r.clone();
+    for (j, mut column) in factor.column_iter_mut().enumerate() {
+        column /= quadratic.map[(j, j)];
     }
-    let qr = rows.qr();
-    let mut q = qr.q().transpose() * right;
-    if !qr.r().solve_upper_triangular_mut(&mut q) {
-        return DVector::zeros(n);
-    }
-    let step = |j: usize| {
-        if lengths[j] > 1e-30 {
-            q[j] / lengths[j]
-        } else {
-            0.0
-        }
-    };
-    DVector::from_fn(n, |j, _| step(j))
+    factor
 }
 
 /// Standard deviations of the coordinates of a fit, infinite where a column is zero; all are where the others are dependent.
@@ -66,18 +40,18 @@ pub(crate) fn deviations(factor: &DMatrix<f64>) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::{damped, deviations, triangle};
-    use nalgebra::DMatrix;
+    use super::*;
+    use nalgebra::dvector;
 
     /// `y = 3 + 2 x` at x = -1, 0, 1, with a parameter in between that does nothing.
     #[test]
     fn a_parameter_that_is_not_seen_leaves_the_others_alone() {
         let rows = DMatrix::from_row_slice(3, 3, &[1.0, 0.0, -1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0]);
-        let r = triangle(&rows, &[-1.0, -3.0, -5.0]);
-        let step = damped(&r, 3, 1e-20);
+        let near = Quadratic::new(&rows, &dvector![-1.0, -3.0, -5.0], &DMatrix::zeros(3, 0));
+        let step = &near.map * near.step(1e-20).unwrap().y;
         assert!((step[0] - 3.0).abs() < 1e-12 && (step[2] - 2.0).abs() < 1e-12);
         assert_eq!(step[1], 0.0);
-        let found = deviations(&r.view((0, 0), (3, 3)).into_owned());
+        let found = deviations(&in_coordinates(&near));
         let expected = [(1.0_f64 / 3.0).sqrt(), f64::INFINITY, 0.5_f64.sqrt()];
         for (a, b) in found.iter().zip(expected) {
             assert!(*a == b || (a - b).abs() < 1e-14, "{a} {b}");

@@ -1,0 +1,211 @@
+//! The search for the parameters of the machine and of its effects.
+
+use super::{Explained, Fitted, Grain, Problem, in_coordinates};
+use crate::TraceError;
+use lpv_numerics::least_squares::{
+    AfterDescent, AfterRefusal, Damping, Quadratic, Search, StopReason, Trial, minimise,
+};
+use nalgebra::{DMatrix, DVector};
+use std::ops::ControlFlow;
+
+const DAMPING: Damping = Damping {
+    start: 1e-4,
+    least: 1e-9,
+    most: f64::INFINITY,
+    attempts: 6,
+    after_descent: AfterDescent::Divide(10.0),
+    after_refusal: AfterRefusal::Multiply(10.0),
+};
+
+/// Largest change of a logarithm in one step.
+const MOST_STEP: f64 = 2.0;
+
+/// Decrease of the objective that counts as none.
+const SETTLED: f64 = 0.3;
+
+impl Problem<'_> {
+    /// Levenberg-Marquardt from a model. The machine's columns that are `known` from a neighbouring model serve for
+    /// the first step.
+    ///
+    /// # Errors
+    /// [`TraceError::Diverges`] if the start has no response.
+    pub(crate) fn fit(
+        &self,
+        start: &Explained,
+        iterations: usize,
+        known: Option<&Fitted>,
+    ) -> Result<Fitted, TraceError> {
+        let own = start.base.coordinates().len();
+        let mut descent = Descent {
+            problem: self,
+            iterations,
+            own,
+            bounded: start.bounded(),
+            steps: known.map_or(Vec::new(), |k| k.steps[..own].to_vec()),
+            columns: known.map(|k| {
+                let mut columns = k.columns.clone();
+                self.weigh_columns(&mut columns, k.scale.recip());
+                columns
+            }),
+            fresh: false,
+        };
+        let residual = self.residual(start).ok_or_else(|| self.diverges())?;
+        let start = Point {
+            objective: self.objective(&residual),
+            model: start.clone(),
+            residual,
+        };
+        let found = minimise(&mut descent, start, &DAMPING)?;
+        let Linearised {
+            mut columns,
+            quadratic,
+            scale,
+            excess,
+        } = found.linear.ok_or_else(|| self.diverges())?;
+        let mut residual = found.point.residual;
+        self.weigh_columns(&mut columns, scale);
+        self.weigh(&mut residual, scale);
+        Ok(Fitted {
+            model: found.point.model,
+            objective: found.point.objective,
+            excess,
+            scale,
+            residual,
+            factor: in_coordinates(&quadratic),
+            columns,
+            steps: descent.steps,
+        })
+    }
+
+    fn diverges(&self) -> TraceError {
+        TraceError::Diverges {
+            record: self.tracks.first().map_or(String::new(), |t| t.name.clone()),
+        }
+    }
+}
+
+/// A fit on its way.
+struct Descent<'a> {
+    problem: &'a Problem<'a>,
+    iterations: usize,
+    /// Coordinates of the machine, which come before those of the effects.
+    own: usize,
+    bounded: Vec<bool>,
+    steps: Vec<f64>,
+    /// Columns of the machine from a neighbouring model, for the next step.
+    columns: Option<DMatrix<f64>>,
+    /// Whether the last columns of the machine were those of the point.
+    fresh: bool,
+}
+
+struct Point {
+    model: Explained,
+    residual: Vec<f64>,
+    objective: f64,
+}
+
+struct Linearised {
+    /// Of the machine, the rows of the prior without their factor.
+    columns: DMatrix<f64>,
+    quadratic: Quadratic,
+    scale: f64,
+    excess: f64,
+}
+
+impl Search for Descent<'_> {
+    type Point = Point;
+    type Linear = Linearised;
+    type Error = TraceError;
+
+    fn cost(&self, point: &Point) -> f64 {
+        point.objective
+    }
+
+    fn ended(&mut self, point: &Point, history: &[f64], damping: &mut f64) -> Option<StopReason> {
+        let [.., before, now] = history else {
+            return None;
+        };
+        if history.len() > self.iterations {
+            return Some(StopReason::IterationLimit);
+        }
+        if before - now < SETTLED {
+            if self.fresh || self.own == point.model.coordinates().len() {
+                return Some(StopReason::CostSettled);
+            }
+            *damping = DAMPING.start;
+        }
+        self.fresh = false;
+        None
+    }
+
+    fn linearise(&mut self, point: &mut Point) -> Result<ControlFlow<StopReason, Linearised>, TraceError> {
+        let (problem, own) = (self.problem, self.own);
+        let (model, residual) = (&point.model, &point.residual);
+        let all = model.coordinates().len();
+        let diverges = || problem.diverges();
+        let columns = match self.columns.take() {
+            Some(columns) => columns,
+            None => {
+                self.fresh = true;
+                let rough = problem.rough(model).ok_or_else(diverges)?;
+                problem
+                    .columns(model, (Grain::Rough, &rough), 0..own, &mut self.steps)
+                    .ok_or_else(diverges)?
+            }
+        };
+        let more = problem
+            .columns(model, (Grain::Fine, residual), own..all, &mut self.steps)
+            .ok_or_else(diverges)?;
+        let mut jacobian = DMatrix::zeros(residual.len(), all);
+        jacobian.columns_mut(0, own).copy_from(&columns);
+        jacobian.columns_mut(own, all - own).copy_from(&more);
+        let (excess, scale) = (problem.excess(residual), problem.scale(residual));
+        problem.weigh_columns(&mut jacobian, scale);
+        let mut weighed = DVector::from_column_slice(residual);
+        problem.weigh(weighed.as_mut_slice(), scale);
+        Ok(ControlFlow::Continue(Linearised {
+            columns,
+            quadratic: Quadratic::new(&jacobian, &weighed, &DMatrix::zeros(all, 0)),
+            scale,
+            excess,
+        }))
+    }
+
+    fn trial(&mut self, point: &Point, linear: &Linearised, damping: f64) -> Trial<Point> {
+        if self.iterations == 0 {
+            return Trial::Stop(StopReason::IterationLimit);
+        }
+        let Some(step) = linear.quadratic.step(damping) else {
+            return Trial::Refused;
+        };
+        let change = &linear.quadratic.map * &step.y;
+        let bounded = |(s, bounded): (&f64, &bool)| match bounded {
+            true => s.clamp(-MOST_STEP, MOST_STEP),
+            false => *s,
+        };
+        let change = change.iter().zip(&self.bounded).map(bounded);
+        let there: Vec<f64> = point
+            .model
+            .coordinates()
+            .iter()
+            .zip(change)
+            .map(|(a, b)| a + b)
+            .collect();
+        let model = point.model.with(&there);
+        self.problem
+            .residual(&model)
+            .map_or(Trial::Refused, |residual| Trial::To {
+                point: Point {
+                    objective: self.problem.objective(&residual),
+                    model,
+                    residual,
+                },
+                predicted: step.predicted,
+            })
+    }
+
+    /// Columns of a neighbour may be the reason.
+    fn stuck(&mut self) -> Option<StopReason> {
+        None
+    }
+}

@@ -9,7 +9,7 @@ use criterion::Criterion;
 use frf_estimation::{FrfError, Layout, PeriodicAccumulator, PeriodicSettings, SkipRule};
 use lpv_core::nalgebra::{DMatrix, Matrix2};
 use lpv_core::num_complex::Complex;
-use lpv_core::{CoreError, Discrete, FrfEstimate, StateSpace};
+use lpv_core::{CoreError, Discrete, FrfEstimate, Position, StateSpace};
 use obf_basis::{BasisError, FkcmSettings, OrthonormalBasis, PoleSet, fkcm};
 use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, Weighting};
 use rand::SeedableRng;
@@ -92,7 +92,7 @@ const PERIODS: usize = 15;
 pub fn accumulator(
     period: usize,
     channels: usize,
-    position: Option<f64>,
+    position: Option<Position>,
 ) -> Result<PeriodicAccumulator, InputError> {
     let layout = Layout {
         period,
@@ -224,7 +224,7 @@ impl Bench {
             covariance,
             factor,
             degrees as f64,
-            Some(position),
+            Some(position.into()),
         )?)
     }
 

@@ -111,7 +111,7 @@ fn estimate(experiment: &Experiment<'_>, clock: Discrete) -> FrfEstimate {
         .skip(SkipRule::Fixed(SKIPPED))
         .check()
         .unwrap();
-    let mut sums = PeriodicAccumulator::new(layout, &settings, Some(experiment.position())).unwrap();
+    let mut sums = PeriodicAccumulator::new(layout, &settings, Some(experiment.position().into())).unwrap();
     let mut push = |block: PeriodBlock<'_>| -> Result<(), PlantError> {
         sums.push(&block).unwrap();
         Ok(())
@@ -142,7 +142,7 @@ fn errors_of_the_frf_are_as_large_as_its_covariance_says() {
     for e in &CHAIN.estimates {
         let frf = e.frf();
         assert_eq!(frf.len(), PERIOD / 2 - 1);
-        let exact = truth(&CHAIN, e.position().unwrap(), frf.frequencies_hz());
+        let exact = truth(&CHAIN, e.single_position().unwrap(), frf.frequencies_hz());
         for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
             let normalised = (0..frf.len())
                 .map(|k| (frf.line(k)[(i, j)] - exact.line(k)[(i, j)]).norm_sqr() / e.variance(k, i, j))
@@ -162,7 +162,7 @@ fn poles_lie_where_the_machine_has_them() {
     for (e, f) in CHAIN.estimates.iter().zip(&CHAIN.fits) {
         let exact = CHAIN
             .machine
-            .sampled_flexible_poles(e.position().unwrap(), CHAIN.clock)
+            .sampled_flexible_poles(e.single_position().unwrap(), CHAIN.clock)
             .unwrap();
         assert!(f.account.unstable_poles.is_empty());
         let found = f.flexible_poles();
@@ -194,7 +194,7 @@ fn the_frozen_model_has_the_error_that_its_basis_allows() {
     // their width from one position to the next.
     let between = fitted.windows(2).map(|p| {
         let p = 0.5 * (p[0] + p[1]);
-        let model = CHAIN.model.response(p, &frequencies).unwrap();
+        let model = CHAIN.model.response(&[p], &frequencies).unwrap();
         model.relative_error(&truth(&CHAIN, p, &frequencies)).unwrap()
     });
     judge("model between them", between.flatten().collect(), 3.0, -33.0);
@@ -220,7 +220,7 @@ fn lfr_and_basis_model_have_equal_frozen_responses() {
             .unwrap()
             .frequency_response(&frequencies)
             .unwrap();
-        let of_model = CHAIN.model.response(position, &frequencies).unwrap();
+        let of_model = CHAIN.model.response(&[position], &frequencies).unwrap();
         let errors = of_lfr.relative_error(&of_model).unwrap();
         let worst = errors.into_iter().fold(0.0, f64::max);
         assert!(worst < 1e-9, "{worst:e}");
@@ -312,7 +312,7 @@ fn bits(chain: &Chain) -> Vec<u64> {
         numbers.extend(local.coefficient_covariance(q).iter());
     }
     for table in local.leave_one_out(&local.candidates(8)).unwrap() {
-        numbers.extend([table.cost, table.worst.0, table.worst.1]);
+        numbers.extend([table.cost, table.worst.0, table.worst.1[0]]);
     }
     let b = chain.realization.lfr.blocks();
     for m in [&b.a, &b.b1, &b.b2, &b.c1, &b.d11, &b.d12, &b.c2, &b.d21, &b.d22] {

@@ -8,8 +8,8 @@
 use frf_estimation::{PeriodicSettings, SkipRule, confidence_radius, estimate_records};
 use lfr_realize::realize;
 use lpv_core::{
-    Discrete, Frf, FrfEstimate, MatrixFunction, Model, Purpose, Record, RecordKind, SeriesExpansion, Signals,
-    StateSpace,
+    Discrete, Frf, FrfEstimate, MatrixFunction, Model, Position, Purpose, Record, RecordKind,
+    SeriesExpansion, Signals, StateSpace,
 };
 use lpv_ident::{Interpolation, LocalFits, RegressionSettings, RigidTerm, Weighting, recommend, regress};
 use lpv_report::{Axis, Cell, Figure, KeyFigure, Page, Panel, Section, Series};
@@ -69,7 +69,7 @@ struct Estimate {
     gain: Option<f64>,
     draw: Vec<C64>,
     kinds: (Covariance, Covariance),
-    position: Option<f64>,
+    position: Option<Position>,
 }
 
 impl Estimate {
@@ -103,7 +103,7 @@ impl Estimate {
             (0..lines).flat_map(|k| covariance(n, kind, &shift(k))).collect()
         };
         let (c, s) = (each(self.outputs, self.kinds.0), each(self.inputs, self.kinds.1));
-        FrfEstimate::new(frf.ok()?, c, s, 12.0, self.position).ok()
+        FrfEstimate::new(frf.ok()?, c, s, 12.0, self.position.clone()).ok()
     }
 }
 
@@ -137,7 +137,7 @@ fn estimate(outputs: usize, inputs: usize) -> impl Strategy<Value = Estimate> {
             gain,
             draw,
             kinds,
-            position,
+            position: position.map(Position::from),
         })
 }
 
@@ -156,7 +156,7 @@ fn estimates() -> impl Strategy<Value = Vec<Estimate>> {
                 // Lines of one estimate for all: what comes of measurements.
                 let lines = list.first().map(|e| e.frequencies_hz.clone());
                 for (q, e) in list.iter_mut().enumerate() {
-                    e.position = Some(0.1 * q as f64 - 0.2);
+                    e.position = Some((0.1 * q as f64 - 0.2).into());
                     if let Some(lines) = &lines {
                         e.frequencies_hz.clone_from(lines);
                     }
@@ -231,10 +231,10 @@ fn downstream(fits: &LocalFits) {
         let Ok(model) = fits.interpolate(kind) else {
             continue;
         };
-        let middle = 0.5 * (positions[0] + positions[positions.len() - 1]);
+        let middle = 0.5 * (positions[0][0] + positions[positions.len() - 1][0]);
         for p in [middle, f64::NAN, 1e9] {
-            let _ = model.response(p, &frequencies[1..]);
-            let _ = model.response_deviation(p, &frequencies);
+            let _ = model.response(&[p], &frequencies[1..]);
+            let _ = model.response_deviation(&[p], &frequencies);
         }
         let Ok(series) = model.series() else { continue };
         realised(&series, middle);
@@ -388,7 +388,7 @@ proptest! {
                         name: format!("record-{experiment}"),
                         kind: RecordKind::Periodic { period },
                         purpose: Purpose::Estimation,
-                        position,
+                        position: position.map(Position::from),
                         outputs: columns(0, ny, false),
                         inputs: columns(3, nu, true),
                         references: Signals::default(),

@@ -49,7 +49,7 @@ fn estimate(position: f64, period: usize, periods: usize) -> PeriodicEstimate {
         sample_rate_hz: 20.0,
     };
     let rule = PeriodicSettings::default().skip(SkipRule::Fixed(SKIPPED));
-    let mut sums = PeriodicAccumulator::new(layout, &rule.check().unwrap(), Some(position)).unwrap();
+    let mut sums = PeriodicAccumulator::new(layout, &rule.check().unwrap(), Some(position.into())).unwrap();
     let mut push = |block: PeriodBlock<'_>| -> Result<(), PlantError> {
         sums.push(&block).unwrap();
         Ok(())

@@ -115,7 +115,7 @@ impl Bench {
             experiments: 2,
             sample_rate_hz: 1.0 / self.clock.sample_time(),
         };
-        let mut accumulator = PeriodicAccumulator::new(layout, frf, Some(p))?;
+        let mut accumulator = PeriodicAccumulator::new(layout, frf, Some(p.into()))?;
         experiment.run::<StreamError>(&mut |block| Ok(accumulator.push(&block)?))?;
         Ok(accumulator.finish()?)
     }

@@ -160,7 +160,7 @@ fn coefficients(obf: &ObfStage) -> Result<Figure, TaskError> {
         let samples: Vec<_> = fits
             .fits()
             .iter()
-            .map(|f| (f.position, f.weights[(0, column)]))
+            .filter_map(|f| Some((f.position.single()?, f.weights[(0, column)])))
             .collect();
         let size = samples
             .iter()
@@ -197,10 +197,10 @@ fn coefficients(obf: &ObfStage) -> Result<Figure, TaskError> {
 
 fn model(obf: &ObfStage, grid: &TestGrid) -> Result<Figure, TaskError> {
     let p = grid.positions[0];
-    let response = obf.recommended.response(p, &grid.frequencies_hz)?;
+    let response = obf.recommended.response(&[p], &grid.frequencies_hz)?;
     // The band is drawn on fewer lines: its price is a triangular solve a line, channel and position.
     let few: Vec<f64> = grid.frequencies_hz.iter().copied().step_by(6).collect();
-    let deviation = obf.recommended.response_deviation(p, &few)?;
+    let deviation = obf.recommended.response_deviation(&[p], &few)?;
     Ok(bode("Fig. 7: frozen response of the LPV-OBF model at the first position", |i, j, axes| {
         let band: Vec<_> = few.iter().zip(&deviation).map(|(&f, d)| (f, 2.0 * d[(i, j)])).collect();
         axes.series(Series::new(difference(&response, &grid.truth[0], i, j), Style::Dashed).label("error").colour(Colour::Error))
@@ -213,7 +213,7 @@ fn model(obf: &ObfStage, grid: &TestGrid) -> Result<Figure, TaskError> {
 
 fn over_positions(obf: &ObfStage, grid: &TestGrid) -> Result<Figure, TaskError> {
     let curve = |m: &lpv_ident::LpvObfModel| -> Result<Vec<(f64, f64)>, TaskError> {
-        let responses = m.responses(&grid.positions, &grid.frequencies_hz)?;
+        let responses = m.responses(grid.positions.iter().copied(), &grid.frequencies_hz)?;
         let mut points = Vec::with_capacity(responses.len());
         for ((r, t), &p) in responses.iter().zip(&grid.truth).zip(&grid.positions) {
             let band = |f: &Frf| f.select(|_, f| f <= BAND_HZ);

@@ -225,7 +225,7 @@ pub(crate) struct BandError {
 
 impl ObfError {
     fn new(model: &LpvObfModel, grid: &TestGrid) -> Result<Self, TaskError> {
-        let responses = model.responses(&grid.positions, &grid.frequencies_hz)?;
+        let responses = model.responses(grid.positions.iter().copied(), &grid.frequencies_hz)?;
         let errors = grid.errors(&responses)?;
         let all = grid.part(&errors, None, f64::INFINITY)?;
         let band = grid.part(&errors, None, BAND_HZ)?;
@@ -315,7 +315,7 @@ pub(crate) fn obf(
         order: bench.size.order,
     })?;
 
-    let responses = recommended.responses(&grid.positions, &grid.frequencies_hz)?;
+    let responses = recommended.responses(grid.positions.iter().copied(), &grid.frequencies_hz)?;
     let mut by_channel = Vec::new();
     for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
         let (strict_max_db, median_db) = channel_error(&responses, &grid.truth, i, j)?;
@@ -357,7 +357,7 @@ pub(crate) fn obf(
 /// The interpolations of the tables.
 fn candidates(fits: &LocalFits, order: usize) -> Vec<Interpolation> {
     let positions = fits.positions();
-    let spacing = positions[1] - positions[0];
+    let spacing = positions[1][0] - positions[0][0];
     vec![
         Interpolation::Polynomial { order: 7 },
         Interpolation::Polynomial { order: 11 },
@@ -388,7 +388,7 @@ fn noise_free(bench: &Bench, basis: &OrthonormalBasis, grid: &TestGrid) -> Resul
         .map(|&p| {
             Ok(FrfEstimate::with_unit_covariance(
                 bench.truth(p, &grid.frequencies_hz)?,
-                Some(p),
+                Some(p.into()),
             )?)
         })
         .collect::<Result<Vec<_>, TaskError>>()?;
@@ -445,7 +445,7 @@ pub(crate) fn lfr(stage: &ObfStage, grid: &TestGrid) -> Result<(Realization, Lfr
             .par_iter()
             .map(|&p| {
                 let own = made.lfr.frozen(&[p])?.frequency_response(&frequencies)?;
-                let errors = own.relative_error(&model.response(p, &frequencies)?)?;
+                let errors = own.relative_error(&model.response(&[p], &frequencies)?)?;
                 Ok(errors.into_iter().fold(0.0, f64::max))
             })
             .collect::<Result<Vec<f64>, TaskError>>()?;

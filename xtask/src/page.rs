@@ -427,7 +427,7 @@ fn leave_one_out(obf: &ObfStage) -> Table {
             table.row([
                 Cell::text(e.interpolation.name()),
                 Cell::number(e.cost, Format::Scientific(2)),
-                Cell::number(e.worst.1, Format::Fixed(2)),
+                Cell::text(format!("{:.2}", e.worst.1)),
             ])
         },
     )

@@ -496,7 +496,7 @@ pub(crate) fn run(size: Size, seed: u64) -> Result<SmallAccount, TaskError> {
 
     let responses: Vec<_> = estimates
         .iter()
-        .map(|e| (vec![e.position().unwrap_or(0.0)], e.clone()))
+        .map(|e| (vec![e.single_position().unwrap_or(0.0)], e.clone()))
         .collect();
     let measured = FrozenData::weighted(bench.clock, &responses, 0.0)?;
     let began = Instant::now();

@@ -63,7 +63,7 @@ pub(crate) fn frf(c: &mut Criterion) {
     let periods = LazyCell::new(|| periods(&bench));
     let mut group = c.benchmark_group("FRF, period 32768, two inputs and outputs");
     group.throughput(Throughput::Elements(PERIOD as u64));
-    let mut filling = accumulator(PERIOD, 2, Some(0.2)).unwrap();
+    let mut filling = accumulator(PERIOD, 2, Some(0.2.into())).unwrap();
     let mut period = 0;
     group.bench_function("push", |b| {
         b.iter(|| {
@@ -73,7 +73,7 @@ pub(crate) fn frf(c: &mut Criterion) {
     });
     group.bench_function("finish", |b| {
         let filled = || {
-            let mut full = accumulator(PERIOD, 2, Some(0.2)).unwrap();
+            let mut full = accumulator(PERIOD, 2, Some(0.2.into())).unwrap();
             for signals in &*periods {
                 push(&mut full, signals, signals.index);
             }

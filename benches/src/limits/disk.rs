@@ -64,7 +64,7 @@ fn record(index: usize, periods: usize) -> Record {
         name: format!("record{index}"),
         kind: RecordKind::Periodic { period: PERIOD },
         purpose: Purpose::Estimation,
-        position: Some(position),
+        position: Some(position.into()),
         outputs: Signals::new(
             &["y1", "y2"],
             vec![along([0.5, 0.1], 1, 1e-3), along([0.1, 0.3], 1, 1e-3)],

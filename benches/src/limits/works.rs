@@ -86,7 +86,7 @@ pub(crate) fn channels(bench: &Bench, channels: usize) -> Result<Work<'_>, Failu
         whole(&|k| one.output_covariance(k).into_owned(), 0.0),
         whole(&|k| one.input_factor(k).into_owned(), 0.0),
         one.degrees_of_freedom(),
-        one.position(),
+        one.position().cloned(),
     )?;
     let settings = RegressionSettings::new().diagonal_rigid_body(channels).check()?;
     Ok(Box::new(move || {

@@ -322,7 +322,7 @@ fn periods(bench: &Bench) -> Result<Vec<Period>, Failure> {
 }
 
 fn frf_estimate(periods: &[Period]) -> Result<FrfEstimate, Failure> {
-    let mut sums = accumulator(PERIOD, 2, Some(0.2))?;
+    let mut sums = accumulator(PERIOD, 2, Some(0.2.into()))?;
     for (i, [outputs, inputs, references]) in periods.iter().enumerate() {
         sums.push(&PeriodBlock {
             experiment: i / PERIODS,
@@ -610,7 +610,7 @@ fn regression_inputs() -> Result<(Vec<FrfEstimate>, StateSpace<Discrete>), Failu
         .into_iter()
         .enumerate()
         .map(|(p, estimate)| {
-            let position = estimate.position().unwrap_or(0.0);
+            let position = estimate.single_position().unwrap_or(0.0);
             let plant = bench
                 .machine
                 .sampled(position, bench.clock)?
@@ -630,7 +630,13 @@ fn regression_inputs() -> Result<(Vec<FrfEstimate>, StateSpace<Discrete>), Failu
             let noise = all(&|k| estimate.output_covariance(k).iter().copied().collect());
             let factor = all(&|k| estimate.input_factor(k).iter().copied().collect());
             let degrees = estimate.degrees_of_freedom();
-            Ok(FrfEstimate::new(frf, noise, factor, degrees, Some(position))?)
+            Ok(FrfEstimate::new(
+                frf,
+                noise,
+                factor,
+                degrees,
+                Some(position.into()),
+            )?)
         });
     Ok((estimates.collect::<Result<_, Failure>>()?, basis))
 }

@@ -11,7 +11,7 @@ use crate::description_check::fault;
 use crate::key_path::KeyPath;
 use crate::source::Source;
 use crate::{DataError, DescriptionError, RecordError, RecordPlace, paths, toml_file};
-use lpv_core::{Discrete, Record, RecordKind, Signals};
+use lpv_core::{Discrete, Position, Record, RecordKind, Signals};
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -117,8 +117,8 @@ impl Bundle {
     /// Reads one record: only the columns that the description names, scaled and checked.
     ///
     /// The record's name is the file's path without `records/` in front and without its ending (with both, where two
-    /// records would share a name). `position` is the declared one; for a periodic record with one scheduling signal
-    /// and no declaration it is the mean of that column.
+    /// records would share a name). `position` is the declared one; for a periodic record with scheduling signals
+    /// and no declaration it is the mean of each.
     ///
     /// # Errors
     /// [`DataError::Index`], [`DataError::Record`] with the file, the record, the column and the place in it.
@@ -142,11 +142,15 @@ impl Bundle {
     /// # Errors
     /// As [`Bundle::load`], at the end: the clauses of the format hold for all periods together, and what `sink` was given
     /// counts only where they do.
-    pub fn each_period(&self, index: usize, mut sink: impl FnMut(Record)) -> Result<Option<f64>, DataError> {
+    pub fn each_period(
+        &self,
+        index: usize,
+        mut sink: impl FnMut(Record),
+    ) -> Result<Option<Position>, DataError> {
         let entry = self.entry(index)?;
         let RecordKind::Periodic { period } = entry.record_kind() else {
             let record = self.load(index)?;
-            let position = record.position;
+            let position = record.position.clone();
             sink(record);
             return Ok(position);
         };
@@ -190,7 +194,7 @@ impl Bundle {
 
     fn expectation<'a>(&'a self, entry: &'a crate::RecordEntry) -> Expectation<'a> {
         Expectation {
-            declared_position: entry.position,
+            declared_position: entry.position.clone(),
             scheduling_range: Box::new(|column| self.scheduling_range(column)),
         }
     }
@@ -311,7 +315,7 @@ impl Bundle {
             name: self.names[index].clone(),
             kind: entry.record_kind(),
             purpose: entry.purpose,
-            position: entry.position,
+            position: entry.position.clone(),
             outputs: signals(&c.output),
             inputs: signals(&c.input),
             references: signals(&c.reference),

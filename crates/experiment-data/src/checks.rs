@@ -3,18 +3,18 @@
 use crate::RecordError;
 use crate::clipping::{self, Clipped, Ends};
 use crate::rest::{REST, SCALE, Travel};
-use lpv_core::{Record, RecordKind, Signals};
+use lpv_core::{Position, Record, RecordKind, Signals};
 
 /// What the checks need to know beside the record.
 pub(crate) struct Expectation<'a> {
     /// `position` of the description.
-    pub(crate) declared_position: Option<f64>,
+    pub(crate) declared_position: Option<Position>,
     /// Range of a scheduling column over the bundle, by its index; asked only in doubt, because it may read other records.
     pub(crate) scheduling_range: Box<dyn Fn(usize) -> f64 + 'a>,
 }
 
-/// Checks every clause; gives the position, declared or, for a periodic record with one scheduling signal, measured.
-pub(crate) fn check(record: &Record, expected: &Expectation<'_>) -> Result<Option<f64>, RecordError> {
+/// Checks every clause; gives the position, declared or, for a periodic record with scheduling signals, measured.
+pub(crate) fn check(record: &Record, expected: &Expectation<'_>) -> Result<Option<Position>, RecordError> {
     if let RecordKind::Periodic { period } = record.kind {
         let mut check = PeriodicCheck::new(record, period);
         check.push(record);
@@ -38,7 +38,7 @@ pub(crate) fn check(record: &Record, expected: &Expectation<'_>) -> Result<Optio
     for (name, samples) in named(&record.outputs) {
         clipped(name, clipping::transient(samples), samples.len())?;
     }
-    Ok(expected.declared_position)
+    Ok(expected.declared_position.clone())
 }
 
 /// The clauses of a periodic record, which may come in parts.
@@ -120,7 +120,7 @@ impl PeriodicCheck {
     }
 
     /// Judges all parts; gives the position as [`check`] does.
-    pub(crate) fn finish(&self, expected: &Expectation<'_>) -> Result<Option<f64>, RecordError> {
+    pub(crate) fn finish(&self, expected: &Expectation<'_>) -> Result<Option<Position>, RecordError> {
         lengths(self.columns.iter().map(|c| (c.name.as_str(), c.samples)))?;
         for column in &self.columns {
             column.finite.finish(&column.name)?;
@@ -147,11 +147,8 @@ impl PeriodicCheck {
                 )?;
             }
         }
-        let measured = match means.as_slice() {
-            [mean] => Some(*mean),
-            _ => None,
-        };
-        Ok(expected.declared_position.or(measured))
+        let measured = (!means.is_empty()).then(|| means.into());
+        Ok(expected.declared_position.clone().or(measured))
     }
 }
 
@@ -284,7 +281,11 @@ fn constant_scheduling(
     let range = || (expected.scheduling_range)(column);
     // With one position in the bundle nothing but its size gives a scale, and whoever declares it says that it rests.
     let declared = |p: f64| to - from <= REST * own.max(p.abs());
-    if !travel.rests(range) && !expected.declared_position.is_some_and(declared) {
+    let position = expected
+        .declared_position
+        .as_ref()
+        .and_then(|p| p.get(column).copied());
+    if !travel.rests(range) && !position.is_some_and(declared) {
         return Err(RecordError::SchedulingMoves {
             column: name.to_owned(),
             from,
@@ -292,7 +293,7 @@ fn constant_scheduling(
             tolerance: REST * range(),
         });
     }
-    if let Some(declared) = expected.declared_position {
+    if let Some(declared) = position {
         let range = range();
         let scale = if range > SCALE * (to - from) {
             range

@@ -1,7 +1,7 @@
 //! What an engineer writes down next to a measurement.
 
 use crate::Text;
-use lpv_core::{Controller, Geometry, Purpose, RecordKind};
+use lpv_core::{Controller, Geometry, Position, Purpose, RecordKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -138,9 +138,10 @@ pub struct RecordEntry {
     /// Whether it may be fitted or is held out.
     #[serde(rename = "use", with = "PurposeName")]
     pub purpose: Purpose,
-    /// The constant p, else the mean of the scheduling column.
+    /// The constant p, one number a scheduling signal (several: format 2), else the means of the scheduling columns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub position: Option<f64>,
+    #[schemars(with = "Option<NumberOrList>")]
+    pub position: Option<Position>,
     /// Known signals that this test added to the controller's output.
     #[serde(default, skip_serializing_if = "ChannelGroup::is_empty")]
     pub injection: ChannelGroup,
@@ -174,6 +175,15 @@ impl RecordEntry {
 }
 
 /// `use` of a record.
+/// How a position is written.
+#[derive(JsonSchema)]
+#[serde(untagged)]
+#[allow(dead_code, reason = "it describes the schema alone")]
+enum NumberOrList {
+    One(f64),
+    Several(Vec<f64>),
+}
+
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(remote = "Purpose", rename_all = "lowercase")]
 #[schemars(rename = "Use")]

@@ -99,11 +99,23 @@ fn check_text(text: &Text) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Rows and columns of the entries, which format 2 adds.
+/// Positions, rows and columns of the entries.
 pub(crate) fn check_places(d: &Description) -> Result<(), Fault> {
     let records = KeyPath::key("records");
+    // Without a scheduling signal the first position says how many numbers p has.
+    let declared = d.records.iter().find_map(|r| r.position.as_ref());
+    let signals = match d.channels.scheduling.len() {
+        0 => declared.map_or(0, |p| p.len()),
+        signals => signals,
+    };
     for (index, entry) in d.records.iter().enumerate() {
         let path = records.at(index);
+        if let Some(found) = entry.position.as_ref().map(|p| p.len())
+            && found != signals.max(1)
+        {
+            let problem = DescriptionError::PositionLength { signals, found };
+            return Err(fault(path.then("position"), problem));
+        }
         if let Some(rows) = entry.rows
             && !(1..=rows[1]).contains(&rows[0])
         {
@@ -224,8 +236,11 @@ pub(crate) fn check_entry(entry: &RecordEntry, path: &KeyPath) -> Result<(), Fau
         }
         _ => {}
     }
-    if let Some(value) = entry.position
-        && !value.is_finite()
+    if let Some(&value) = entry
+        .position
+        .iter()
+        .flat_map(|p| p.iter())
+        .find(|v| !v.is_finite())
     {
         return Err(fault(
             path.then("position"),

@@ -1,5 +1,7 @@
 //! Whether a scheduling signal rests. Only differences of p count, so that its unit and its zero may be any.
 
+use lpv_core::Position;
+
 /// Part of the range of p within which a signal rests.
 pub(crate) const REST: f64 = 1e-3;
 
@@ -95,41 +97,44 @@ impl Travel {
 }
 
 /// Where a record rests.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct RestingPlace {
-    /// The position, declared or else the mean of the scheduling signal.
-    pub position: f64,
-    /// How far the scheduling signal strays while it rests, peak to peak: the resolution of a measured position. Zero for a
+    /// The position, declared or else the means of the scheduling signals.
+    pub position: Position,
+    /// How far each scheduling signal strays while it rests, peak to peak: the resolution of a measured position. Zero for a
     /// declared one.
-    pub spread: f64,
+    pub spread: Vec<f64>,
     /// Whether the description says it.
     pub declared: bool,
 }
 
 impl RestingPlace {
     /// A position that the description says.
-    pub fn declared(position: f64) -> Self {
+    pub fn declared(position: Position) -> Self {
         Self {
+            spread: vec![0.0; position.len()],
             position,
-            spread: 0.0,
             declared: true,
         }
     }
 
-    /// The place at which a signal rests.
-    pub fn measured(travel: &Travel) -> Self {
+    /// The place at which the scheduling signals rest.
+    pub fn measured(travels: &[Travel]) -> Self {
         Self {
-            position: travel.mean(),
-            spread: travel.high - travel.low,
+            position: travels.iter().map(Travel::mean).collect::<Vec<f64>>().into(),
+            spread: travels.iter().map(|t| t.high - t.low).collect(),
             declared: false,
         }
     }
 
-    /// Whether two positions agree within the resolution that their records show.
+    /// Whether two positions agree in every scheduling signal, within the resolution that their records show.
     pub fn agrees(&self, other: &Self) -> bool {
-        let resolution = self.spread.max(other.spread);
-        let size = self.position.abs().max(other.position.abs());
-        (self.position - other.position).abs() <= resolution + rounding(size)
+        let agree = |i: usize| {
+            let (own, its) = (self.position[i], other.position[i]);
+            let resolution = self.spread[i].max(other.spread[i]);
+            (own - its).abs() <= resolution + rounding(own.abs().max(its.abs()))
+        };
+        self.position.len() == other.position.len() && (0..self.position.len()).all(agree)
     }
 }
 
@@ -168,7 +173,7 @@ mod tests {
             assert!(!Travel::of(&slow).rests(range));
             let near = of(&|k| 0.3004 + 9e-4 * noise(k));
             let far = of(&|k| 0.31 + 9e-4 * noise(k));
-            let [a, b, c] = [&trembling, &near, &far].map(|p| RestingPlace::measured(&Travel::of(p)));
+            let [a, b, c] = [&trembling, &near, &far].map(|p| RestingPlace::measured(&[Travel::of(p)]));
             assert!(a.agrees(&b) && !a.agrees(&c), "{a:?} {b:?} {c:?}");
         }
     }

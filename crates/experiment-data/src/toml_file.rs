@@ -61,6 +61,9 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Description, DataError> {
     if let Some(fault) = raw.too_many_coefficients() {
         return Err(located(fault));
     }
+    if let Some(fault) = raw.list_of_format_2() {
+        return Err(located(fault));
+    }
     let description = raw.into_description();
     check_head(&description)
         .and_then(|()| check_entries(&description.records))
@@ -232,6 +235,15 @@ impl DescriptionFile {
         Some(fault(KeyPath::key("controller").then(key), problem))
     }
 
+    /// A position of several numbers in a description of format 1.
+    fn list_of_format_2(&self) -> Option<Fault> {
+        let list = |r: &RecordEntry| r.position.as_ref().is_some_and(|p| p.len() > 1);
+        let index = self.records.iter().position(list).filter(|_| self.format == 1)?;
+        let key = "position = [...]".to_owned();
+        let path = KeyPath::key("records").at(index).then("position");
+        Some(fault(path, DescriptionError::OfFormat2 { key }))
+    }
+
     fn into_description(self) -> Description {
         let loops = self.channels.input.len();
         let c = self.channels;
@@ -289,9 +301,12 @@ fn needs_second(d: &Description) -> bool {
     let groups = [&c.output, &c.input, &c.reference, &c.scheduling, &c.auxiliary];
     d.text.is_some()
         || groups.iter().any(|g| !g.offset.is_empty())
-        || d.records
-            .iter()
-            .any(|r| r.rows.is_some() || !r.columns.is_empty() || !r.injection.offset.is_empty())
+        || d.records.iter().any(|r| {
+            r.position.as_ref().is_some_and(|p| p.len() > 1)
+                || r.rows.is_some()
+                || !r.columns.is_empty()
+                || !r.injection.offset.is_empty()
+        })
 }
 
 /// The first unknown key in the order of the file: its offset, its full name, the problem.

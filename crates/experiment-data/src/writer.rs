@@ -187,7 +187,7 @@ impl BundleWriter {
         lists("injection", &record.injection)?;
         let scale = largest(&record.scheduling).max(self.scheduling_scale);
         let expectation = Expectation {
-            declared_position: record.position,
+            declared_position: record.position.clone(),
             // Which records are still to come is not known: what rests beside the largest |p| may rest.
             scheduling_range: Box::new(move |_| scale),
         };
@@ -232,7 +232,7 @@ fn entry(record: &Record, file: String) -> RecordEntry {
         kind,
         period,
         purpose: record.purpose,
-        position: record.position,
+        position: record.position.clone(),
         injection,
         columns: BTreeMap::new(),
         rows: None,

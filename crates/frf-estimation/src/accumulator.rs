@@ -6,7 +6,7 @@ use crate::periodic::PeriodicEstimate;
 use crate::spectra::{Spectra, equal, sum};
 use crate::waiting::Waiting;
 use crate::{CheckedSettings, FrfError, SkipRule};
-use lpv_core::PeriodBlock;
+use lpv_core::{PeriodBlock, Position};
 
 impl Experiment {
     /// Whether the references are those of the first period, as all before were.
@@ -52,7 +52,7 @@ impl Experiment {
 pub struct PeriodicAccumulator {
     layout: Layout,
     settings: CheckedSettings,
-    position: Option<f64>,
+    position: Option<Position>,
     skip: usize,
     lines: usize,
     /// Periods that wait, all of one experiment.
@@ -73,17 +73,22 @@ impl std::fmt::Debug for PeriodicAccumulator {
 }
 
 impl PeriodicAccumulator {
-    /// An accumulator without data. `position`: the constant scheduling value of the experiments.
+    /// An accumulator without data. `position`: the constant scheduling values of the experiments.
     ///
     /// # Errors
     /// [`FrfError::Layout`], [`FrfError::TooFewExperiments`], [`FrfError::AutoSkipNeedsRecords`] under
     /// [`SkipRule::Auto`], [`FrfError::Line`] for a line beyond the period.
-    pub fn new(layout: Layout, settings: &CheckedSettings, position: Option<f64>) -> Result<Self, FrfError> {
+    pub fn new(
+        layout: Layout,
+        settings: &CheckedSettings,
+        position: Option<Position>,
+    ) -> Result<Self, FrfError> {
         layout.check()?;
         let SkipRule::Fixed(skip) = settings.get().skip else {
             return Err(FrfError::AutoSkipNeedsRecords);
         };
-        if let Some(value) = position.filter(|p| !p.is_finite()) {
+        let mut values = position.iter().flat_map(|p| p.iter());
+        if let Some(&value) = values.find(|v| !v.is_finite()) {
             return Err(FrfError::Layout {
                 field: "position",
                 value,
@@ -202,7 +207,7 @@ impl PeriodicAccumulator {
         Averages {
             layout: self.layout,
             settings: self.settings.get(),
-            position: self.position,
+            position: self.position.clone(),
             skipped: self.skip,
             lines: self.lines,
             order,

@@ -2,6 +2,7 @@
 
 use crate::moments::{Means, Order, Scatter};
 use crate::{FrfError, PeriodicSettings};
+use lpv_core::Position;
 
 /// Shape of the experiments at one scheduling position.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,7 +79,7 @@ pub(crate) struct Experiment {
 pub(crate) struct Averages<'a> {
     pub(crate) layout: Layout,
     pub(crate) settings: &'a PeriodicSettings,
-    pub(crate) position: Option<f64>,
+    pub(crate) position: Option<Position>,
     pub(crate) skipped: usize,
     /// Lines 1 to this are kept.
     pub(crate) lines: usize,

@@ -122,7 +122,7 @@ impl Averages<'_> {
             noise_floor: self.noise_floor(&selection.quiet),
             output_snr: snr(0..ny),
             input_snr: snr(ny..ny + nu),
-            estimate: FrfEstimate::new(frf, c_v, s, degrees, self.position)?,
+            estimate: FrfEstimate::new(frf, c_v, s, degrees, self.position.clone())?,
             direct: Frf::new(frequencies_hz, ny, nu, direct)?,
             instrument,
             excited_lines: excited,

@@ -64,7 +64,7 @@ pub fn estimate_records(
             .unwrap_or(0),
     };
     let fixed = settings.with_skip(SkipRule::Fixed(skip));
-    let mut accumulator = PeriodicAccumulator::new(layout, &fixed, first.position)?;
+    let mut accumulator = PeriodicAccumulator::new(layout, &fixed, first.position.clone())?;
     for (experiment, record) in records.iter().enumerate() {
         for m in 0..record.len() / period {
             let cut = |signals: &Signals| -> Vec<Vec<f64>> {
@@ -168,9 +168,12 @@ pub(crate) fn check_alike(index: usize, record: &Record, first: &Record) -> Resu
             finite(index, kind, channel, samples)?;
         }
     }
-    let position = |r: &Record| r.position.unwrap_or(f64::NAN);
-    let (expected, found) = (position(first), position(record));
     if record.position != first.position {
+        let [expected, found] = [first, record].map(|r| r.position.as_deref().unwrap_or(&[]));
+        let value = |p: &[f64], i: usize| p.get(i).copied().unwrap_or(f64::NAN);
+        let differs = |i: &usize| expected.get(*i) != found.get(*i);
+        let at = (0..expected.len().max(found.len())).find(differs).unwrap_or(0);
+        let (expected, found) = (value(expected, at), value(found, at));
         return Err(mismatch(index, record, "the position", expected, found));
     }
     Ok(())

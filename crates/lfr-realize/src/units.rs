@@ -162,7 +162,7 @@ impl Units {
             }),
             each(estimate.input_factors(), nu, nu * nu, &|l, j| u[l] * u[j]),
             estimate.degrees_of_freedom(),
-            estimate.position().map(|p| self.places(&[p])[0]),
+            estimate.position().map(|p| self.places(p).into()),
         )?)
     }
 

@@ -1,7 +1,7 @@
 //! Frequency response functions, with and without their covariance.
 
-use crate::CoreError;
 use crate::linalg::dimension;
+use crate::{CoreError, Position};
 use nalgebra::{DMatrix, DMatrixView};
 use num_complex::Complex;
 
@@ -206,13 +206,13 @@ pub struct FrfEstimate {
     output_covariance: Vec<C64>,
     input_factor: Vec<C64>,
     degrees_of_freedom: f64,
-    position: Option<f64>,
+    position: Option<Position>,
 }
 
 impl FrfEstimate {
     /// From the FRF and, for each line, `C_V` (`n_y x n_y`) and `S` (`n_u x n_u`), column-major, line after line.
     /// `degrees_of_freedom`: complex ones, infinite where the covariance is known. `position`: the constant
-    /// scheduling value of the experiment.
+    /// scheduling values of the experiment.
     ///
     /// # Errors
     /// [`CoreError::Dimension`], [`CoreError::NotFinite`].
@@ -221,7 +221,7 @@ impl FrfEstimate {
         output_covariance: Vec<C64>,
         input_factor: Vec<C64>,
         degrees_of_freedom: f64,
-        position: Option<f64>,
+        position: Option<Position>,
     ) -> Result<Self, CoreError> {
         let (ny, nu) = (frf.outputs, frf.inputs);
         for (what, size, values) in [
@@ -240,7 +240,7 @@ impl FrfEstimate {
                 });
             }
         }
-        if position.is_some_and(|p| !p.is_finite()) {
+        if position.iter().any(|p| p.iter().any(|v| !v.is_finite())) {
             return Err(CoreError::NotFinite {
                 what: "FRF estimate: position",
                 row: 0,
@@ -267,7 +267,7 @@ impl FrfEstimate {
     ///
     /// # Errors
     /// None beyond those of [`FrfEstimate::new`].
-    pub fn with_unit_covariance(frf: Frf, position: Option<f64>) -> Result<Self, CoreError> {
+    pub fn with_unit_covariance(frf: Frf, position: Option<Position>) -> Result<Self, CoreError> {
         let one = |n: usize| {
             let eye = DMatrix::<C64>::identity(n, n);
             std::iter::repeat_n(eye, frf.len())
@@ -310,9 +310,21 @@ impl FrfEstimate {
     pub fn degrees_of_freedom(&self) -> f64 {
         self.degrees_of_freedom
     }
-    /// The constant scheduling value of the experiment, where there is one.
-    pub fn position(&self) -> Option<f64> {
-        self.position
+    /// The constant scheduling values of the experiment, where there are any.
+    pub fn position(&self) -> Option<&Position> {
+        self.position.as_ref()
+    }
+    /// The constant value of the only scheduling signal; none where there are several.
+    pub fn single_position(&self) -> Option<f64> {
+        self.position.as_ref().and_then(Position::single)
+    }
+    /// The same of a machine that is taken as time-invariant.
+    #[must_use]
+    pub fn without_position(self) -> Self {
+        Self {
+            position: None,
+            ..self
+        }
     }
     /// Variance of one channel at line `k`: `E |dF_ij|^2 = C_V[i,i] S[j,j]`.
     ///
@@ -352,7 +364,7 @@ impl FrfEstimate {
                 .flat_map(|&k| self.input_factor(k).iter().copied().collect::<Vec<_>>())
                 .collect(),
             degrees_of_freedom: self.degrees_of_freedom,
-            position: self.position,
+            position: self.position.clone(),
         }
     }
 }

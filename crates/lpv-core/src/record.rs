@@ -1,7 +1,7 @@
 //! Measured or simulated signals; nothing here says which.
 
-use crate::CoreError;
 use crate::linalg::dimension;
+use crate::{CoreError, Position};
 
 /// Named columns of equal length, one a channel.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -67,8 +67,8 @@ pub struct Record {
     pub kind: RecordKind,
     /// Use.
     pub purpose: Purpose,
-    /// Constant scheduling values, where the experiment has one.
-    pub position: Option<f64>,
+    /// Constant scheduling values, where the experiment has them.
+    pub position: Option<Position>,
     /// Plant outputs y.
     pub outputs: Signals,
     /// Plant inputs u.
@@ -145,7 +145,7 @@ impl Record {
                 }
             }
         }
-        if self.position.is_some_and(|p| !p.is_finite()) {
+        if self.position.iter().any(|p| p.iter().any(|v| !v.is_finite())) {
             return Err(CoreError::NotFinite {
                 what: "record: position",
                 row: 0,

@@ -822,7 +822,7 @@ fn numbers_that_are_not_finite_are_refused() {
     ));
     let frf = Frf::zeros(vec![1.0], 1, 1).unwrap();
     assert!(not_finite(
-        lpv_core::FrfEstimate::with_unit_covariance(frf, Some(f64::NAN)).map(drop)
+        lpv_core::FrfEstimate::with_unit_covariance(frf, Some(f64::NAN.into())).map(drop)
     ));
 
     // A response that overflows is no agreement between two runs of the integrator.
@@ -903,7 +903,7 @@ fn a_record_with_an_absurd_period_is_refused() {
         name: String::new(),
         kind: lpv_core::RecordKind::Periodic { period: usize::MAX },
         purpose: lpv_core::Purpose::Estimation,
-        position: Some(0.0),
+        position: Some(0.0.into()),
         outputs: lpv_core::Signals::new(&["y"], vec![vec![0.0; 4]]),
         inputs: lpv_core::Signals::default(),
         references: lpv_core::Signals::default(),
@@ -914,7 +914,7 @@ fn a_record_with_an_absurd_period_is_refused() {
     assert!(matches!(record.check(), Err(CoreError::Dimension { .. })));
     let nowhere = lpv_core::Record {
         kind: lpv_core::RecordKind::Transient,
-        position: Some(f64::NAN),
+        position: Some(f64::NAN.into()),
         ..record
     };
     assert!(matches!(nowhere.check(), Err(CoreError::NotFinite { .. })));

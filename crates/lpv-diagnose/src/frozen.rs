@@ -70,7 +70,7 @@ fn missed(base: &Base, estimates: &[FrfEstimate], clock: Discrete) -> Option<f64
     let mut parts = Vec::new();
     for e in estimates {
         let lines = e.frf().frequencies_hz();
-        let model = response(table, e.position().unwrap_or(0.0), lines, clock)?;
+        let model = response(table, e.single_position().unwrap_or(0.0), lines, clock)?;
         parts.extend((0..lines.len()).map(|k| {
             let measured = e.frf().line(k);
             (measured - model.line(k)).norm() / measured.norm()
@@ -191,7 +191,7 @@ fn weight(geometry: &Geometry, estimates: &[FrfEstimate], clock: Discrete) -> Re
         let Some(highest) = lines.last() else { continue };
         let stiff = table_from_geometry(geometry, [3.0 * highest; 2], 0.02)?;
         let low = &lines[..LINES.min(lines.len())];
-        let Some(model) = response(&stiff, e.position().unwrap_or(0.0), low, clock) else {
+        let Some(model) = response(&stiff, e.single_position().unwrap_or(0.0), low, clock) else {
             continue;
         };
         ratios.extend((0..low.len()).map(|k| model.line(k).norm() / e.frf().line(k).norm()));
@@ -223,7 +223,7 @@ fn residual(
         .par_iter()
         .map(|e| {
             let lines = e.frf().frequencies_hz();
-            let model = response(table, e.position().unwrap_or(0.0), lines, clock)?;
+            let model = response(table, e.single_position().unwrap_or(0.0), lines, clock)?;
             let mut out = Vec::with_capacity(8 * lines.len());
             for k in 0..lines.len() {
                 let (measured, model) = (e.frf().line(k), model.line(k));

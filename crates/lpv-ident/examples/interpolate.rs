@@ -23,7 +23,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let estimates = positions
         .iter()
         .map(|&p| {
-            FrfEstimate::with_unit_covariance(machine(p, clock)?.frequency_response(&frequencies)?, Some(p))
+            FrfEstimate::with_unit_covariance(
+                machine(p, clock)?.frequency_response(&frequencies)?,
+                Some(p.into()),
+            )
         })
         .collect::<Result<Vec<_>, _>>()?;
     // Three copies of the middle mode as filters, in series: a crude basis, good enough to see the effect.
@@ -59,7 +62,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if let Some(best) = recommend(&table, 1.1) {
         let model = fits.interpolate(best.interpolation)?;
         let error = model
-            .response(0.5, &frequencies)?
+            .response(&[0.5], &frequencies)?
             .relative_error(&machine(0.5, clock)?.frequency_response(&frequencies)?)?;
         println!(
             "recommended: {}; largest relative error between positions: {:.2e}",

@@ -1,7 +1,9 @@
 //! The interpolation chosen by leave-one-out.
 
+use crate::interpolation::terms;
 use crate::regression::LocalFits;
 use crate::{IdentError, Interpolation};
+use lpv_core::Position;
 use nalgebra::DVector;
 use rayon::prelude::*;
 
@@ -14,11 +16,11 @@ pub struct LeaveOneOut {
     /// says that the interpolation adds as much error as the noise.
     pub cost: f64,
     /// The largest of the single positions' increases, per equation, and where.
-    pub worst: (f64, f64),
+    pub worst: (f64, Position),
 }
 
 impl LocalFits {
-    /// Leaves out every position but the outer two, predicts its coefficients from the others, and counts the
+    /// Leaves out every position that is not the only one at an end of the range, predicts its coefficients from the others, and counts the
     /// misfit in the metric of the regression. Candidates that the positions cannot carry are left out of the table.
     ///
     /// # Errors
@@ -33,18 +35,20 @@ impl LocalFits {
                 found: n,
             });
         }
+        let others = |left_out: usize| (0..n).filter(move |&q| q != left_out);
+        let inner = inner(&positions);
         let entries: Vec<Option<LeaveOneOut>> = candidates
             .par_iter()
             .map(|&interpolation| {
                 let mut total = 0.0;
                 let mut equations = 0.0;
-                let mut worst = (0.0, positions[0]);
-                for left_out in 1..n - 1 {
-                    let kept: Vec<f64> = (0..n).filter(|&q| q != left_out).map(|q| positions[q]).collect();
+                let mut worst = (0.0, positions[0].clone());
+                for &left_out in &inner {
+                    let kept: Vec<Position> = others(left_out).map(|q| positions[q].clone()).collect();
                     let operator = interpolation.operator(&kept).ok()?;
-                    let cardinals = operator.cardinals(positions[left_out]);
+                    let cardinals = operator.cardinals(&positions[left_out]);
                     let fit = &self.fits[left_out];
-                    let others = (0..n).filter(|&q| q != left_out).map(|q| self.stacked(q));
+                    let others = others(left_out).map(|q| self.stacked(q));
                     let predicted = cardinals
                         .iter()
                         .zip(others)
@@ -53,7 +57,7 @@ impl LocalFits {
                     total += increase;
                     equations += fit.equations as f64;
                     if increase / fit.equations as f64 > worst.0 {
-                        worst = (increase / fit.equations as f64, fit.position);
+                        worst = (increase / fit.equations as f64, fit.position.clone());
                     }
                 }
                 Some(LeaveOneOut {
@@ -76,14 +80,22 @@ impl LocalFits {
         })
     }
 
-    /// The candidates worth trying at these positions: polynomials and Chebyshev interpolants of every order up to
+    /// The candidates worth trying at these positions: of several scheduling signals polynomials, of one polynomials and Chebyshev interpolants of every order up to
     /// `most`, spline, lines, Gaussian processes with lengths of one to sixteen grid spacings.
     pub fn candidates(&self, most: usize) -> Vec<Interpolation> {
         let positions = self.positions();
         let n = positions.len();
-        let spacing = (positions[n - 1] - positions[0]) / (n.max(2) - 1) as f64;
-        let polynomials =
-            (0..=most.min(n.saturating_sub(2))).map(|order| Interpolation::Polynomial { order });
+        let (Some(first), Some(last)) = (positions.first(), positions.last()) else {
+            return Vec::new();
+        };
+        let fewer = |order: &usize| terms(first.len(), *order) < n;
+        let polynomials = (0..=most)
+            .take_while(fewer)
+            .map(|order| Interpolation::Polynomial { order });
+        let (Some(first), Some(last)) = (first.single(), last.single()) else {
+            return polynomials.collect();
+        };
+        let spacing = (last - first) / (n.max(2) - 1) as f64;
         let chebyshev = (2..=most.max(2)).map(|order| Interpolation::Chebyshev { order });
         let processes = [1.0, 2.0, 4.0, 8.0, 16.0]
             .into_iter()
@@ -96,6 +108,23 @@ impl LocalFits {
             .chain(processes)
             .collect()
     }
+}
+
+/// The positions that are not alone at an end of the range of a scheduling signal.
+fn inner(positions: &[Position]) -> Vec<usize> {
+    let within = |q: &usize| {
+        (0..positions[*q].len()).all(|i| {
+            let own = positions[*q][i];
+            let mut others = positions.iter().enumerate().filter(|(k, _)| k != q);
+            let (mut below, mut above) = (false, false);
+            others.any(|(_, other)| {
+                below |= other[i] <= own;
+                above |= other[i] >= own;
+                below && above
+            })
+        })
+    };
+    (0..positions.len()).filter(within).collect()
 }
 
 /// The entry to recommend: the smallest leave-one-out cost; among those within `slack` of it (a factor, at least one),

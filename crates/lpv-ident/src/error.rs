@@ -1,6 +1,6 @@
 //! What can be wrong with a regression or an interpolation.
 
-use lpv_core::CoreError;
+use lpv_core::{CoreError, Position};
 
 /// Every refusal of this crate.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -21,7 +21,7 @@ pub enum IdentError {
         /// Index of the estimate, from 0.
         index: usize,
         /// The value.
-        position: f64,
+        position: Position,
         /// What is wrong.
         problem: &'static str,
     },
@@ -59,7 +59,7 @@ pub enum IdentError {
     )]
     TooFewLines {
         /// The position.
-        position: f64,
+        position: Position,
         /// Lines used.
         lines: usize,
         /// Real equations.
@@ -73,7 +73,7 @@ pub enum IdentError {
     )]
     RankDeficient {
         /// The position.
-        position: f64,
+        position: Position,
         /// Ratio of the smallest to the largest singular value of the scaled regressors.
         reciprocal: f64,
         /// The function with the largest weight in the dependent direction, from 1.
@@ -85,7 +85,7 @@ pub enum IdentError {
     )]
     Covariance {
         /// The position.
-        position: f64,
+        position: Position,
         /// Index of the line, from 0.
         line: usize,
         /// Its frequency.
@@ -97,7 +97,7 @@ pub enum IdentError {
     )]
     NoResponse {
         /// The position.
-        position: f64,
+        position: Position,
         /// Index of the line, from 0.
         line: usize,
         /// Its frequency.
@@ -113,6 +113,24 @@ pub enum IdentError {
         /// Positions there are.
         found: usize,
     },
+    /// A method of one scheduling signal, for several.
+    #[error("{what} is a function of one scheduling signal, and there are {found}; use a polynomial")]
+    OneSignal {
+        /// The method.
+        what: &'static str,
+        /// Scheduling signals there are.
+        found: usize,
+    },
+    /// Positions too far from zero for powers of them.
+    #[error(
+        "the positions are far from zero for their distances: powers of them lose {lost:.0e} of their digits at order {order}; subtract the middle of the range from the scheduling signals"
+    )]
+    FarFromZero {
+        /// Part of the values of the polynomial that is lost.
+        lost: f64,
+        /// Order of the polynomial.
+        order: usize,
+    },
     /// A setting outside its range.
     #[error("setting {name} = {value}: {problem}")]
     Setting {
@@ -126,4 +144,13 @@ pub enum IdentError {
     /// From the models.
     #[error(transparent)]
     Core(#[from] CoreError),
+}
+
+impl IdentError {
+    pub(crate) fn one_signal(what: &'static str, positions: &[Position]) -> Self {
+        Self::OneSignal {
+            what,
+            found: positions.first().map_or(0, |p| p.len()),
+        }
+    }
 }

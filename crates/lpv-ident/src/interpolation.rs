@@ -1,15 +1,15 @@
 //! From samples of the coefficient functions to functions of p. Every kind is linear in the samples.
 
 use crate::IdentError;
-use lpv_core::linalg::{dimension, pseudo_inverse};
-use lpv_core::{BasisKind, FunctionBasis, MatrixFunction, SchedulingRange, matern52};
+use lpv_core::linalg::{dimension, pseudo_inverse, svd};
+use lpv_core::{BasisKind, CoreError, FunctionBasis, MatrixFunction, Position, SchedulingRange, matern52};
 use nalgebra::DMatrix;
 
 /// How the samples `W(p_q)` become a function `W(p)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Interpolation {
-    /// Least-squares polynomial of this order through the samples (kept in Chebyshev polynomials, which spans the same
-    /// functions in a basis that stays well conditioned).
+    /// Least-squares polynomial of this order through the samples, kept in Chebyshev polynomials, which span the same
+    /// functions and stay well conditioned. Of several scheduling signals it is of this total order, in powers.
     Polynomial {
         /// Highest power.
         order: usize,
@@ -58,8 +58,9 @@ impl Interpolation {
     /// The linear map of this interpolation at the given positions.
     ///
     /// # Errors
-    /// [`IdentError::TooFewPositions`], [`IdentError::Setting`], or positions that are not increasing.
-    pub fn operator(&self, positions: &[f64]) -> Result<InterpolationOperator, IdentError> {
+    /// [`IdentError::TooFewPositions`], [`IdentError::Setting`], positions of one scheduling signal that are not increasing,
+    /// [`IdentError::OneSignal`] for all but polynomials of several, [`IdentError::FarFromZero`].
+    pub fn operator(&self, positions: &[Position]) -> Result<InterpolationOperator, IdentError> {
         let n = positions.len();
         let need = |what, needed| {
             if n < needed {
@@ -80,6 +81,22 @@ impl Interpolation {
                 map: DMatrix::from_element(1, 1, 1.0),
             });
         }
+        let Some(positions) = positions
+            .iter()
+            .map(Position::single)
+            .collect::<Option<Vec<f64>>>()
+        else {
+            return match *self {
+                Self::Polynomial { order } => polynomial_of_several(order, positions),
+                Self::Chebyshev { .. } => Err(IdentError::one_signal("a Chebyshev interpolant", positions)),
+                Self::Spline => Err(IdentError::one_signal("a cubic spline", positions)),
+                Self::Linear => Err(IdentError::one_signal("linear interpolation", positions)),
+                Self::GaussianProcess { .. } => {
+                    Err(IdentError::one_signal("this Gaussian process", positions))
+                }
+            };
+        };
+        let positions = positions.as_slice();
         let range = || SchedulingRange::interval(positions[0], positions[n - 1]);
         let chebyshev = |order| {
             Ok::<_, IdentError>(FunctionBasis::new(BasisKind::Chebyshev {
@@ -176,6 +193,104 @@ impl Interpolation {
     }
 }
 
+/// The smallest range that holds all positions.
+pub(crate) fn surrounding(positions: &[Position]) -> Result<SchedulingRange, CoreError> {
+    let parameters = positions.first().map_or(0, |p| p.len());
+    let bound = |i: usize| {
+        let values = positions.iter().map(|p| p[i]);
+        values.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, u], v| {
+            [l.min(v), u.max(v)]
+        })
+    };
+    SchedulingRange::new((0..parameters).map(bound).collect())
+}
+
+/// Number of monomials of a total order up to this one.
+pub(crate) fn terms(parameters: usize, order: usize) -> usize {
+    (0..parameters).fold(1, |count: usize, k| count.saturating_mul(order + k + 1) / (k + 1))
+}
+
+/// Exponents of all monomials up to a total order, the constant first.
+fn monomials(parameters: usize, order: usize) -> Vec<Vec<u32>> {
+    let mut all = vec![Vec::new()];
+    for _ in 0..parameters {
+        all = all
+            .into_iter()
+            .flat_map(|begun: Vec<u32>| {
+                let left = order as u32 - begun.iter().sum::<u32>();
+                (0..=left).map(move |e| [begun.as_slice(), &[e]].concat())
+            })
+            .collect();
+    }
+    all.sort_by_key(|e| e.iter().sum::<u32>());
+    all
+}
+
+/// Highest total order of a polynomial of several scheduling signals.
+const MOST_SEVERAL: usize = 30;
+
+/// Part of the values that may be lost where powers of p stand for those of its distance from the middle.
+const MOST_LOST: f64 = 1e-9;
+
+/// Least squares in powers of the distance from the middle over the half width, which is well conditioned, written in powers of p.
+fn polynomial_of_several(order: usize, positions: &[Position]) -> Result<InterpolationOperator, IdentError> {
+    let parameters = positions[0].len();
+    if positions.iter().any(|p| p.len() != parameters) {
+        return Err(IdentError::Position {
+            index: positions.iter().position(|p| p.len() != parameters).unwrap_or(0),
+            position: positions[0].clone(),
+            problem: "not as many scheduling values as the first position has",
+        });
+    }
+    let (what, found) = ("a polynomial of this order", positions.len());
+    let needed = terms(parameters, order.min(MOST_SEVERAL + 1));
+    let few = IdentError::TooFewPositions { what, needed, found };
+    if order > MOST_SEVERAL || needed > found {
+        return Err(few);
+    }
+    let exponents = monomials(parameters, order);
+    let basis = FunctionBasis::new(BasisKind::Monomials {
+        exponents: exponents.clone(),
+    })?;
+    let range = surrounding(positions)?;
+    let (centre, half) = (range.centre(), range.half_width());
+    let near = |p: &[f64]| -> Vec<f64> { (0..parameters).map(|i| (p[i] - centre[i]) / half[i]).collect() };
+    let rows: Vec<f64> = positions.iter().flat_map(|p| basis.evaluate(&near(p))).collect();
+    let scaled = DMatrix::from_row_slice(found, needed, &rows);
+    // Positions on a curve determine no more than a polynomial on it.
+    let svd = svd(scaled.clone())?;
+    if svd.singular_values.min() < 1e-9 * svd.singular_values.max() {
+        return Err(few);
+    }
+    let own = pseudo_inverse(scaled.clone(), 0.0)?;
+    // ((p - m) / h)^e as a sum of powers of p, by the binomial theorem.
+    let mut powers = DMatrix::zeros(needed, needed);
+    for (j, e) in exponents.iter().enumerate() {
+        for (i, f) in exponents.iter().enumerate() {
+            if f.iter().zip(e).all(|(f, e)| f <= e) {
+                powers[(i, j)] = (0..parameters)
+                    .map(|k| {
+                        binomial(e[k], f[k]) * (-centre[k]).powi((e[k] - f[k]) as i32)
+                            / half[k].powi(e[k] as i32)
+                    })
+                    .product();
+            }
+        }
+    }
+    let map = powers * &own;
+    let rows: Vec<f64> = positions.iter().flat_map(|p| basis.evaluate(p)).collect();
+    let written = DMatrix::from_row_slice(found, needed, &rows) * &map;
+    let lost = (written - scaled * own).amax();
+    if lost > MOST_LOST {
+        return Err(IdentError::FarFromZero { lost, order });
+    }
+    Ok(InterpolationOperator { basis, map })
+}
+
+fn binomial(n: u32, k: u32) -> f64 {
+    (0..k).map(|i| f64::from(n - i) / f64::from(i + 1)).product()
+}
+
 fn design(basis: &FunctionBasis, points: &[f64]) -> DMatrix<f64> {
     let rows: Vec<f64> = points.iter().flat_map(|&p| basis.evaluate(&[p])).collect();
     DMatrix::from_row_slice(points.len(), basis.len(), &rows)
@@ -190,8 +305,8 @@ pub struct InterpolationOperator {
 
 impl InterpolationOperator {
     /// The weight of each sample in the value at p: `W(p) = sum_q l_q(p) W(p_q)`.
-    pub fn cardinals(&self, p: f64) -> Vec<f64> {
-        let f = DMatrix::from_row_slice(1, self.basis.len(), &self.basis.evaluate(&[p]));
+    pub fn cardinals(&self, p: &[f64]) -> Vec<f64> {
+        let f = DMatrix::from_row_slice(1, self.basis.len(), &self.basis.evaluate(p));
         (f * &self.map).iter().copied().collect()
     }
 

@@ -36,7 +36,7 @@
 //! let frequencies: Vec<f64> = (1..40).map(|k| 0.0125 * k as f64).collect();
 //! let estimates = [-1.0, 0.0, 1.0].map(|p| {
 //!     let machine = StateSpace::new(a.clone(), b.clone(), dmatrix![1.0 + p], dmatrix![0.0], clock).unwrap();
-//!     FrfEstimate::with_unit_covariance(machine.frequency_response(&frequencies).unwrap(), Some(p)).unwrap()
+//!     FrfEstimate::with_unit_covariance(machine.frequency_response(&frequencies).unwrap(), Some(p.into())).unwrap()
 //! });
 //! let fits = regress(&estimates, &phi, &RegressionSettings::new().weighting(Weighting::Uniform).check()?)?;
 //! let model = fits.interpolate(Interpolation::Polynomial { order: 1 })?;

@@ -2,7 +2,7 @@
 
 use crate::{IdentError, Interpolation};
 use lpv_core::linalg::dimension;
-use lpv_core::{Discrete, LpvStateSpace, SchedulingRange, StateSpace, same_clock};
+use lpv_core::{Discrete, LpvStateSpace, Position, SchedulingRange, StateSpace, same_clock};
 use nalgebra::DMatrix;
 
 /// Interpolates the matrices of models at increasing positions, entry by entry: the local approach.
@@ -31,7 +31,7 @@ pub fn interpolate_models(
         if !increases {
             return Err(IdentError::Position {
                 index: index + 1,
-                position: pair[1].0,
+                position: pair[1].0.into(),
                 problem: "models are given at increasing, finite positions",
             });
         }
@@ -42,7 +42,7 @@ pub fn interpolate_models(
         dimension("interpolation of models: inputs", a.2, b.2)?;
         same_clock(first.clock(), pair[1].1.clock())?;
     }
-    let positions: Vec<f64> = models.iter().map(|(p, _)| *p).collect();
+    let positions: Vec<Position> = models.iter().map(|(p, _)| (*p).into()).collect();
     let operator = interpolation.operator(&positions)?;
     let over = |part: fn(&StateSpace<Discrete>) -> &DMatrix<f64>| {
         operator.apply(&models.iter().map(|(_, m)| part(m)).collect::<Vec<_>>())

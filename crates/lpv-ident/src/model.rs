@@ -1,10 +1,10 @@
 //! The LPV-OBF model with the band that the noise leaves around its frozen responses.
 
 use crate::expansion::Expansion;
-use crate::interpolation::InterpolationOperator;
+use crate::interpolation::{InterpolationOperator, surrounding};
 use crate::regression::LocalFits;
 use crate::{IdentError, Interpolation};
-use lpv_core::{Frf, MatrixFunction, SchedulingRange, SeriesExpansion, StateSpace};
+use lpv_core::{Frf, MatrixFunction, Position, SchedulingRange, SeriesExpansion, StateSpace};
 use nalgebra::{DMatrix, dmatrix};
 use rayon::prelude::*;
 
@@ -19,7 +19,7 @@ pub struct LpvObfModel {
 }
 
 impl LocalFits {
-    /// Interpolates the samples over the range between the first and the last position.
+    /// Interpolates the samples over the smallest range that holds all positions.
     ///
     /// # Errors
     /// Those of [`Interpolation::operator`]; with a single position the range is that position plus and minus one.
@@ -27,11 +27,9 @@ impl LocalFits {
         let positions = self.positions();
         let operator = interpolation.operator(&positions)?;
         let weights = operator.apply(&self.fits.iter().map(|f| &f.weights).collect::<Vec<_>>())?;
-        let (first, last) = (positions[0], positions[positions.len() - 1]);
-        let range = if positions.len() == 1 {
-            SchedulingRange::interval(first - 1.0, first + 1.0)?
-        } else {
-            SchedulingRange::interval(first, last)?
+        let range = match positions.as_slice() {
+            [only] => SchedulingRange::new(only.iter().map(|p| [p - 1.0, p + 1.0]).collect())?,
+            _ => surrounding(&positions)?,
         };
         Ok(LpvObfModel {
             fits: self.clone(),
@@ -65,22 +63,27 @@ impl LpvObfModel {
     ///
     /// # Errors
     /// p outside the range; frequencies above Nyquist; a line at zero if there is a rigid body.
-    pub fn response(&self, p: f64, frequencies_hz: &[f64]) -> Result<Frf, IdentError> {
-        self.range.check(&[p])?;
-        Expansion::new(&self.fits, frequencies_hz)?.response(&self.weights.evaluate(&[p]))
+    pub fn response(&self, p: &[f64], frequencies_hz: &[f64]) -> Result<Frf, IdentError> {
+        self.range.check(p)?;
+        Expansion::new(&self.fits, frequencies_hz)?.response(&self.weights.evaluate(p))
     }
 
     /// The frozen responses at several p; the basis is evaluated once.
     ///
     /// # Errors
     /// As [`LpvObfModel::response`].
-    pub fn responses(&self, positions: &[f64], frequencies_hz: &[f64]) -> Result<Vec<Frf>, IdentError> {
+    pub fn responses(
+        &self,
+        positions: impl IntoIterator<Item: Into<Position>>,
+        frequencies_hz: &[f64],
+    ) -> Result<Vec<Frf>, IdentError> {
         let expansion = Expansion::new(&self.fits, frequencies_hz)?;
+        let positions: Vec<Position> = positions.into_iter().map(Into::into).collect();
         positions
             .par_iter()
-            .map(|&p| {
-                self.range.check(&[p])?;
-                expansion.response(&self.weights.evaluate(&[p]))
+            .map(|p| {
+                self.range.check(p)?;
+                expansion.response(&self.weights.evaluate(p))
             })
             .collect()
     }
@@ -93,10 +96,10 @@ impl LpvObfModel {
     /// As [`LpvObfModel::response`].
     pub fn response_deviation(
         &self,
-        p: f64,
+        p: &[f64],
         frequencies_hz: &[f64],
     ) -> Result<Vec<DMatrix<f64>>, IdentError> {
-        self.range.check(&[p])?;
+        self.range.check(p)?;
         let phi = self.fits.basis.frequency_response(frequencies_hz)?;
         let (ny, nu, ng) = (self.fits.outputs, self.fits.inputs, self.fits.functions());
         let nc = self.fits.gains.len();

@@ -7,7 +7,7 @@ mod solve;
 
 use crate::{CheckedRegression, IdentError, RigidTerm, Weighting};
 use equations::{Equations, Regressors};
-use lpv_core::{Discrete, FrfEstimate, StateSpace};
+use lpv_core::{Discrete, FrfEstimate, Position, StateSpace};
 use lpv_numerics::dense::invert_upper;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
@@ -32,8 +32,8 @@ pub struct LocalFits {
 /// The fit at one position.
 #[derive(Debug, Clone)]
 pub struct LocalFit {
-    /// Scheduling value.
-    pub position: f64,
+    /// Scheduling values.
+    pub position: Position,
     /// `[W_1 ... W_ng]`, `n_y x n_g n_u`.
     pub weights: DMatrix<f64>,
     /// Weighted sum of squares that remains; with covariance weights its expectation is `equations - unknowns`.
@@ -71,7 +71,7 @@ pub fn regress(
     let kept: Vec<Range<usize>> = estimates
         .iter()
         .zip(&positions)
-        .map(|(estimate, &position)| eliminate::kept(estimate, position, basis, settings))
+        .map(|(estimate, position)| eliminate::kept(estimate, position, basis, settings))
         .collect::<Result<_, _>>()?;
     // Positions mostly share their lines, and then also the responses of the filters.
     let shared = Regressors::new(
@@ -91,7 +91,7 @@ pub fn regress(
         .zip(&positions)
         .zip(kept)
         .zip(&own)
-        .map(|(((estimate, &position), kept), own)| Equations {
+        .map(|(((estimate, position), kept), own)| Equations {
             estimate,
             position,
             kept,
@@ -163,7 +163,7 @@ fn filter_bank(basis: &StateSpace<Discrete>) -> Result<(), IdentError> {
     }
 }
 
-fn checked_positions(estimates: &[FrfEstimate], rigid: &[RigidTerm]) -> Result<Vec<f64>, IdentError> {
+fn checked_positions(estimates: &[FrfEstimate], rigid: &[RigidTerm]) -> Result<Vec<Position>, IdentError> {
     let first = estimates.first().ok_or(IdentError::NoEstimates)?.frf();
     let (outputs, inputs) = (first.outputs(), first.inputs());
     for (index, t) in rigid.iter().enumerate() {
@@ -177,18 +177,27 @@ fn checked_positions(estimates: &[FrfEstimate], rigid: &[RigidTerm]) -> Result<V
             });
         }
     }
-    let mut positions: Vec<f64> = Vec::with_capacity(estimates.len());
+    let mut positions: Vec<Position> = Vec::with_capacity(estimates.len());
     for (index, e) in estimates.iter().enumerate() {
         // A single position is a time-invariant fit: it may do without a value.
         let position = match e.position() {
-            Some(p) => p,
-            None if estimates.len() == 1 => 0.0,
+            Some(p) => p.clone(),
+            None if estimates.len() == 1 => Position::from(0.0),
             None => return Err(IdentError::NoPosition { index }),
         };
-        let problem = if !position.is_finite() {
-            Some("not a finite number")
-        } else if positions.last().is_some_and(|&last| last >= position) {
+        let above = |last: &Position| match (last.single(), position.single()) {
+            (Some(last), Some(own)) => last < own,
+            _ => true,
+        };
+        let problem = if positions
+            .first()
+            .is_some_and(|first| first.len() != position.len())
+        {
+            Some("not as many scheduling values as the first position has")
+        } else if !positions.last().is_none_or(above) {
             Some("not above the one before it; sort the estimates and join those of one position")
+        } else if positions.contains(&position) {
+            Some("the same as an earlier one; join the estimates of one position")
         } else {
             None
         };
@@ -225,9 +234,9 @@ pub(crate) fn rigid_response(clock: Discrete, frequency_hz: f64) -> Result<Compl
 }
 
 impl LocalFits {
-    /// Positions, increasing.
-    pub fn positions(&self) -> Vec<f64> {
-        self.fits.iter().map(|f| f.position).collect()
+    /// Positions; increasing, where there is one scheduling signal.
+    pub fn positions(&self) -> Vec<Position> {
+        self.fits.iter().map(|f| f.position.clone()).collect()
     }
     /// The fit at each position.
     pub fn fits(&self) -> &[LocalFit] {

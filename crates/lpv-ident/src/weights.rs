@@ -1,7 +1,7 @@
 //! The weights of a regression as whitening factors.
 
 use crate::{CheckedRegression, IdentError, Weighting};
-use lpv_core::FrfEstimate;
+use lpv_core::{FrfEstimate, Position};
 use lpv_numerics::whiten::Whitening;
 use std::ops::Range;
 
@@ -11,7 +11,7 @@ pub(crate) fn set(
     estimate: &FrfEstimate,
     lines: Range<usize>,
     settings: &CheckedRegression,
-    position: f64,
+    position: &Position,
 ) -> Result<(), IdentError> {
     let frf = estimate.frf();
     match settings.weighting() {
@@ -21,7 +21,7 @@ pub(crate) fn set(
                 let weight = 1.0 / frf.line(line).norm_squared();
                 if !weight.is_finite() {
                     return Err(IdentError::NoResponse {
-                        position,
+                        position: position.clone(),
                         line,
                         frequency_hz: frf.frequencies_hz()[line],
                     });
@@ -33,7 +33,7 @@ pub(crate) fn set(
         Weighting::Covariance => whitening
             .set_covariance(estimate, lines, settings.model_error())
             .map_err(|line| IdentError::Covariance {
-                position,
+                position: position.clone(),
                 line,
                 frequency_hz: frf.frequencies_hz()[line],
             }),

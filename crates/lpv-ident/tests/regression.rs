@@ -4,7 +4,7 @@
 
 use lpv_core::nalgebra::{DMatrix, DVector, dmatrix};
 use lpv_core::num_complex::Complex;
-use lpv_core::{Discrete, Frf, FrfEstimate, StateSpace};
+use lpv_core::{Discrete, Frf, FrfEstimate, Position, StateSpace};
 use lpv_ident::{IdentError, Interpolation, RegressionSettings, Weighting, recommend, regress};
 use proptest::prelude::*;
 use rand::SeedableRng;
@@ -86,7 +86,7 @@ fn noisy(p: f64, frequencies: &[f64], scale: f64, rng: &mut ChaCha8Rng) -> FrfEs
         c.extend((&lc * lc.adjoint()).iter());
         s.extend((&ls * ls.adjoint()).iter());
     }
-    FrfEstimate::new(frf, c, s, f64::INFINITY, Some(p)).unwrap()
+    FrfEstimate::new(frf, c, s, f64::INFINITY, Some(p.into())).unwrap()
 }
 
 fn settings() -> lpv_ident::CheckedRegression {
@@ -98,18 +98,18 @@ fn recovers_what_made_the_data() {
     let positions = [-1.0, -0.5, 0.0, 0.5, 1.0];
     let estimates: Vec<_> = positions
         .iter()
-        .map(|&p| FrfEstimate::with_unit_covariance(response(p, &lines(60)), Some(p)).unwrap())
+        .map(|&p| FrfEstimate::with_unit_covariance(response(p, &lines(60)), Some(p.into())).unwrap())
         .collect();
     let fits = regress(&estimates, &bank(), &settings()).unwrap();
     assert!((fits.gains().0 - DVector::from_vec(vec![2.0, 3.0])).norm() < 1e-11);
     for f in fits.fits() {
-        assert!((&f.weights - truth(f.position)).norm() < 1e-10);
+        assert!((&f.weights - truth(f.position[0])).norm() < 1e-10);
         assert!(f.cost < 1e-18);
     }
     let model = fits.interpolate(Interpolation::Polynomial { order: 2 }).unwrap();
     let p = 0.37;
     let error = model
-        .response(p, &lines(33))
+        .response(&[p], &lines(33))
         .unwrap()
         .relative_error(&response(p, &lines(33)))
         .unwrap();
@@ -150,7 +150,7 @@ fn sums_of_products_give_way_to_reflections_where_functions_are_nearly_dependent
                 .sum();
             frf.line_slice_mut(k).copy_from_slice(sum.as_slice());
         }
-        let estimate = FrfEstimate::with_unit_covariance(frf, Some(0.4)).unwrap();
+        let estimate = FrfEstimate::with_unit_covariance(frf, Some(0.4.into())).unwrap();
         let fits = regress(&[estimate], &bank, &RegressionSettings::new().check().unwrap()).unwrap();
         let fit = &fits.fits()[0];
         assert_eq!(
@@ -183,7 +183,7 @@ fn stated_covariances_are_those_of_a_monte_carlo() {
         gain_errors.push(fits.gains().0[0] - 2.0);
         cost += fits.fits().iter().map(|f| f.cost).sum::<f64>();
         let model = fits.interpolate(Interpolation::Polynomial { order: 2 }).unwrap();
-        let (g, g0) = (model.response(p, &at).unwrap(), response(p, &at));
+        let (g, g0) = (model.response(&[p], &at).unwrap(), response(p, &at));
         for k in 0..2 {
             response_error[k] += (g.line(k) - g0.line(k)).map(|e| e.norm_sqr());
         }
@@ -204,7 +204,7 @@ fn stated_covariances_are_those_of_a_monte_carlo() {
     assert!((spread / stated - 1.0).abs() < 0.12, "{spread} {stated}");
     for (found, stated) in response_error
         .iter()
-        .zip(model.response_deviation(p, &at).unwrap())
+        .zip(model.response_deviation(&[p], &at).unwrap())
     {
         for (f, s) in found.iter().zip(stated.iter()) {
             let ratio = (f / f64::from(runs)).sqrt() / s;
@@ -225,10 +225,11 @@ fn interpolations_pass_the_samples_and_reproduce_what_they_can() {
         (Interpolation::GaussianProcess { length_scale: 2.0 }, 0.05),
         (Interpolation::Linear, 0.2),
     ] {
-        let operator = kind.operator(&positions).unwrap();
+        let at: Vec<Position> = positions.iter().map(|p| (*p).into()).collect();
+        let operator = kind.operator(&at).unwrap();
         for p in [-1.0, -0.6, 0.1, 0.25, 0.9, 1.0] {
             let value: f64 = operator
-                .cardinals(p)
+                .cardinals(&[p])
                 .iter()
                 .zip(&positions)
                 .map(|(l, &q)| l * cubic(q))
@@ -241,6 +242,126 @@ fn interpolations_pass_the_samples_and_reproduce_what_they_can() {
             );
         }
     }
+}
+
+/// Positions on a grid of x and y, moved a little so that no two share a value.
+fn scattered(offset: [f64; 2], unit: [f64; 2]) -> Vec<Position> {
+    (0..16)
+        .map(|k| {
+            let wobble = |i: i32| 0.1 * f64::from((7 * k + 3 * i) % 11) / 11.0;
+            let (x, y) = (f64::from(k % 4) / 1.5 - 1.0, f64::from(k / 4) / 1.5 - 1.0);
+            vec![
+                offset[0] + unit[0] * (x + wobble(1)),
+                offset[1] + unit[1] * (y - wobble(2)),
+            ]
+            .into()
+        })
+        .collect()
+}
+
+#[test]
+fn polynomials_of_two_scheduling_signals_reproduce_themselves_in_any_unit() {
+    for (offset, unit) in [
+        ([0.0, 0.0], [1.0, 1.0]),
+        ([0.3, -2.0], [1e-3, 40.0]),
+        ([1e-4, 5e5], [1e-6, 1e6]),
+    ] {
+        let positions = scattered(offset, unit);
+        let near = |p: &[f64], i: usize| (p[i] - offset[i]) / unit[i];
+        let value = |p: &[f64]| {
+            let (x, y) = (near(p, 0), near(p, 1));
+            1.0 - 2.0 * x + 0.5 * y + x * y - 0.3 * y * y + 0.2 * x.powi(3) - x * x * y
+        };
+        let operator = Interpolation::Polynomial { order: 3 }
+            .operator(&positions)
+            .unwrap();
+        for (x, y) in [(0.0, 0.0), (0.9, -0.8), (-0.5, 0.77)] {
+            let p = [offset[0] + unit[0] * x, offset[1] + unit[1] * y];
+            let cardinals = operator.cardinals(&p);
+            let found: f64 = cardinals.iter().zip(&positions).map(|(l, q)| l * value(q)).sum();
+            assert!(
+                (found - value(&p)).abs() < 1e-8,
+                "{offset:?} {unit:?}: {found} {}",
+                value(&p)
+            );
+        }
+    }
+}
+
+#[test]
+fn what_two_scheduling_signals_cannot_carry_is_named() {
+    let refused = |kind: Interpolation, positions: &[Position]| kind.operator(positions).unwrap_err();
+    let grid = scattered([0.0, 0.0], [1.0, 1.0]);
+    for kind in [
+        Interpolation::Spline,
+        Interpolation::Linear,
+        Interpolation::Chebyshev { order: 2 },
+        Interpolation::GaussianProcess { length_scale: 1.0 },
+    ] {
+        assert!(
+            matches!(refused(kind, &grid), IdentError::OneSignal { found: 2, .. }),
+            "{kind:?}"
+        );
+    }
+    let square = Interpolation::Polynomial { order: 2 };
+    // Six monomials and five positions; enough of them on a line; one with three numbers.
+    assert!(matches!(
+        refused(square, &grid[..5]),
+        IdentError::TooFewPositions {
+            needed: 6,
+            found: 5,
+            ..
+        }
+    ));
+    let line: Vec<Position> = (0..9)
+        .map(|k| vec![f64::from(k), 2.0 * f64::from(k)].into())
+        .collect();
+    assert!(matches!(
+        refused(square, &line),
+        IdentError::TooFewPositions { .. }
+    ));
+    let mut odd = grid.clone();
+    odd[3] = vec![0.0, 0.0, 1.0].into();
+    assert!(matches!(
+        refused(square, &odd),
+        IdentError::Position { index: 3, .. }
+    ));
+    let far = scattered([1e9, 0.0], [1.0, 1.0]);
+    assert!(matches!(
+        refused(Interpolation::Polynomial { order: 3 }, &far),
+        IdentError::FarFromZero { .. }
+    ));
+}
+
+#[test]
+fn a_plane_of_positions_gives_the_model_that_made_the_responses() {
+    // The second parameter moves the weights by a product.
+    let at = |p: &[f64]| response(p[0] + 0.5 * p[1], &lines(60));
+    let estimates: Vec<_> = scattered([0.0, 0.0], [0.6, 0.6])
+        .into_iter()
+        .map(|p| FrfEstimate::with_unit_covariance(at(&p), Some(p)).unwrap())
+        .collect();
+    let fits = regress(&estimates, &bank(), &settings()).unwrap();
+    let table = fits.leave_one_out(&fits.candidates(3)).unwrap();
+    assert_eq!(table.len(), 4, "polynomials of order 0 to 3");
+    let best = recommend(&table, 2.0).unwrap().interpolation;
+    let model = fits.interpolate(best).unwrap();
+    assert_eq!(model.range().parameters(), 2);
+    for p in [[0.0, 0.0], [0.41, -0.33], [-0.5, 0.5]] {
+        let found = model.response(&p, &lines(33)).unwrap();
+        let errors = found
+            .relative_error(&response(p[0] + 0.5 * p[1], &lines(33)))
+            .unwrap();
+        assert!(errors.into_iter().all(|e| e < 1e-8), "{p:?}");
+        let deviations = model.response_deviation(&p, &lines(5)).unwrap();
+        assert!(deviations.iter().all(|d| d.iter().all(|v| v.is_finite())));
+    }
+    assert!(model.response(&[0.0], &lines(3)).is_err());
+    let two = FrfEstimate::with_unit_covariance(at(&[0.1, 0.1]), Some(0.1.into())).unwrap();
+    assert!(matches!(
+        regress(&[estimates[0].clone(), two], &bank(), &settings()),
+        Err(IdentError::Position { index: 1, .. })
+    ));
 }
 
 #[test]
@@ -272,7 +393,7 @@ fn units_do_not_matter() {
             covariances,
             e.input_factors().to_vec(),
             f64::INFINITY,
-            e.position(),
+            e.position().cloned(),
         )
         .unwrap()
     };
@@ -293,14 +414,14 @@ fn units_do_not_matter() {
 
 #[test]
 fn refusals_say_where() {
-    let good = |p| FrfEstimate::with_unit_covariance(response(p, &lines(20)), Some(p)).unwrap();
+    let good = |p| FrfEstimate::with_unit_covariance(response(p, &lines(20)), Some(p.into())).unwrap();
     let s = settings();
     assert_eq!(regress(&[], &bank(), &s).unwrap_err(), IdentError::NoEstimates);
     assert!(matches!(
         regress(&[good(1.0), good(1.0)], &bank(), &s),
         Err(IdentError::Position { index: 1, .. })
     ));
-    let few = FrfEstimate::with_unit_covariance(response(0.0, &[0.1]), Some(0.0)).unwrap();
+    let few = FrfEstimate::with_unit_covariance(response(0.0, &[0.1]), Some(0.0.into())).unwrap();
     assert!(matches!(
         regress(&[few], &bank(), &s),
         Err(IdentError::TooFewLines { lines: 1, .. })
@@ -319,15 +440,21 @@ fn refusals_say_where() {
         Err(IdentError::RankDeficient { .. })
     ));
     let zeros = vec![C64::new(0.0, 0.0); 20 * 4];
-    let unweighted =
-        FrfEstimate::new(response(0.0, &lines(20)), zeros.clone(), zeros, 5.0, Some(0.0)).unwrap();
+    let unweighted = FrfEstimate::new(
+        response(0.0, &lines(20)),
+        zeros.clone(),
+        zeros,
+        5.0,
+        Some(0.0.into()),
+    )
+    .unwrap();
     assert!(matches!(
         regress(&[unweighted], &bank(), &s),
         Err(IdentError::Covariance { line: 0, .. })
     ));
     let mut silent = response(0.0, &lines(20));
     silent.line_slice_mut(7).fill(C64::new(0.0, 0.0));
-    let silent = FrfEstimate::with_unit_covariance(silent, Some(0.0)).unwrap();
+    let silent = FrfEstimate::with_unit_covariance(silent, Some(0.0.into())).unwrap();
     let relative = RegressionSettings::new()
         .weighting(Weighting::Relative)
         .check()
@@ -364,7 +491,7 @@ proptest! {
                 let all: Vec<_> = (0..e.frf().len()).collect();
                 let c = all.iter().flat_map(|&k| e.output_covariance(k).iter().copied().collect::<Vec<_>>()).collect();
                 let f = all.iter().flat_map(|&k| e.input_factor(k).iter().copied().collect::<Vec<_>>()).collect();
-                FrfEstimate::new(e.frf().clone(), c, f, f64::INFINITY, Some(p)).unwrap()
+                FrfEstimate::new(e.frf().clone(), c, f, f64::INFINITY, Some(p.into())).unwrap()
             })
             .collect();
         let joint = regress(&copies, &bank(), &s).unwrap();
@@ -385,8 +512,9 @@ proptest! {
             Interpolation::Linear,
             Interpolation::GaussianProcess { length_scale: length },
         ] {
-            if let Ok(o) = kind.operator(&positions) {
-                let _ = o.cardinals(low);
+            let at: Vec<Position> = positions.iter().map(|p| (*p).into()).collect();
+            if let Ok(o) = kind.operator(&at) {
+                let _ = o.cardinals(&[low]);
             }
         }
     }

@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 dmatrix![0.0],
                 clock,
             )?;
-            FrfEstimate::with_unit_covariance(machine.frequency_response(&frequencies)?, Some(p))
+            FrfEstimate::with_unit_covariance(machine.frequency_response(&frequencies)?, Some(p.into()))
         })
         .collect::<Result<Vec<_>, _>>()?;
     let config = IdentifyConfig {
@@ -39,7 +39,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     if let Identified::Lpv(stage) = &identified {
         let truth = estimates[4].frf();
-        let error = stage.model.response(0.0, &frequencies)?.relative_error(truth)?;
+        let error = stage
+            .model
+            .response(&[0.0], &frequencies)?
+            .relative_error(truth)?;
         println!(
             "largest relative error at p = 0: {:.1e}",
             error.into_iter().fold(0.0, f64::max)

@@ -47,7 +47,10 @@ impl FrozenDeviation {
         let Some(small) = &stage.small else {
             return Ok(None);
         };
-        let positions = estimates.iter().map(|e| e.position().unwrap_or(0.0)).collect();
+        let positions = estimates
+            .iter()
+            .map(|e| e.single_position().unwrap_or(0.0))
+            .collect();
         Self::of_fit(&small.fit, positions, spread(first.frf().frequencies_hz()), clock)
     }
 

@@ -212,7 +212,7 @@ pub fn diagnose(
         .flatten()
         .copied()
         .collect();
-    positions.extend(responses.iter().filter_map(FrfEstimate::position));
+    positions.extend(responses.iter().filter_map(FrfEstimate::single_position));
     let model = saved(&found.model.base, model, &found.deviations, &positions)?;
     let mut explanation = Explanation::of_base(&found.model.base, &found.deviations, bundle);
     explanation.effects.clone_from(&diagnosis.effects);

@@ -249,7 +249,10 @@ fn table(bundle: &Bundle, progress: Progress<'_>) -> Result<Outcome, PipelineErr
     if let Some(free) = fit.free.take() {
         fit = *free;
     }
-    let positions: Vec<f64> = estimates.iter().filter_map(FrfEstimate::position).collect();
+    let positions: Vec<f64> = estimates
+        .iter()
+        .filter_map(FrfEstimate::single_position)
+        .collect();
     let explanation = Explanation::of_base(&fit.base, &fit.parameter_deviations(), bundle);
     reasons.extend(explanation.lines());
     let model = match &fit.base {

@@ -12,7 +12,7 @@ use crate::responses::{is_large, look_at, periodic_responses};
 pub(crate) use experiment::describe as describe_responses;
 pub use experiment::{DetectionLine, ExperimentInfo, LineInfo, Spread};
 use experiment_data::{Bundle, DataError};
-use lpv_core::Purpose;
+use lpv_core::{Position, Purpose};
 use rayon::prelude::*;
 pub use record::{ChannelStats, RecordInfo};
 use serde::Serialize;
@@ -116,7 +116,7 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
         coverage.positions = experiments
             .iter()
             .filter(|e| e.purpose == "estimation")
-            .filter_map(|e| e.position)
+            .filter_map(|e| e.position.as_ref().and_then(Position::single))
             .collect();
         coverage.largest_gap = coverage
             .positions

@@ -64,7 +64,11 @@ impl Moves {
         if records.is_empty() {
             return Ok(Self::none("no estimation record has a moving scheduling signal"));
         }
-        let positions: Vec<f64> = responses.estimates.iter().filter_map(|e| e.position()).collect();
+        let positions: Vec<f64> = responses
+            .estimates
+            .iter()
+            .filter_map(|e| e.single_position())
+            .collect();
         let (low, high) = range(&positions);
         let (inside, outside): (Vec<Record>, Vec<Record>) = records.into_iter().partition(|r| {
             let (least, most) = range(&r.scheduling.columns[0]);

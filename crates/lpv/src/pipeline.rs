@@ -84,7 +84,7 @@ impl Identified {
             Self::Lti(stage) => stage.poles.fits[0].response(frequencies_hz)?,
             Self::Lpv(stage) => match &stage.small {
                 Some(small) => small.response(position, frequencies_hz, clock)?,
-                None => stage.model.response(position, frequencies_hz)?,
+                None => stage.model.response(&[position], frequencies_hz)?,
             },
         })
     }
@@ -127,7 +127,10 @@ pub fn identify(
         let model = poles.fits[0].state_space()?;
         return Ok(Identified::Lti(Box::new(LtiStage { poles, model })));
     }
-    let positions: Vec<f64> = estimates.iter().map(|e| e.position().unwrap_or(0.0)).collect();
+    let positions: Vec<f64> = estimates
+        .iter()
+        .map(|e| e.single_position().unwrap_or(0.0))
+        .collect();
     let mut reasons = poles.reasons.clone();
     begin(progress, "basis");
     let basis = match config.functions {
@@ -213,11 +216,11 @@ fn worth(
     let (mut near, mut far) = (Vec::new(), Vec::new());
     for estimate in estimates {
         let (position, lines) = (
-            estimate.position().unwrap_or(0.0),
+            estimate.single_position().unwrap_or(0.0),
             estimate.frf().frequencies_hz(),
         );
         near.push(small.response(position, lines, clock)?);
-        far.push(series.response(position, lines)?);
+        far.push(series.response(&[position], lines)?);
     }
     let measured: Vec<Frf> = estimates.iter().map(|e| e.frf().clone()).collect();
     let of = |model: &[Frf]| -> Result<(f64, f64), PipelineError> {

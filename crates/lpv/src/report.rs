@@ -165,7 +165,11 @@ fn subject(
     };
     let positions = match machine.range() {
         Some(range) if range.parameters() == 1 => {
-            let mut measured: Vec<f64> = evidence.estimates.iter().filter_map(|e| e.position()).collect();
+            let mut measured: Vec<f64> = evidence
+                .estimates
+                .iter()
+                .filter_map(|e| e.single_position())
+                .collect();
             if measured.is_empty() {
                 let known = account.and_then(|a| a.frozen_deviation.as_ref());
                 measured.extend(known.iter().flat_map(|k| k.positions.iter().copied()));

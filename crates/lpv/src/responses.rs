@@ -16,7 +16,7 @@ use frf_estimation::{
     estimate_records, local_rational,
 };
 pub(crate) use large::is_large;
-use lpv_core::{Discrete, FrfEstimate, Purpose, Record};
+use lpv_core::{Discrete, FrfEstimate, Position, Purpose, Record};
 use lpv_numerics::statistics::median;
 use places::Placed;
 use rayon::prelude::*;
@@ -76,7 +76,12 @@ pub fn estimate_bundle(
     let fitted = |i: usize| entries[i].purpose == Purpose::Estimation;
     let clock = bundle.clock()?;
     if (0..bundle.len()).any(|i| fitted(i) && periodic(i)) {
+        let indices: Vec<usize> = (0..bundle.len()).filter(|i| fitted(*i) && periodic(*i)).collect();
+        places::one_signal(bundle, &indices)?;
         let found = periodic_responses(bundle, |i| fitted(i) && periodic(i), skip_periods, progress)?;
+        let several = places::several_signals(bundle);
+        // One place of several signals has no p that a model of one parameter knows.
+        let of_model = |e: FrfEstimate| if several { e.without_position() } else { e };
         let controller = bundle.description().controller.is_some();
         let figures = found.iter().map(|at| describe_responses("estimation", at));
         return Ok(Responses {
@@ -87,24 +92,21 @@ pub fn estimate_bundle(
                 .chain(figures.flat_map(|e| of_experiment(&e, controller)))
                 .collect(),
             noise: Some(sample_noise(&found)),
-            estimates: found.into_iter().map(|f| f.estimate.estimate).collect(),
+            estimates: found.into_iter().map(|f| of_model(f.estimate.estimate)).collect(),
             reasons: Vec::new(),
         });
     }
     let mut records = load_records(bundle, fitted, progress)?;
     let findings = examine_records(bundle, &records);
-    match bundle.description().channels.scheduling.len() {
-        0 => {}
-        1 => {
-            records.iter_mut().for_each(|r| rest_position(r, bundle));
-            records.retain(|r| r.position.is_some());
+    if places::several_signals(bundle) {
+        let indices: Vec<usize> = (0..bundle.len()).filter(|i| fitted(*i)).collect();
+        if !places::one_signal(bundle, &indices)? {
+            records.clear();
         }
-        _ => {
-            let indices: Vec<usize> = (0..bundle.len()).filter(|i| fitted(*i)).collect();
-            if !places::one_signal(bundle, &indices)? {
-                records.clear();
-            }
-        }
+        records.iter_mut().for_each(|r| r.position = None);
+    } else if !bundle.description().channels.scheduling.is_empty() {
+        records.iter_mut().for_each(|r| rest_position(r, bundle));
+        records.retain(|r| r.position.is_some());
     }
     if records.is_empty() {
         return Err(PipelineError::NoResponses {
@@ -200,7 +202,6 @@ pub(crate) fn periodic_responses(
     let clock = bundle.clock()?;
     let skip = skip_periods.map_or(SkipRule::Auto, SkipRule::Fixed);
     let indices: Vec<usize> = (0..bundle.len()).filter(|&i| wanted(i)).collect();
-    places::one_signal(bundle, &indices)?;
     let placed = indices
         .par_iter()
         .map(|&index| {
@@ -219,7 +220,7 @@ pub(crate) fn periodic_responses(
         .map(|run| {
             let run = &placed[run];
             let indices: Vec<usize> = run.iter().map(|p| p.index).collect();
-            let position = common(run.iter().map(|p| p.place.map(|place| place.position)));
+            let position = common(run.iter().map(|p| p.place.as_ref().map(|place| &place.position)));
             if is_large(bundle, &indices) {
                 return large::evaluate(bundle, &indices, position, (clock, skip), &counter);
             }
@@ -230,7 +231,10 @@ pub(crate) fn periodic_responses(
                 let look = look_at(bundle, &record);
                 look.level(&mut record, 0);
                 looks.push(look);
-                records.push(Record { position, ..record });
+                records.push(Record {
+                    position: position.clone(),
+                    ..record
+                });
                 counter.one();
             }
             let settings = periodic_settings(skip).map_err(|e| (usize::MAX, e))?;
@@ -328,8 +332,8 @@ fn by_position<T: Send>(
     groups
         .into_par_iter()
         .map(|mut group| {
-            let position = common(group.iter().map(|r| r.position));
-            group.iter_mut().for_each(|r| r.position = position);
+            let position = common(group.iter().map(|r| r.position.as_ref()));
+            group.iter_mut().for_each(|r| r.position.clone_from(&position));
             let group: Vec<&Record> = group.iter().map(|r| &**r).collect();
             let found = at_position(&group, &estimate);
             counter.one();
@@ -346,14 +350,14 @@ fn at_position<T>(
     estimate: impl Fn(&[&Record]) -> Result<T, FrfError>,
 ) -> Result<T, PipelineError> {
     estimate(records).map_err(|source| {
-        let position = records.first().and_then(|r| r.position);
+        let position = records.first().and_then(|r| r.position.as_ref());
         place(position, records.iter().map(|r| r.name.as_str()), source)
     })
 }
 
 /// The error of an estimate with its place.
 fn place<'a>(
-    position: Option<f64>,
+    position: Option<&Position>,
     records: impl Iterator<Item = &'a str>,
     source: FrfError,
 ) -> PipelineError {
@@ -363,10 +367,12 @@ fn place<'a>(
 }
 
 /// The position of a run: where records are at the same one, exactly that.
-fn common(positions: impl Iterator<Item = Option<f64>>) -> Option<f64> {
-    let all: Option<Vec<f64>> = positions.collect();
+fn common<'a>(positions: impl Iterator<Item = Option<&'a Position>>) -> Option<Position> {
+    let all: Option<Vec<&Position>> = positions.collect();
     let all = all.filter(|all| !all.is_empty())?;
-    Some(all[0] + all.iter().map(|p| p - all[0]).sum::<f64>() / all.len() as f64)
+    let first = all[0];
+    let mean = |i: usize| first[i] + all.iter().map(|p| p[i] - first[i]).sum::<f64>() / all.len() as f64;
+    Some((0..first.len()).map(mean).collect::<Vec<f64>>().into())
 }
 
 /// Whether the scheduling signal that a model has rests in a record.
@@ -381,6 +387,6 @@ fn rest_position(record: &mut Record, bundle: &Bundle) {
         && let [p] = record.scheduling.columns.as_slice()
         && rests(record, bundle)
     {
-        record.position = Some(Travel::of(p).mean());
+        record.position = Some(Travel::of(p).mean().into());
     }
 }

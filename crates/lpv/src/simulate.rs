@@ -308,7 +308,7 @@ impl<'a> Setup<'a> {
                 period: self.multisine.period(),
             },
             purpose: Purpose::Estimation,
-            position: Some(position),
+            position: Some(position.into()),
             outputs: signals(&OUTPUTS),
             inputs: signals(&INPUTS),
             references: signals(&REFERENCES),

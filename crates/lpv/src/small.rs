@@ -86,7 +86,10 @@ pub fn small_lfr(
     config: &IdentifyConfig,
     progress: Progress<'_>,
 ) -> Result<Result<SmallStage, String>, PipelineError> {
-    let positions: Vec<f64> = estimates.iter().map(|e| e.position().unwrap_or(0.0)).collect();
+    let positions: Vec<f64> = estimates
+        .iter()
+        .map(|e| e.single_position().unwrap_or(0.0))
+        .collect();
     let (low, high) = lpv_numerics::statistics::range(&positions);
     let units = Units::of(clock, &SchedulingRange::interval(low, high)?, estimates)?;
     match attempt(estimates, poles, (clock, &units), moves, config, progress) {
@@ -112,7 +115,10 @@ fn attempt(
         .iter()
         .map(|e| units.scaled(e))
         .collect::<Result<Vec<_>, _>>()?;
-    let positions: Vec<f64> = scaled.iter().map(|e| e.position().unwrap_or(0.0)).collect();
+    let positions: Vec<f64> = scaled
+        .iter()
+        .map(|e| e.single_position().unwrap_or(0.0))
+        .collect();
     let range = units.range()?;
     let known: Vec<Vec<Complex<f64>>> = poles.fits.iter().map(modes_of).collect();
     let data = &frozen_data(&scaled, &positions, units.clock()?, poles.relative_error)?.with_poles(&known)?;

@@ -7,7 +7,7 @@ use crate::signal::finite;
 use crate::validation::{FrozenError, frozen_error};
 use crate::verdict::Verdict;
 use crate::{Identified, MovingStage, PipelineError, SizeRow};
-use lpv_core::{Discrete, Frf, FrfEstimate, Model, counted};
+use lpv_core::{Discrete, Frf, FrfEstimate, Model, Position, counted};
 use lpv_numerics::statistics::{amplitude_db, median};
 use serde::{Deserialize, Serialize};
 pub use time::{AxisSummary, HeldOut, OrderRow, TimeSummary};
@@ -144,7 +144,13 @@ impl Summary {
         let noise = finite(median(&deviations));
         let model = estimates
             .iter()
-            .map(|e| identified.response(e.position().unwrap_or(0.0), e.frf().frequencies_hz(), clock))
+            .map(|e| {
+                identified.response(
+                    e.single_position().unwrap_or(0.0),
+                    e.frf().frequencies_hz(),
+                    clock,
+                )
+            })
             .collect::<Result<Vec<_>, _>>()?;
         let (poles, cost) = match identified {
             Identified::Lti(stage) => {
@@ -205,7 +211,12 @@ impl Summary {
             lpv: match identified {
                 Identified::Lti(_) => None,
                 Identified::Lpv(stage) => Some(LpvSummary {
-                    positions: stage.fits.positions().to_vec(),
+                    positions: stage
+                        .fits
+                        .positions()
+                        .iter()
+                        .filter_map(Position::single)
+                        .collect(),
                     modes: stage.poles.fits.iter().map(pole_modes).collect(),
                     functions: stage.fits.functions(),
                     interpolation: stage.model.interpolation().name().to_owned(),

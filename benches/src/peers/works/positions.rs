@@ -67,7 +67,7 @@ pub(super) fn ours() -> Result<Run, Failure> {
     let estimates: Vec<(f64, FrfEstimate)> = grid(&bench)
         .into_iter()
         .zip(measured(&bench)?)
-        .map(|(p, frf)| Ok((p, FrfEstimate::with_unit_covariance(frf, Some(p))?)))
+        .map(|(p, frf)| Ok((p, FrfEstimate::with_unit_covariance(frf, Some(p.into()))?)))
         .collect::<Result<_, Failure>>()?;
     let settings = PoleFitSettings::new(6)
         .integrators(Integrators::Fixed(2))

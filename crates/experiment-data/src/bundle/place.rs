@@ -11,18 +11,17 @@ impl Bundle {
     /// As [`Bundle::load`].
     pub fn place(&self, index: usize) -> Result<Option<RestingPlace>, DataError> {
         let entry = self.entry(index)?;
-        if let Some(declared) = entry.position {
-            return Ok(Some(RestingPlace::declared(declared)));
+        if let Some(declared) = &entry.position {
+            return Ok(Some(RestingPlace::declared(declared.clone())));
         }
-        let scheduling = self.description.channels.scheduling.len();
-        if scheduling != 1 || !entry.is_periodic() {
+        if self.description.channels.scheduling.len() == 0 || !entry.is_periodic() {
             return Ok(None);
         }
         let travels = self.travels(index)?;
-        match travels.first() {
-            Some(travel) if travel.mean().is_finite() => Ok(Some(RestingPlace::measured(travel))),
+        match travels.iter().all(|travel| travel.mean().is_finite()) {
+            true => Ok(Some(RestingPlace::measured(&travels))),
             // What is wrong with it, the record tells best.
-            _ => Ok(self.each_period(index, |_| ())?.map(RestingPlace::declared)),
+            false => Ok(self.each_period(index, |_| ())?.map(RestingPlace::declared)),
         }
     }
 
@@ -62,9 +61,13 @@ impl Bundle {
                     *range = (range.0.min(v), range.1.max(v));
                 }
             };
-            let mut declared = (f64::INFINITY, f64::NEG_INFINITY);
+            let mut declared = all.clone();
             for (index, entry) in self.description.records.iter().enumerate() {
-                entry.position.into_iter().for_each(|p| take(&mut declared, p));
+                let said = entry.position.iter().flat_map(|p| p.iter());
+                declared
+                    .iter_mut()
+                    .zip(said)
+                    .for_each(|(range, p)| take(range, *p));
                 let Ok(path) = self.record_path(index) else {
                     continue;
                 };
@@ -80,13 +83,10 @@ impl Bundle {
                     all = own;
                 }
             }
-            let said = if names.len() == 1 {
-                declared.1 - declared.0
-            } else {
-                0.0
-            };
+            let width = |(low, high): (f64, f64)| (high - low).max(0.0);
             all.into_iter()
-                .map(|(low, high)| (high - low).max(said).max(0.0))
+                .zip(declared)
+                .map(|(measured, said)| width(measured).max(width(said)))
                 .collect()
         });
         ranges.get(column).copied().unwrap_or(0.0)

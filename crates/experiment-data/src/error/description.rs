@@ -26,6 +26,16 @@ pub enum DescriptionError {
         /// The key.
         key: String,
     },
+    /// A position with too few or too many numbers.
+    #[error(
+        "a position of {found} numbers where p has {signals}; write one number a scheduling signal: position = [0.1, -0.05]"
+    )]
+    PositionLength {
+        /// Scheduling signals there are.
+        signals: usize,
+        /// Numbers of the position.
+        found: usize,
+    },
     /// A key of format 2 that this version does not know how to follow.
     #[error("`{key}` of format 2 is not read by this version; take the line out, its meaning would be lost")]
     NotRead {

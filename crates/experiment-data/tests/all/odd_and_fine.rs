@@ -12,7 +12,7 @@ fn the_correct_one_opens_by_folder_and_by_file() {
     assert_eq!(c.feedback_numerator, [[1.0, -0.5], [2.0, 0.0]]);
     let record = bundle.load(0).unwrap();
     assert_eq!(record.name, "grid");
-    assert_eq!(record.position, Some(0.25));
+    assert_eq!(record.position, Some(0.25.into()));
     assert_eq!(record.outputs.columns[0][3], 2.0 * common::value("y1", 3));
     let other = Bundle::open(&small.path().join("experiment.toml")).unwrap();
     let record = other.load(1).unwrap();
@@ -73,7 +73,7 @@ fn scheduling_that_is_noise_or_may_move() {
     };
     put("records/grid.csv", &noise);
     let record = small.open().unwrap().load(0).unwrap();
-    assert!(record.position.unwrap().abs() < 1e-5);
+    assert!(record.position.unwrap()[0].abs() < 1e-5);
     put("records/move.csv", &|k| k as f64);
     assert_eq!(small.open().unwrap().load(1).unwrap().position, None);
 }
@@ -82,9 +82,12 @@ fn scheduling_that_is_noise_or_may_move() {
 fn positions_may_be_declared() {
     let small = Small::new();
     small.edit("period = 40", "period = 40\nposition = 0.2501");
-    assert_eq!(small.open().unwrap().load(0).unwrap().position, Some(0.2501));
+    assert_eq!(
+        small.open().unwrap().load(0).unwrap().position,
+        Some(0.2501.into())
+    );
     small.edit("kind = \"transient\"", "kind = \"transient\"\nposition = 0.25");
-    assert_eq!(small.open().unwrap().load(1).unwrap().position, Some(0.25));
+    assert_eq!(small.open().unwrap().load(1).unwrap().position, Some(0.25.into()));
 }
 
 /// An input at its limit is what acted on the machine, in periodic and in other records, whether the limit is declared or not.

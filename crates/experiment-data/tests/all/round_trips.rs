@@ -1,7 +1,7 @@
 //! What is written is read back to the same bits, in all formats; nothing is overwritten or left half done.
 use crate::common::{self, Small};
 use experiment_data::{Bundle, BundleWriter, ChannelGroup, DataError, Description, RecordFormat};
-use lpv_core::{Purpose, Record, RecordKind, Signals};
+use lpv_core::{Position, Purpose, Record, RecordKind, Signals};
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -90,6 +90,47 @@ fn transient(name: &str, y: Vec<f64>, u: Vec<f64>) -> Record {
         scheduling: Signals::default(),
         auxiliary: Signals::default(),
         injection: Signals::default(),
+    }
+}
+
+/// Two scheduling signals: the position is the mean of each, or what the description says.
+#[test]
+fn a_position_in_the_plane_is_read_back() {
+    for format in FORMATS {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = dir.path().join("plane");
+        let mut description = Description::new("plane", 10.0, &["y"], &["u"]);
+        description.channels.scheduling.columns = vec!["px".to_owned(), "py".to_owned()];
+        let mut writer = BundleWriter::create(&folder, description, format).unwrap();
+        let mut written = Vec::new();
+        for (name, at, said) in [
+            ("a", [0.1, -0.05], None),
+            ("b", [0.1, 0.25], None),
+            ("c", [-0.2, 0.25], Some(vec![-0.2001, 0.2501])),
+        ] {
+            let signal = |k: usize| (0..8).map(|i| ((i % 4 + k) as f64).sin()).collect();
+            let mut record = transient(name, signal(1), signal(3));
+            record.kind = RecordKind::Periodic { period: 4 };
+            record.scheduling = Signals::new(&["px", "py"], at.iter().map(|p| vec![*p; 8]).collect());
+            record.position = said.clone().map(Position::from);
+            writer.write(&record).unwrap();
+            written.push(said.unwrap_or(at.to_vec()));
+        }
+        let bundle = writer.finish().unwrap();
+        let text = std::fs::read_to_string(folder.join("experiment.toml")).unwrap();
+        assert!(
+            text.contains("format = 2") && text.contains("position = ["),
+            "{text}"
+        );
+        for (i, expected) in written.into_iter().enumerate() {
+            let expected = Some(Position::from(expected));
+            assert_eq!(bundle.load(i).unwrap().position, expected, "{format:?}");
+            assert_eq!(
+                bundle.place(i).unwrap().map(|p| p.position),
+                expected,
+                "{format:?}"
+            );
+        }
     }
 }
 
@@ -245,7 +286,7 @@ fn what_cannot_be_read_is_not_written() {
         "`period` = 0; a period has",
     );
     refuse(
-        &|r| r.position = Some(f64::INFINITY),
+        &|r| r.position = Some(f64::INFINITY.into()),
         "records[0].position: inf is not a finite number",
     );
     refuse(

@@ -29,7 +29,7 @@ fn machines_load_whole_and_their_moves_follow_the_controller() {
                     positions.push(record.position.unwrap());
                 }
                 RecordKind::Transient => {
-                    assert_eq!((record.len(), record.position), (4000, None));
+                    assert_eq!((record.len(), &record.position), (4000, &None));
                     let error = controller_error(&bundle, &record);
                     assert!(error < 1e-9, "{name}, {}: {error}", record.name);
                 }
@@ -38,7 +38,7 @@ fn machines_load_whole_and_their_moves_follow_the_controller() {
         // Two experiments at each of nine positions, exactly equal within a pair.
         assert_eq!(positions.len(), 18);
         assert!(positions.chunks(2).all(|p| p[0] == p[1]));
-        assert_eq!((positions[0], positions[17]), (-0.3, 0.3));
+        assert_eq!((positions[0][0], positions[17][0]), (-0.3, 0.3));
         let t = bundle
             .description()
             .geometry

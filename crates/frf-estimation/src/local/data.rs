@@ -4,7 +4,7 @@ use super::{HalfWidth, LocalSettings, Regressor};
 use crate::FrfError;
 use crate::records::{check_alike, mismatch};
 use crate::spectra::{Spectra, mean};
-use lpv_core::{Clock, Discrete, Record};
+use lpv_core::{Clock, Discrete, Position, Record};
 use num_complex::Complex;
 
 type C64 = Complex<f64>;
@@ -22,7 +22,7 @@ pub(crate) struct LocalData {
     pub(crate) lines: usize,
     /// Distance between lines, Hz.
     pub(crate) resolution_hz: f64,
-    pub(crate) position: Option<f64>,
+    pub(crate) position: Option<Position>,
     z: Vec<C64>,
     x: Vec<C64>,
 }
@@ -76,7 +76,7 @@ impl LocalData {
             records: records.len(),
             lines,
             resolution_hz: 2.0 * clock.nyquist_hz() / length.max(1) as f64,
-            position: first.position,
+            position: first.position.clone(),
             z: Vec::new(),
             x: Vec::new(),
         };

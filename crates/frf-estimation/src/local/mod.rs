@@ -215,7 +215,7 @@ fn at_lines(
     let frf = Frf::new(frequencies_hz, ny, nu, values)?;
     Ok(LocalEstimate {
         condition: worst(&by_line, &kept, frf.frequencies_hz()),
-        estimate: FrfEstimate::new(frf, c_v, s, shape.degrees_of_freedom, data.position)?,
+        estimate: FrfEstimate::new(frf, c_v, s, shape.degrees_of_freedom, data.position.clone())?,
         lines: kept,
         window: 2 * shape.half_width + 1,
         equations: shape.equations,

@@ -91,7 +91,7 @@ proptest! {
         if let Ok(settings) = settings.check() {
             let [outputs, inputs, references, experiments] = counts.map(|c| c % 70);
             let layout = Layout { period: period % 50, outputs, inputs, references, experiments, sample_rate_hz: rate };
-            let _ = PeriodicAccumulator::new(layout, &settings, Some(position));
+            let _ = PeriodicAccumulator::new(layout, &settings, Some(position.into()));
         }
         let _ = LocalSettings::default().degree(width).half_width(HalfWidth::Lines(period)).lines(LocalLines::List(list)).check();
         let _ = f_quantile_2(condition, threshold);

@@ -126,7 +126,7 @@ impl Bench {
         let estimates: Vec<FrfEstimate> = self
             .responses(&lobatto)
             .into_iter()
-            .map(|(p, g)| FrfEstimate::with_unit_covariance(g, Some(p[0])).unwrap())
+            .map(|(p, g)| FrfEstimate::with_unit_covariance(g, Some(p[0].into())).unwrap())
             .collect();
         let settings = RegressionSettings::new()
             .diagonal_rigid_body(2)

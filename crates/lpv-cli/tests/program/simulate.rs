@@ -79,7 +79,7 @@ fn a_bundle_has_records_controller_and_geometry_that_fit_each_other() {
         kinds,
         "{names:?}"
     );
-    assert_eq!(records[2].position, Some(0.1));
+    assert_eq!(records[2].position, Some(0.1.into()));
     assert_eq!(records[4].purpose, Purpose::Estimation);
     assert_eq!(records[5].purpose, Purpose::Validation);
 

@@ -206,8 +206,16 @@ fn two_scheduling_signals_are_refused() {
     ] {
         assert!(message.contains(part), "{message}");
     }
-    let inspected = desk.refused("inspect bundle");
-    assert!(inspected.contains("r0 and r1"), "{inspected}");
+    // Each place has a response of its own, and the records of one place are joined.
+    let json = desk.json("inspect bundle --json");
+    let experiments = json["experiments"].as_array().unwrap();
+    let places: Vec<_> = experiments
+        .iter()
+        .map(|e| (&e["position"], &e["records"]))
+        .collect();
+    let [a, b] = [serde_json::json!([0.0, 0.1]), serde_json::json!([0.0, 0.2])];
+    let [first, second] = [serde_json::json!(["r0", "r2"]), serde_json::json!(["r1"])];
+    assert_eq!(places, [(&a, &first), (&b, &second)]);
 }
 
 /// One record whose p is in other units makes no place of two.

@@ -43,7 +43,7 @@ pub(super) fn scan(
             let mut cost = 0.0;
             for e in few {
                 let lines = e.frf().frequencies_hz();
-                let model = response(&table, e.position().unwrap_or(0.0), lines, clock)?;
+                let model = response(&table, e.single_position().unwrap_or(0.0), lines, clock)?;
                 for k in 0..lines.len() {
                     for i in 0..2 {
                         let ratio = model.line(k)[(i, i)] / e.frf().line(k)[(i, i)];

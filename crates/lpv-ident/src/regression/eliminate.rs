@@ -7,7 +7,7 @@
 
 use super::equations::{Eliminated, Equations, Regressors};
 use crate::{CheckedRegression, IdentError, RigidTerm, Weighting};
-use lpv_core::{Discrete, FrfEstimate, StateSpace};
+use lpv_core::{Discrete, FrfEstimate, Position, StateSpace};
 use lpv_numerics::dense::Triangle;
 use lpv_numerics::planes::Planes;
 use lpv_numerics::whiten::Whitening;
@@ -21,7 +21,7 @@ const BLOCK_ROWS: usize = 2048;
 /// The lines that the settings keep, if they are enough.
 pub(super) fn kept(
     estimate: &FrfEstimate,
-    position: f64,
+    position: &Position,
     basis: &StateSpace<Discrete>,
     settings: &CheckedRegression,
 ) -> Result<Range<usize>, IdentError> {
@@ -31,7 +31,7 @@ pub(super) fn kept(
     let (equations, unknowns) = (2 * channels * lines.len(), channels * basis.outputs());
     if equations < unknowns + settings.rigid_body().len() + 1 {
         return Err(IdentError::TooFewLines {
-            position,
+            position: position.clone(),
             lines: lines.len(),
             equations,
             unknowns,
@@ -74,7 +74,7 @@ impl Channel {
 fn channels(
     estimate: &FrfEstimate,
     lines: Range<usize>,
-    position: f64,
+    position: &Position,
     settings: &CheckedRegression,
 ) -> Result<Vec<Channel>, IdentError> {
     let (ny, nu) = (estimate.frf().outputs(), estimate.frf().inputs());
@@ -159,7 +159,7 @@ pub(super) fn eliminate(equations: &Equations<'_>) -> Result<Eliminated, IdentEr
         whole.absorb(stacked);
     }
     Ok(Eliminated {
-        position,
+        position: position.clone(),
         r: DMatrix::from_fn(columns, columns, |i, j| whole.column(j)[i]),
         unknowns,
         equations: 2 * ny * nu * lines.len(),

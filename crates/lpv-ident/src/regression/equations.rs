@@ -2,7 +2,7 @@
 
 use super::rigid_response;
 use crate::{CheckedRegression, IdentError};
-use lpv_core::{Discrete, Frf, FrfEstimate, StateSpace};
+use lpv_core::{Discrete, Frf, FrfEstimate, Position, StateSpace};
 use lpv_numerics::planes::{Planes, WIDEST};
 use nalgebra::DMatrix;
 use num_complex::Complex;
@@ -17,7 +17,7 @@ const CHUNK: usize = 1024;
 /// The equations of one position.
 pub(super) struct Equations<'a> {
     pub(super) estimate: &'a FrfEstimate,
-    pub(super) position: f64,
+    pub(super) position: &'a Position,
     /// Lines of the estimate that are fitted.
     pub(super) kept: Range<usize>,
     pub(super) regressors: &'a Regressors,
@@ -26,7 +26,7 @@ pub(super) struct Equations<'a> {
 
 /// What one position leaves after its own coefficients are eliminated: `R22 c = r2`, and the residual.
 pub(super) struct Eliminated {
-    pub(super) position: f64,
+    pub(super) position: Position,
     /// The triangular factor of `[Phi_W, Phi_c, F]`, whitened.
     pub(super) r: DMatrix<f64>,
     pub(super) unknowns: usize,

@@ -121,7 +121,7 @@ impl Equations<'_> {
             column *= *scale;
         }
         let mut eliminated = Eliminated {
-            position: self.position,
+            position: self.position.clone(),
             r: r.resize(columns + 1, columns + 1, 0.0),
             unknowns: self.unknowns(),
             equations: 2 * self.channels() * self.lines(),
@@ -207,7 +207,7 @@ impl<'a> Pass<'a> {
         } = self.equations;
         let start = kept.start + block * BLOCK;
         let lines = start..kept.end.min(start + BLOCK);
-        crate::weights::set(&mut self.whitening, estimate, lines.clone(), settings, *position)?;
+        crate::weights::set(&mut self.whitening, estimate, lines.clone(), settings, position)?;
         let range = self.equations.range(block);
         pulp::Arch::new().dispatch(Step {
             pass: self,

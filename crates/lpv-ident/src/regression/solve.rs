@@ -5,6 +5,7 @@ use super::equations::{Eliminated, Equations};
 use super::gram::{self, Left};
 use super::{IdentError, LocalFit};
 use faer::MatRef;
+use lpv_core::Position;
 use lpv_numerics::dense::{Triangle, invert_upper, solve_upper};
 use nalgebra::{DMatrix, DVector, SVD};
 use rayon::prelude::*;
@@ -117,7 +118,9 @@ fn shared_gains(eliminated: &[Eliminated], nc: usize) -> Result<(DVector<f64>, D
     let left = DMatrix::from_fn(nc, nc, |i, j| r22[(i, j)] / whole[j]);
     let (_, smallest) = extreme_singular_values(&left).unwrap_or((0.0, 0.0));
     let deficient = || IdentError::RankDeficient {
-        position: eliminated.first().map_or(0.0, |e| e.position),
+        position: eliminated
+            .first()
+            .map_or(Position::from(0.0), |e| e.position.clone()),
         reciprocal: smallest,
         function: 0,
     };
@@ -173,7 +176,7 @@ fn scaled(r: &DMatrix<f64>) -> DMatrix<f64> {
 impl Eliminated {
     fn deficient(&self, reciprocal: f64, function: usize) -> IdentError {
         IdentError::RankDeficient {
-            position: self.position,
+            position: self.position.clone(),
             reciprocal,
             function,
         }
@@ -233,7 +236,7 @@ fn back_substitute(e: &Eliminated, gains: &DVector<f64>, sizes: Sizes) -> Result
     let r2 = e.r.view((n, n + nc), (nc + 1, 1));
     let cost = (r2 - r22 * gains).norm_squared();
     Ok(LocalFit {
-        position: e.position,
+        position: e.position.clone(),
         weights: weights(&w, sizes),
         cost,
         equations: e.equations,

@@ -51,7 +51,7 @@ fn fit(model: &Candidate<Continuous>) -> Refined<Continuous> {
         let n = frf.len();
         let all = (0..n).flat_map(|_| covariance.iter().copied().collect::<Vec<_>>());
         let one = vec![Complex::from(1.0); n];
-        let estimate = FrfEstimate::new(frf, all.collect(), one, f64::INFINITY, Some(p));
+        let estimate = FrfEstimate::new(frf, all.collect(), one, f64::INFINITY, Some(p.into()));
         (vec![p], estimate.unwrap())
     };
     let data = FrozenData::weighted(clock(), &POSITIONS.map(estimate), 0.0).unwrap();

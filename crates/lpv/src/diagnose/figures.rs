@@ -133,7 +133,7 @@ pub(super) fn frozen(
         .map(|i| (i as f64 * every).round() as usize)
         .collect();
     for (index, estimate) in estimates.iter().enumerate() {
-        let p = estimate.position().unwrap_or(0.0);
+        let p = estimate.single_position().unwrap_or(0.0);
         let [a, b, c] = base.frozen(p)?;
         let direct = DMatrix::zeros(c.nrows(), b.ncols());
         let frf = estimate.frf();

@@ -3,7 +3,7 @@
 use crate::PipelineError;
 use crate::progress::{Counter, Progress};
 use experiment_data::{Bundle, DataError};
-use lpv_core::{ControllerState, Record};
+use lpv_core::{ControllerState, Position, Record};
 use lpv_diagnose::{Explained, Track};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -24,7 +24,7 @@ pub(super) fn unrepeated(bundle: &Bundle, progress: Progress<'_>) -> Result<(f64
     let from = (periodic.len() / 2).saturating_sub(RECORDS / 2);
     let chosen: Vec<usize> = periodic.into_iter().skip(from).take(RECORDS).collect();
     let counter = Counter::new(progress, "reading records", chosen.len());
-    let differences = |i: &usize| -> Result<(Option<f64>, Vec<[f64; 2]>), DataError> {
+    let differences = |i: &usize| -> Result<(Option<Position>, Vec<[f64; 2]>), DataError> {
         let (mut before, mut periods): (Option<Record>, usize) = (None, 0);
         let mut all: Vec<Vec<[f64; 2]>> = Vec::new();
         let position = bundle.each_period(*i, |part| {
@@ -47,7 +47,10 @@ pub(super) fn unrepeated(bundle: &Bundle, progress: Progress<'_>) -> Result<(f64
     };
     let found: Vec<Result<_, DataError>> = chosen.par_iter().map(differences).collect();
     let found = found.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let positions: Vec<f64> = found.iter().filter_map(|(p, _)| *p).collect();
+    let positions: Vec<f64> = found
+        .iter()
+        .filter_map(|(p, _)| p.as_ref().and_then(Position::single))
+        .collect();
     let position = positions.iter().sum::<f64>() / positions.len().max(1) as f64;
     let left = found.into_iter().map(|(_, d)| d).filter(|d| !d.is_empty());
     Ok((position, left.collect()))

@@ -1,6 +1,7 @@
 //! Records against each other: one of several with another sign or unit, and records of one place that disagree.
 
 use super::Finding;
+use lpv_core::Position;
 use lpv_core::num_complex::Complex;
 use lpv_numerics::statistics::median;
 
@@ -10,7 +11,7 @@ type C64 = Complex<f64>;
 #[derive(Debug, Clone)]
 pub(crate) struct Voice {
     pub(crate) record: String,
-    pub(crate) position: Option<f64>,
+    pub(crate) position: Option<Position>,
     /// Hz.
     pub(crate) frequencies_hz: Vec<f64>,
     pub(crate) outputs: Vec<Vec<C64>>,
@@ -161,8 +162,9 @@ fn odd_ones(voices: &[Voice], names: &Names<'_>) -> Vec<Finding> {
 
 /// Weights of the others in the value of a straight line through them at the place of a record; none for less than three places.
 fn line_weights(others: &[&Voice], voice: &Voice) -> Option<Vec<f64>> {
-    let places = others.iter().map(|v| v.position).collect::<Option<Vec<f64>>>()?;
-    let (at, count) = (voice.position?, places.len() as f64);
+    let place = |v: &Voice| v.position.as_ref().and_then(Position::single);
+    let places = others.iter().map(|v| place(v)).collect::<Option<Vec<f64>>>()?;
+    let (at, count) = (place(voice)?, places.len() as f64);
     let mut different = places.clone();
     different.sort_by(f64::total_cmp);
     different.dedup();
@@ -262,12 +264,12 @@ pub(super) fn named(factor: f64) -> f64 {
 /// Records of one place whose responses differ by more than noise; for one input.
 fn disagreements(voices: &[Voice]) -> Vec<Finding> {
     let mut found = Vec::new();
-    let mut done: Vec<Option<f64>> = Vec::new();
+    let mut done: Vec<&Option<Position>> = Vec::new();
     for voice in voices {
-        if voice.inputs.len() != 1 || done.contains(&voice.position) {
+        if voice.inputs.len() != 1 || done.contains(&&voice.position) {
             continue;
         }
-        done.push(voice.position);
+        done.push(&voice.position);
         let here: Vec<&Voice> = voices
             .iter()
             .filter(|v| v.position == voice.position && v.frequencies_hz == voice.frequencies_hz)
@@ -280,7 +282,7 @@ fn disagreements(voices: &[Voice]) -> Vec<Finding> {
             .max_by(|a, b| a.1.total_cmp(&b.1));
         if let Some((record, part, noise)) = worst {
             found.push(Finding::RecordsDisagree {
-                place: match voice.position {
+                place: match &voice.position {
                     Some(p) => format!("position {p:.4}"),
                     None => here
                         .iter()

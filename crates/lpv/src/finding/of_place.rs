@@ -81,7 +81,7 @@ pub(crate) fn voices(looks: &[Look], estimate: &PeriodicEstimate) -> Vec<Voice> 
         .zip(spectra)
         .map(|(look, [outputs, inputs, references])| Voice {
             record: look.record.clone(),
-            position: estimate.estimate.position(),
+            position: estimate.estimate.position().cloned(),
             frequencies_hz: chosen.iter().map(|k| frf.frequencies_hz()[*k]).collect(),
             references: if references.len() == nu {
                 references

@@ -2,6 +2,7 @@
 
 use crate::responses::AtPosition;
 use frf_estimation::Instrument;
+use lpv_core::Position;
 use lpv_numerics::statistics::{amplitude_db, median, quantile};
 use serde::Serialize;
 
@@ -11,7 +12,7 @@ pub struct ExperimentInfo {
     /// `estimation` or `validation`.
     pub purpose: &'static str,
     /// Position; none without scheduling.
-    pub position: Option<f64>,
+    pub position: Option<Position>,
     /// Its records.
     pub records: Vec<String>,
     /// Lowest and highest excited frequency, Hz.
@@ -142,7 +143,7 @@ pub(crate) fn describe(purpose: &'static str, at: &AtPosition) -> ExperimentInfo
     });
     ExperimentInfo {
         purpose,
-        position: e.estimate.position(),
+        position: e.estimate.position().cloned(),
         records: at.records.clone(),
         band_hz: [frequencies[0], frequencies[frequencies.len() - 1]],
         periods_used: e.periods_used,

@@ -4,7 +4,7 @@ use super::Spread;
 use experiment_data::{Bundle, DataError};
 use frf_estimation::{Coherence, multiple_coherence};
 use lpv_core::num_complex::Complex;
-use lpv_core::{Purpose, Record, RecordKind, Signals};
+use lpv_core::{Position, Purpose, Record, RecordKind, Signals};
 use lpv_numerics::statistics::{mean, range, standard_deviation};
 use realfft::RealFftPlanner;
 use serde::Serialize;
@@ -27,7 +27,7 @@ pub struct RecordInfo {
     /// Samples a period.
     pub period: Option<usize>,
     /// The constant scheduling value.
-    pub position: Option<f64>,
+    pub position: Option<Position>,
     /// Smallest and largest value of each scheduling signal.
     pub scheduling: Vec<[f64; 2]>,
     /// Figures of every channel; of a periodic record in a large file, those of its last period.
@@ -87,7 +87,7 @@ pub(super) fn describe(r: &Record, file: &str, sample_rate_hz: f64) -> RecordInf
             RecordKind::Periodic { period } => Some(period),
             RecordKind::Transient => None,
         },
-        position: r.position,
+        position: r.position.clone(),
         scheduling: r
             .scheduling
             .columns

@@ -90,7 +90,7 @@ impl Inspection {
         let outputs = self.channels.iter().find(|c| c.role == "output");
         let name = |i: usize| cell(outputs.and_then(|c| c.columns.get(i)).map_or("", String::as_str));
         for e in &self.experiments {
-            let at = e.position.map_or(String::new(), |p| p.to_string());
+            let at = e.position.as_ref().map_or(String::new(), |p| p.to_string());
             for l in &e.lines {
                 for i in 0..l.coherence.len() {
                     row([
@@ -169,7 +169,7 @@ impl Inspection {
 }
 
 fn scheduling(r: &RecordInfo) -> String {
-    match (r.position, r.scheduling.as_slice()) {
+    match (&r.position, r.scheduling.as_slice()) {
         (Some(p), _) => format!("{p:.5}"),
         (None, [[low, high]]) => format!("{low:.4} to {high:.4}"),
         _ => String::new(),
@@ -205,7 +205,7 @@ fn experiment_table(experiments: &[&ExperimentInfo]) -> String {
             })
         };
         table.row(vec![
-            e.position.map_or("-".to_owned(), |p| format!("{p:.5}")),
+            e.position.as_ref().map_or("-".to_owned(), |p| format!("{p:.5}")),
             e.lines.len().to_string(),
             format!("{:.4} to {:.4}", e.band_hz[0], e.band_hz[1]),
             e.periods_used.to_string(),

@@ -27,7 +27,7 @@ pub(crate) fn of_experiment(e: &ExperimentInfo, controller: bool) -> Vec<Finding
     /// Noise of a line that stands out, and how many of them make a band.
     const GOOD: (f64, usize) = (0.3, 20);
     let mut found = Vec::new();
-    let place = match e.position {
+    let place = match &e.position {
         Some(p) => format!("position {p:.4}"),
         None => e.records.join(", "),
     };

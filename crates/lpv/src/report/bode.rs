@@ -134,7 +134,7 @@ impl Drawn<'_> {
                         .evidence
                         .estimates
                         .iter()
-                        .find(|e| e.position() == p.first().copied())
+                        .find(|e| e.position().is_some_and(|own| **own == *p))
                     {
                         panel = panel.series(
                             Series::new(points(e.frf(), i, j), Style::Dots)
@@ -231,7 +231,7 @@ fn measured_errors(s: &Subject, panel: Panel) -> Panel {
             .evidence
             .estimates
             .iter()
-            .position(|e| e.position() == p.first().copied());
+            .position(|e| e.position().is_some_and(|own| **own == *p));
         let Some((e, g)) = at.and_then(|i| Some((&s.evidence.estimates[i], s.evidence.responses.get(i)?)))
         else {
             continue;

@@ -8,7 +8,7 @@ use crate::period_noise::PeriodNoise;
 use crate::progress::Counter;
 use experiment_data::Bundle;
 use frf_estimation::{FrfError, Layout, PeriodicAccumulator, Settling, SkipRule};
-use lpv_core::{Discrete, PeriodBlock, Record};
+use lpv_core::{Discrete, PeriodBlock, Position, Record};
 
 /// Bytes of files from which they are large together, and bytes in memory: packed ones are larger there.
 const LARGE: [u64; 2] = [1 << 26, 1 << 28];
@@ -27,7 +27,7 @@ pub(crate) fn is_large(bundle: &Bundle, indices: &[usize]) -> bool {
 pub(super) fn evaluate(
     bundle: &Bundle,
     indices: &[usize],
-    position: Option<f64>,
+    position: Option<Position>,
     (clock, skip): (Discrete, SkipRule),
     counter: &Counter<'_>,
 ) -> Result<AtPosition, (usize, PipelineError)> {
@@ -56,7 +56,7 @@ pub(super) fn evaluate(
     let names: Vec<String> = last.iter().map(|r| r.name.clone()).collect();
     let failed = |source: FrfError| {
         let names = names.iter().map(String::as_str);
-        (usize::MAX, place(position, names, source))
+        (usize::MAX, place(position.as_ref(), names, source))
     };
     let Some(first) = last.first() else {
         return Err(failed(FrfError::NoRecords));
@@ -96,7 +96,7 @@ pub(super) fn evaluate(
         }
     };
     let settings = periodic_settings(SkipRule::Fixed(skip)).map_err(|e| (usize::MAX, e))?;
-    let mut sums = PeriodicAccumulator::new(layout, &settings, position).map_err(failed)?;
+    let mut sums = PeriodicAccumulator::new(layout, &settings, position.clone()).map_err(failed)?;
     let mut noise = PeriodNoise::new(layout.outputs, layout.period);
     for (experiment, &i) in indices.iter().enumerate() {
         let (mut period, mut outcome) = (0, Ok(()));
@@ -152,7 +152,7 @@ mod tests {
             let parts = evaluate(
                 &bundle,
                 &indices,
-                whole[0].estimate.estimate.position(),
+                whole[0].estimate.estimate.position().cloned(),
                 settings,
                 &counter,
             );
@@ -185,13 +185,13 @@ mod tests {
         }
         let noisy = writer.finish().unwrap();
         let places: Vec<f64> = (0..2)
-            .map(|i| noisy.place(i).unwrap().unwrap().position)
+            .map(|i| noisy.place(i).unwrap().unwrap().position[0])
             .collect();
         assert!(places[0] != places[1], "{places:?}");
         let periodic = |i: usize| noisy.description().records[i].is_periodic();
         let found = periodic_responses(&noisy, periodic, None, &silent).unwrap();
         assert_eq!(found.len(), 1);
-        let position = found[0].estimate.estimate.position().unwrap();
+        let position = found[0].estimate.estimate.single_position().unwrap();
         assert!(
             (position - 0.5 * (places[0] + places[1])).abs() < 1e-12,
             "{position}"

@@ -21,16 +21,15 @@ pub(super) struct Placed {
 }
 
 impl Placed {
-    /// A record in memory; its position is a measured one where it is the mean of the one scheduling signal.
+    /// A record in memory; its position is a measured one where it is the mean of the scheduling signals.
     pub(super) fn of(record: &Record, index: usize) -> Self {
-        let place = record.position.map(|position| {
-            let measured = match record.scheduling.columns.as_slice() {
-                [p] => Some(RestingPlace::measured(&Travel::of(p))),
-                _ => None,
-            };
-            measured
-                .filter(|m| m.position == position)
-                .unwrap_or(RestingPlace::declared(position))
+        let place = record.position.as_ref().map(|position| {
+            let columns = record.scheduling.columns.iter();
+            let measured = RestingPlace::measured(&columns.map(|p| Travel::of(p)).collect::<Vec<_>>());
+            match measured.position == *position {
+                true => measured,
+                false => RestingPlace::declared(position.clone()),
+            }
         });
         Self {
             place,
@@ -39,8 +38,14 @@ impl Placed {
         }
     }
 
+    /// The value of the only scheduling signal.
     fn position(&self) -> f64 {
-        self.place.map_or(0.0, |place| place.position)
+        let place = self.place.as_ref();
+        place.and_then(|place| place.position.single()).unwrap_or(0.0)
+    }
+
+    fn signals(&self) -> usize {
+        self.place.as_ref().map_or(0, |place| place.position.len())
     }
 
     fn agrees(&self, other: &Self) -> bool {
@@ -52,7 +57,7 @@ impl Placed {
     }
 
     fn declared(&self) -> bool {
-        self.place.is_some_and(|place| place.declared)
+        self.place.as_ref().is_some_and(|place| place.declared)
     }
 }
 
@@ -61,6 +66,9 @@ impl Placed {
 /// # Errors
 /// [`PipelineError::Places`] where it is not clear whether two records are at one place.
 pub(super) fn runs(records: &mut [Placed]) -> Result<Vec<Range<usize>>, PipelineError> {
+    if records.iter().any(|r| r.signals() > 1) {
+        return Ok(of_several(records));
+    }
     let by_position = |a: &Placed, b: &Placed| a.position().total_cmp(&b.position());
     records.sort_by(|a, b| by_position(a, b).then_with(|| a.name.cmp(&b.name)));
     let gap = |i: usize| records[i + 1].position() - records[i].position();
@@ -107,46 +115,79 @@ pub(super) fn runs(records: &mut [Placed]) -> Result<Vec<Range<usize>>, Pipeline
     Ok(found)
 }
 
-/// Refuses records that differ in several scheduling signals, or in one of several: a model here has one. Whether all records rest
+/// The same for several scheduling signals: records are at one place if they agree in all.
+fn of_several(records: &mut [Placed]) -> Vec<Range<usize>> {
+    records.sort_by(|a, b| a.name.cmp(&b.name));
+    let mut found: Vec<Range<usize>> = Vec::new();
+    let mut first = 0;
+    while first < records.len() {
+        let mut end = first + 1;
+        for i in first + 1..records.len() {
+            if records[first].agrees(&records[i]) {
+                records[end..=i].rotate_right(1);
+                end += 1;
+            }
+        }
+        found.push(first..end);
+        first = end;
+    }
+    found
+}
+
+/// Refuses records at different places where p has several scheduling signals: a model here has one. Whether all records rest
 /// at one place; always, with one scheduling signal or none.
 ///
 /// # Errors
 /// [`PipelineError::SchedulingSignals`].
 pub(super) fn one_signal(bundle: &Bundle, indices: &[usize]) -> Result<bool, PipelineError> {
-    let columns = &bundle.description().channels.scheduling.columns;
-    if columns.len() < 2 {
+    if !several_signals(bundle) {
         return Ok(true);
     }
-    let mut first: Option<(usize, Vec<Travel>)> = None;
+    let columns = &bundle.description().channels.scheduling.columns;
+    let mut first: Option<(usize, RestingPlace)> = None;
     for &index in indices {
-        let own = bundle.travels(index)?;
-        let moves = own
-            .iter()
-            .enumerate()
-            .any(|(k, travel)| !travel.rests(|| bundle.scheduling_range(k)));
-        let Some((other, travels)) = &first else {
-            if moves {
+        let declared = bundle.description().records[index].position.clone();
+        let own = if columns.is_empty() {
+            let Some(declared) = declared else {
+                return Ok(false);
+            };
+            RestingPlace::declared(declared)
+        } else {
+            let travels = bundle.travels(index)?;
+            let rests = |(k, travel): (usize, &Travel)| travel.rests(|| bundle.scheduling_range(k));
+            if !travels.iter().enumerate().all(rests) {
                 return Ok(false);
             }
+            RestingPlace::measured(&travels)
+        };
+        let Some((other, place)) = &first else {
             first = Some((index, own));
             continue;
         };
-        if moves {
-            return Ok(false);
-        }
-        let agree = |(a, b): (&Travel, &Travel)| RestingPlace::measured(a).agrees(&RestingPlace::measured(b));
-        if !travels.iter().zip(&own).all(agree) {
-            let of = |index: usize, travels: &[Travel]| -> Result<_, PipelineError> {
-                let means = travels.iter().map(Travel::mean).collect();
-                Ok((bundle.record_name(index)?.to_owned(), means))
+        if !place.agrees(&own) {
+            let of = |index: usize, place: &RestingPlace| -> Result<_, PipelineError> {
+                Ok((bundle.record_name(index)?.to_owned(), place.position.to_vec()))
+            };
+            let names = match columns.is_empty() {
+                true => (0..own.position.len())
+                    .map(|k| format!("position[{k}]"))
+                    .collect(),
+                false => columns.clone(),
             };
             return Err(PipelineError::SchedulingSignals {
-                columns: columns.clone(),
-                records: Box::new([of(*other, travels)?, of(index, &own)?]),
+                columns: names,
+                records: Box::new([of(*other, place)?, of(index, &own)?]),
             });
         }
     }
     Ok(true)
+}
+
+/// Whether p has several scheduling signals.
+pub(super) fn several_signals(bundle: &Bundle) -> bool {
+    let description = bundle.description();
+    let declared = description.records.iter().find_map(|r| r.position.as_ref());
+    description.channels.scheduling.len() > 1 || declared.is_some_and(|p| p.len() > 1)
 }
 
 #[cfg(test)]
@@ -157,7 +198,7 @@ mod tests {
 
     fn placed(index: usize, samples: &[f64]) -> Placed {
         Placed {
-            place: Some(RestingPlace::measured(&Travel::of(samples))),
+            place: Some(RestingPlace::measured(&[Travel::of(samples)])),
             name: format!("r{index}"),
             index,
         }
@@ -215,7 +256,10 @@ mod tests {
         // Who says the positions is believed.
         let mut records = of(&[0.0, 0.15, 300.0]);
         for record in &mut records {
-            record.place = record.place.map(|place| RestingPlace::declared(place.position));
+            record.place = record
+                .place
+                .take()
+                .map(|place| RestingPlace::declared(place.position));
         }
         assert_eq!(sizes(records), Some(vec![1, 1, 1]));
     }

@@ -61,8 +61,14 @@ pub(super) fn frozen_check(
             )
         }
     };
+    // A model of other parameters has no response there, inside its range or not.
+    for p in found.iter().filter_map(FrfEstimate::position) {
+        if let Some(range) = machine.range().filter(|r| r.parameters() != p.len()) {
+            range.check(p)?;
+        }
+    }
     let inside = |e: &FrfEstimate| match (machine.range(), e.position()) {
-        (Some(range), Some(p)) => range.check(&[p]).is_ok(),
+        (Some(range), Some(p)) => range.check(p).is_ok(),
         (Some(_), None) => false,
         (None, _) => true,
     };
@@ -86,7 +92,7 @@ pub(super) fn frozen_check(
             if let Some(explained) = traced {
                 return with_effects(explained, e.frf());
             }
-            let p: Vec<f64> = e.position().into_iter().collect();
+            let p: Vec<f64> = e.position().map_or(Vec::new(), |p| p.to_vec());
             Ok(machine.at(&p)?.frequency_response(e.frf().frequencies_hz())?)
         })
         .collect::<Result<Vec<Frf>, PipelineError>>()?;
@@ -101,7 +107,10 @@ pub(super) fn frozen_check(
     }
     let check = FrozenCheck {
         source: if any_held { "validation" } else { "estimation" },
-        positions: estimates.iter().filter_map(FrfEstimate::position).collect(),
+        positions: estimates
+            .iter()
+            .filter_map(FrfEstimate::single_position)
+            .collect(),
         error: frozen_error(&model, &truth)?,
         noise_db: amplitude_db(median(&deviations)),
         error_over_noise: median(&ratios),

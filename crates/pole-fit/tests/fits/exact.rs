@@ -26,7 +26,7 @@ fn machine_with_fixed_integrators() {
         let frf = response(p, &frequencies);
         let zero = vec![C64::new(0.0, 0.0); 4 * frf.len()];
         let nothing = FrfEstimate::new(frf.clone(), zero.clone(), zero, 28.0, None).unwrap();
-        let unit = FrfEstimate::with_unit_covariance(frf, Some(p)).unwrap();
+        let unit = FrfEstimate::with_unit_covariance(frf, Some(p.into())).unwrap();
         for weighting in WEIGHTINGS {
             for (name, estimate) in [("zero", &nothing), ("unit", &unit)] {
                 let settings = PoleFitSettings::new(6)

@@ -31,6 +31,21 @@ pub(super) const CASES: &[Row] = &[
         ],
     ),
     (
+        "position-list",
+        "a position of two numbers in format 1",
+        |d| edit(d, "period = 40", "period = 40\nposition = [0.1, 0.2]"),
+        &[
+            "records[0].position",
+            "`position = [...]` is a key of format 2; write format = 2",
+        ],
+    ),
+    (
+        "position-length",
+        "a position of two numbers and one scheduling signal",
+        |d| second(d, "period = 40", "period = 40\nposition = [0.1, 0.2]"),
+        &["records[0].position", "2 numbers where p has 1"],
+    ),
+    (
         "text-names",
         "names beside a line of names",
         |d| {

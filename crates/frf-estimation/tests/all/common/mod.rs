@@ -85,7 +85,7 @@ pub fn simulate(
         name: "loop".into(),
         kind: RecordKind::Periodic { period },
         purpose: Purpose::Estimation,
-        position: Some(0.1),
+        position: Some(0.1.into()),
         outputs: Signals::new(&["y1", "y2"], outputs),
         inputs: Signals::new(&["u1", "u2"], inputs),
         references: Signals::new(&["r1", "r2"], references),

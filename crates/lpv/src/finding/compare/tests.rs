@@ -53,7 +53,7 @@ fn voices(random: &mut Random, places: usize, at_each: usize, references: bool, 
             }
             all.push(Voice {
                 record: format!("run{place}{record}"),
-                position: (places > 1).then_some(p),
+                position: (places > 1).then(|| p.into()),
                 frequencies_hz: frequencies.clone(),
                 outputs: vec![y],
                 inputs: vec![u],
@@ -166,7 +166,7 @@ fn records_of_one_machine_agree() {
             // An output that turns about the middle of the stroke: its sign is that of the place.
             let middle = random.between(-0.5, 1.5);
             for v in &mut all {
-                let factor = v.position.unwrap_or(1.0) - middle;
+                let factor = v.position.as_ref().map_or(1.0, |p| p[0]) - middle;
                 v.outputs[0]
                     .iter_mut()
                     .chain(&mut v.response)

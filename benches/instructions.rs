@@ -4,13 +4,13 @@
 
 use frf_estimation::PeriodicAccumulator;
 use gungraun::{Callgrind, LibraryBenchmarkConfig, library_benchmark, library_benchmark_group, main};
-use lfr_realize::{CheckedRefineSettings, RefineSettings, refine};
+use lfr_realize::{RefineSettings, refine};
 use lpv_benches::refinement::Case;
 use lpv_benches::{Bench, accumulator, twelve_poles};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{Discrete, FrfEstimate, PeriodBlock, StateSpace};
-use lpv_ident::{RegressionSettings, regress};
-use pole_fit::fit;
+use lpv_ident::{RegressionSettings, RigidTerm, regress};
+use pole_fit::{PoleFitSettings, fit};
 use std::hint::black_box;
 use std::ops::Range;
 use xytable_plant::{MovingExperiment, MovingSettings, Noise, PlantError, Setpoints};
@@ -32,7 +32,10 @@ fn estimates(positions: usize, lines: usize) -> (Vec<FrfEstimate>, StateSpace<Di
 #[bench::positions_8(args = (8, 1023), setup = estimates)]
 #[bench::positions_16(args = (16, 1023), setup = estimates)]
 fn regression((estimates, basis): (Vec<FrfEstimate>, StateSpace<Discrete>)) {
-    let settings = RegressionSettings::new().diagonal_rigid_body(2).check().unwrap();
+    let settings = RegressionSettings {
+        rigid_body: RigidTerm::diagonal(2),
+        ..RegressionSettings::default()
+    };
     black_box(regress(black_box(&estimates), &basis, &settings).unwrap());
 }
 
@@ -119,12 +122,16 @@ fn moving_p((bench, moves): (Bench, Setpoints)) {
 #[bench::steps_2(args = (2), setup = refinement)]
 #[bench::steps_4(args = (4), setup = refinement)]
 #[bench::steps_6(args = (6), setup = refinement)]
-fn lfr_refinement((case, settings): (Case, CheckedRefineSettings)) {
+fn lfr_refinement((case, settings): (Case, RefineSettings)) {
     black_box(refine(&case.start, &case.data, &settings).unwrap());
 }
 
-fn refinement(steps: usize) -> (Case, CheckedRefineSettings) {
-    let settings = RefineSettings::new().tolerance(1e-12).max_iterations(steps);
+fn refinement(steps: usize) -> (Case, RefineSettings) {
+    let settings = RefineSettings {
+        tolerance: 1e-12,
+        max_iterations: steps,
+        ..RefineSettings::default()
+    };
     (Case::new().unwrap(), settings.check().unwrap())
 }
 

@@ -70,10 +70,12 @@ pub fn short() -> Criterion {
 
 /// Settings of a pole fit of order twelve to a response without noise.
 pub fn twelve_poles() -> PoleFitSettings {
-    PoleFitSettings::new(12)
-        .integrators(Integrators::Fixed(2))
-        .numerator(NumeratorDegree::StrictlyProper)
-        .weighting(Weighting::Relative)
+    PoleFitSettings {
+        integrators: Integrators::Fixed(2),
+        numerator: NumeratorDegree::StrictlyProper,
+        weighting: Weighting::Relative,
+        ..PoleFitSettings::new(12)
+    }
 }
 
 /// Samples a unit of time.
@@ -102,7 +104,10 @@ pub fn accumulator(
         experiments: channels,
         sample_rate_hz: RATE,
     };
-    let settings = PeriodicSettings::default().skip(SkipRule::Fixed(0)).check()?;
+    let settings = PeriodicSettings {
+        skip: SkipRule::Fixed(0),
+        ..PeriodicSettings::default()
+    };
     Ok(PeriodicAccumulator::new(layout, &settings, position)?)
 }
 
@@ -257,10 +262,11 @@ impl Bench {
     /// # Errors
     /// As [`fkcm`].
     pub fn basis(&self, functions: usize) -> Result<StateSpace<Discrete>, InputError> {
-        let settings = FkcmSettings::new(functions)
-            .starts(2)
-            .max_iterations(50)
-            .check()?;
+        let settings = FkcmSettings {
+            starts: 2,
+            max_iterations: 50,
+            ..FkcmSettings::new(functions)
+        };
         let found = fkcm(&self.observed_poles(11)?, &settings)?;
         Ok(OrthonormalBasis::takenaka_malmquist(&found.poles, self.clock)?
             .state_space()

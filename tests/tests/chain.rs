@@ -5,7 +5,7 @@
 use frf_estimation::{Layout, PeriodicAccumulator, PeriodicSettings, SkipRule};
 use lfr_realize::{Realization, realize};
 use lpv_core::{Discrete, Frf, FrfEstimate, PeriodBlock, Purpose};
-use lpv_ident::{Interpolation, LpvObfModel, RegressionSettings, regress};
+use lpv_ident::{Interpolation, LpvObfModel, RegressionSettings, RigidTerm, regress};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
 use obf_basis::{FkcmSettings, OrthonormalBasis, PoleSet, fkcm};
@@ -60,27 +60,30 @@ fn chain(seed: u64) -> Chain {
         })
         .collect();
 
-    let order = PoleFitSettings::new(6)
-        .integrators(Integrators::Fixed(2))
-        .numerator(NumeratorDegree::StrictlyProper)
-        .check()
-        .unwrap();
+    let order = PoleFitSettings {
+        integrators: Integrators::Fixed(2),
+        numerator: NumeratorDegree::StrictlyProper,
+        ..PoleFitSettings::new(6)
+    };
     let fits: Vec<PoleFit> = estimates
         .par_iter()
         .map(|e| fit(e, clock, &order).unwrap())
         .collect();
 
     let observed: Vec<_> = fits.iter().flat_map(PoleFit::flexible_poles).collect();
-    let settings = FkcmSettings::new(FUNCTIONS).seed(seed).check().unwrap();
+    let settings = FkcmSettings {
+        seed,
+        ..FkcmSettings::new(FUNCTIONS)
+    };
     let found = fkcm(&PoleSet::new(&observed).unwrap(), &settings).unwrap();
     let basis = OrthonormalBasis::takenaka_malmquist(&found.poles, clock).unwrap();
     // Without an allowance for what sixteen functions cannot represent, the lines of the best signal to noise ratio would buy
     // their fit at the cost of all others.
-    let settings = RegressionSettings::new()
-        .diagonal_rigid_body(2)
-        .model_error(0.1)
-        .check()
-        .unwrap();
+    let settings = RegressionSettings {
+        rigid_body: RigidTerm::diagonal(2),
+        model_error: 0.1,
+        ..RegressionSettings::default()
+    };
     let local = regress(&estimates, basis.state_space(), &settings).unwrap();
     let model = local
         .interpolate(Interpolation::Chebyshev { order: ORDER })
@@ -107,10 +110,10 @@ fn estimate(experiment: &Experiment<'_>, clock: Discrete) -> FrfEstimate {
         experiments: 2,
         sample_rate_hz: 1.0 / clock.sample_time(),
     };
-    let settings = PeriodicSettings::default()
-        .skip(SkipRule::Fixed(SKIPPED))
-        .check()
-        .unwrap();
+    let settings = PeriodicSettings {
+        skip: SkipRule::Fixed(SKIPPED),
+        ..PeriodicSettings::default()
+    };
     let mut sums = PeriodicAccumulator::new(layout, &settings, Some(experiment.position().into())).unwrap();
     let mut push = |block: PeriodBlock<'_>| -> Result<(), PlantError> {
         sums.push(&block).unwrap();

@@ -300,11 +300,10 @@ proptest! {
         let Some(basis) = basis else { return Ok(()) };
         let list: Vec<FrfEstimate> = list.iter().filter_map(Estimate::build).collect();
         let rigid = rigid.into_iter().map(|(output, input)| RigidTerm { output, input }).collect();
-        let mut settings = RegressionSettings::new().rigid_body(rigid).weighting(weighting).model_error(model_error);
+        let mut settings = RegressionSettings { rigid_body: rigid, weighting, model_error, ..RegressionSettings::default() };
         if let Some((lower, upper)) = band {
-            settings = settings.band_hz(lower, upper);
+            settings.band_hz = Some((lower, upper));
         }
-        let Ok(settings) = settings.check() else { return Ok(()) };
         if let Ok(fits) = regress(&list, &basis, &settings) {
             downstream(&fits);
             report(&fits.fits().iter().map(|f| f.cost).collect::<Vec<_>>());
@@ -327,8 +326,7 @@ proptest! {
             pole_fit::Weighting::Relative,
             pole_fit::Weighting::Uniform,
         ][weighting];
-        let settings = PoleFitSettings::new(order).integrators(integrators).weighting(weighting);
-        let Ok(settings) = settings.check() else { return Ok(()) };
+        let settings = PoleFitSettings { integrators, weighting, ..PoleFitSettings::new(order) };
         let list: Vec<FrfEstimate> = list.iter().filter_map(Estimate::build).collect();
         let mut observed = Vec::new();
         for e in &list {
@@ -342,12 +340,12 @@ proptest! {
         let _ = PoleSet::new(&observed);
         observed.retain(|z| z.norm() < 1.0);
         let Ok(set) = PoleSet::new(&observed) else { return Ok(()) };
-        let Ok(search) = FkcmSettings::new(functions).starts(2).max_iterations(20).check() else { return Ok(()) };
+        let search = FkcmSettings { starts: 2, max_iterations: 20, ..FkcmSettings::new(functions) };
         let Ok(found) = fkcm(&set, &search) else { return Ok(()) };
-        let polish = MinimaxSettings::default().extra_starts(1).max_iterations(20).check().unwrap();
+        let polish = MinimaxSettings { extra_starts: 1, max_iterations: 20, ..MinimaxSettings::default() };
         let poles = polish_minimax(&found.poles, set.as_slice(), &polish).map_or(found.poles, |r| r.poles);
         let Ok(basis) = OrthonormalBasis::takenaka_malmquist(&poles, clock) else { return Ok(()) };
-        let relative = RegressionSettings::new().weighting(Weighting::Relative).check().unwrap();
+        let relative = RegressionSettings { weighting: Weighting::Relative, ..RegressionSettings::default() };
         if let Ok(fits) = regress(&list, basis.state_space(), &relative) {
             downstream(&fits);
         }
@@ -365,7 +363,7 @@ proptest! {
     ) {
         let clock = Discrete::from_rate(20.0).unwrap();
         let (ny, nu) = shape;
-        let settings = PeriodicSettings::default().skip(SkipRule::Fixed(skip)).check().unwrap();
+        let settings = PeriodicSettings { skip: SkipRule::Fixed(skip), ..PeriodicSettings::default() };
         let samples = period * periods;
         let draw = |i: usize| {
             let v = noise[i % noise.len()];
@@ -409,7 +407,7 @@ proptest! {
             }
         }
         let basis = OrthonormalBasis::laguerre(0.5, 2, clock).unwrap();
-        let settings = RegressionSettings::new().diagonal_rigid_body(1).check().unwrap();
+        let settings = RegressionSettings { rigid_body: RigidTerm::diagonal(1), ..RegressionSettings::default() };
         if let Ok(fits) = regress(&list, basis.state_space(), &settings) {
             downstream(&fits);
         }

@@ -7,7 +7,7 @@ use frf_estimation::{Layout, PeriodicAccumulator, PeriodicEstimate, PeriodicSett
 use lpv::simulate::{MachineFile, simulate};
 use lpv::{estimate_bundle, silent};
 use lpv_core::{Discrete, PeriodBlock};
-use lpv_ident::{RegressionSettings, regress};
+use lpv_ident::{RegressionSettings, RigidTerm, regress};
 use obf_basis::{OrthonormalBasis, PoleSet};
 use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, fit};
 use xytable_plant::{
@@ -48,8 +48,11 @@ fn estimate(position: f64, period: usize, periods: usize) -> PeriodicEstimate {
         experiments: 2,
         sample_rate_hz: 20.0,
     };
-    let rule = PeriodicSettings::default().skip(SkipRule::Fixed(SKIPPED));
-    let mut sums = PeriodicAccumulator::new(layout, &rule.check().unwrap(), Some(position.into())).unwrap();
+    let rule = PeriodicSettings {
+        skip: SkipRule::Fixed(SKIPPED),
+        ..PeriodicSettings::default()
+    };
+    let mut sums = PeriodicAccumulator::new(layout, &rule, Some(position.into())).unwrap();
     let mut push = |block: PeriodBlock<'_>| -> Result<(), PlantError> {
         sums.push(&block).unwrap();
         Ok(())
@@ -70,15 +73,18 @@ fn a_signal_is_transformed_once_a_period_and_a_reference_once_an_experiment() {
 fn factorisations_do_not_grow_with_the_lines() {
     let counts = [1024, 4096].map(|period| {
         let all = [-0.1, 0.0, 0.1].map(|p| estimate(p, period, 8).estimate);
-        let settings = PoleFitSettings::new(6)
-            .integrators(Integrators::Fixed(2))
-            .numerator(NumeratorDegree::StrictlyProper)
-            .check()
-            .unwrap();
+        let settings = PoleFitSettings {
+            integrators: Integrators::Fixed(2),
+            numerator: NumeratorDegree::StrictlyProper,
+            ..PoleFitSettings::new(6)
+        };
         let poles = fit(&all[0], clock(), &settings).unwrap();
         let set = PoleSet::new(&machine().sampled_flexible_poles(0.0, clock()).unwrap()).unwrap();
         let basis = OrthonormalBasis::takenaka_malmquist(&set, clock()).unwrap();
-        let settings = RegressionSettings::new().diagonal_rigid_body(2).check().unwrap();
+        let settings = RegressionSettings {
+            rigid_body: RigidTerm::diagonal(2),
+            ..RegressionSettings::default()
+        };
         let local = regress(&all, basis.state_space(), &settings).unwrap();
         let most = local.fits().iter().map(|f| f.factorisations).max();
         (poles.account.factorisations, most.unwrap())

@@ -3,8 +3,8 @@
 use crate::TaskError;
 use crate::size::Size;
 use frf_estimation::{
-    CheckedSettings, FrfError, Layout, LineSelection, PeriodicAccumulator, PeriodicEstimate,
-    PeriodicSettings, SkipRule, confidence_radius,
+    FrfError, Layout, LineSelection, PeriodicAccumulator, PeriodicEstimate, PeriodicSettings, SkipRule,
+    confidence_radius,
 };
 use indicatif::ProgressBar;
 use lpv_core::{Discrete, Frf, FrfEstimate};
@@ -104,7 +104,7 @@ impl Bench {
         &self,
         p: f64,
         settings: ExperimentSettings,
-        frf: &CheckedSettings,
+        frf: &PeriodicSettings,
     ) -> Result<PeriodicEstimate, TaskError> {
         let experiment = Experiment::new(&self.machine, &self.controller, &self.multisine, p, settings)?;
         let layout = Layout {
@@ -122,15 +122,12 @@ impl Bench {
 
     /// Runs every experiment and estimates every FRF; positions in parallel, results in their order.
     pub(crate) fn run(&self, progress: &ProgressBar) -> Result<Measured, TaskError> {
-        let skip = |n| {
-            PeriodicSettings {
-                skip: SkipRule::Fixed(n),
-                lines: LineSelection::All,
-                ..PeriodicSettings::default()
-            }
-            .check()
+        let skip = |n| PeriodicSettings {
+            skip: SkipRule::Fixed(n),
+            lines: LineSelection::All,
+            ..PeriodicSettings::default()
         };
-        let (noisy, clean) = (skip(self.size.skip)?, skip(CLEAN_PERIODS / 2)?);
+        let (noisy, clean) = (skip(self.size.skip), skip(CLEAN_PERIODS / 2));
         let noise_free = ExperimentSettings {
             periods: CLEAN_PERIODS,
             noise: Noise::Off,

@@ -9,7 +9,8 @@ use lpv::{IdentifyConfig, PoleStage, Polish, choose_basis, fit_poles, regress_on
 use lpv_core::num_complex::Complex;
 use lpv_core::{Frf, FrfEstimate, WellPosedness};
 use lpv_ident::{
-    Interpolation, LeaveOneOut, LocalFits, LpvObfModel, RegressionSettings, Weighting, recommend, regress,
+    Interpolation, LeaveOneOut, LocalFits, LpvObfModel, RegressionSettings, RigidTerm, Weighting, recommend,
+    regress,
 };
 use obf_basis::{
     FkcmSettings, MinimaxSettings, OrthonormalBasis, PoleSet, Refinement, fkcm, kolmogorov_cost_db,
@@ -117,13 +118,26 @@ pub(crate) fn table_one(
         .par_iter()
         .zip(PAPER_TRUE_DB.par_iter().zip(&PAPER_GRID_DB))
         .map(|(&functions, (&paper_true_db, &paper_grid_db))| {
-            let settings = FkcmSettings::new(functions).fuzziness(35.0).seed(bench.seed);
-            let found = fkcm(&observed, &settings.clone().check()?)?;
-            let alternation = fkcm(&observed, &settings.refinement(Refinement::None).check()?)?;
+            let settings = FkcmSettings {
+                fuzziness: 35.0,
+                seed: bench.seed,
+                ..FkcmSettings::new(functions)
+            };
+            let found = fkcm(&observed, &settings.clone())?;
+            let alternation = fkcm(
+                &observed,
+                &FkcmSettings {
+                    refinement: Refinement::None,
+                    ..settings
+                },
+            )?;
             let polish = polish_minimax(
                 &found.poles,
                 truth,
-                &MinimaxSettings::default().seed(bench.seed).check()?,
+                &MinimaxSettings {
+                    seed: bench.seed,
+                    ..MinimaxSettings::default()
+                },
             )?;
             Ok(TableColumn {
                 functions,
@@ -392,10 +406,11 @@ fn noise_free(bench: &Bench, basis: &OrthonormalBasis, grid: &TestGrid) -> Resul
             )?)
         })
         .collect::<Result<Vec<_>, TaskError>>()?;
-    let settings = RegressionSettings::new()
-        .diagonal_rigid_body(2)
-        .weighting(Weighting::Relative)
-        .check()?;
+    let settings = RegressionSettings {
+        rigid_body: RigidTerm::diagonal(2),
+        weighting: Weighting::Relative,
+        ..RegressionSettings::default()
+    };
     let fits = regress(&exact, basis.state_space(), &settings)?;
     ObfError::new(&fits.interpolate(Interpolation::Spline)?, grid)
 }

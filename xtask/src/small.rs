@@ -179,7 +179,7 @@ impl Subject {
             Continuous,
             &centre,
             &poles,
-            &LocalSettings::new().check()?,
+            &LocalSettings::default(),
         )?)
     }
 
@@ -199,7 +199,7 @@ impl Subject {
                 repetitions: deltas,
             }],
             &self.machine.scheduling_range()?,
-            &settings.check()?,
+            &settings,
         )?)
     }
 
@@ -226,7 +226,7 @@ impl Subject {
         data: &FrozenData,
         deltas: usize,
     ) -> Result<(FrozenAccount, Grown<Continuous>), TaskError> {
-        let grown = self.grow(data, deltas, GrowSettings::new())?;
+        let grown = self.grow(data, deltas, GrowSettings::default())?;
         let errors = self.errors(&grown.refined.candidate.to_lfr()?, &self.lines)?;
         let account = FrozenAccount {
             strict_max_db: decibel(errors.iter().copied().fold(0.0, f64::max)),
@@ -249,12 +249,17 @@ impl Subject {
             parameter: 0,
             repetitions: 5,
         }];
-        let reduced = reduce_to_continuous(direct, 8, &deltas, &ReduceSettings::new().check()?)?;
+        let reduced = reduce_to_continuous(direct, 8, &deltas, &ReduceSettings::default())?;
         // One stopping rule for both.
-        let settings = GrowSettings::new()
-            .gain(GainFit::Free)
-            .refine(RefineSettings::new().max_iterations(REDUCTION_ITERATIONS));
-        let refined = reduced.grow(data, &settings.check()?)?;
+        let settings = GrowSettings {
+            gain: GainFit::Free,
+            refine: RefineSettings {
+                max_iterations: REDUCTION_ITERATIONS,
+                ..RefineSettings::default()
+            },
+            ..GrowSettings::default()
+        };
+        let refined = reduced.grow(data, &settings)?;
         let best = self.grow(data, 5, settings)?;
         Ok(Reduction {
             from_states: direct.states(),
@@ -274,7 +279,14 @@ impl Subject {
         };
         for seed in 0..seeds {
             let began = Instant::now();
-            let grown = self.grow(data, 5, GrowSettings::new().seed(seed))?;
+            let grown = self.grow(
+                data,
+                5,
+                GrowSettings {
+                    seed,
+                    ..GrowSettings::default()
+                },
+            )?;
             starts.longest_seconds = starts.longest_seconds.max(began.elapsed().as_secs_f64());
             let errors = self.errors(&grown.refined.candidate.to_lfr()?, &self.lines)?;
             let strict = decibel(errors.iter().copied().fold(0.0, f64::max));
@@ -339,7 +351,7 @@ impl Subject {
             iterations,
             ..StandingSettings::default()
         };
-        let found = stand_still(frozen, data, moves, &settings.check()?)?;
+        let found = stand_still(frozen, data, moves, &settings)?;
         Ok(found.ok_or("no LFR of four deltas explains the responses")?)
     }
 
@@ -500,17 +512,23 @@ pub(crate) fn run(size: Size, seed: u64) -> Result<SmallAccount, TaskError> {
         .collect();
     let measured = FrozenData::weighted(bench.clock, &responses, 0.0)?;
     let began = Instant::now();
-    let settings = GrowSettings::new().gain(GainFit::Free);
+    let settings = GrowSettings {
+        gain: GainFit::Free,
+        ..GrowSettings::default()
+    };
     let noisy = subject.grow(&measured, 5, settings)?.refined;
     let seconds_noisy = began.elapsed().as_secs_f64();
     let free_gain = three.refined.candidate.clone().with_free_gain()?;
-    let as_it_is = RefineSettings::new().max_iterations(0).check()?;
+    let as_it_is = RefineSettings {
+        max_iterations: 0,
+        ..RefineSettings::default()
+    };
     let smallest = refine(&free_gain, &measured, &as_it_is)?;
     let noisy_5 = noisy_account(&subject, &noisy, &smallest, seconds_noisy)?;
     let local = subject.local(&measured)?;
     let range = subject.machine.scheduling_range()?;
     let gamma = local.gamma.as_ref();
-    let few = condense(&local.flexible, gamma, &measured, &range, &settings.check()?)?;
+    let few = condense(&local.flexible, gamma, &measured, &range, &settings)?;
     let (moving, sweep) = subject.in_time(&data, &three.refined, Some((&few, &noisy)))?;
     Ok(SmallAccount {
         joint_reduction_loss_db: joint_reduction.reduced_db.max(EXACT_DB)

@@ -2,7 +2,7 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use lpv_benches::Bench;
-use lpv_ident::{Interpolation, RegressionSettings, regress};
+use lpv_ident::{Interpolation, RegressionSettings, RigidTerm, regress};
 use rayon::ThreadPoolBuilder;
 use std::hint::black_box;
 use std::sync::LazyLock;
@@ -13,7 +13,10 @@ const POSITIONS: usize = 21;
 pub(crate) fn regression(c: &mut Criterion) {
     let bench = Bench::new().unwrap();
     let basis = bench.basis(FUNCTIONS).unwrap();
-    let settings = RegressionSettings::new().diagonal_rigid_body(2).check().unwrap();
+    let settings = RegressionSettings {
+        rigid_body: RigidTerm::diagonal(2),
+        ..RegressionSettings::default()
+    };
     let pool = |threads| ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
 
     let mut group = c.benchmark_group("regression, one position");

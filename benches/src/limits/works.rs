@@ -7,8 +7,8 @@ use lpv_benches::refinement::Case;
 use lpv_benches::{Bench, accumulator, median, twelve_poles};
 use lpv_core::nalgebra::{Complex, DMatrix, DVector};
 use lpv_core::{Discrete, Frf, FrfEstimate, PeriodBlock, StateSpace};
-use lpv_ident::{RegressionSettings, regress};
-use pole_fit::fit;
+use lpv_ident::{RegressionSettings, RigidTerm, regress};
+use pole_fit::{PoleFitSettings, fit};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -52,7 +52,10 @@ pub(crate) fn regression(
     functions: usize,
 ) -> Result<Work<'_>, Failure> {
     let (estimates, basis) = (bench.estimates(positions, lines)?, bench.basis(functions)?);
-    let settings = RegressionSettings::new().diagonal_rigid_body(2).check()?;
+    let settings = RegressionSettings {
+        rigid_body: RigidTerm::diagonal(2),
+        ..RegressionSettings::default()
+    };
     Ok(Box::new(move || {
         black_box(regress(&estimates, &basis, &settings)?);
         Ok(())
@@ -88,7 +91,10 @@ pub(crate) fn channels(bench: &Bench, channels: usize) -> Result<Work<'_>, Failu
         one.degrees_of_freedom(),
         one.position().cloned(),
     )?;
-    let settings = RegressionSettings::new().diagonal_rigid_body(channels).check()?;
+    let settings = RegressionSettings {
+        rigid_body: RigidTerm::diagonal(channels),
+        ..RegressionSettings::default()
+    };
     Ok(Box::new(move || {
         black_box(regress(std::slice::from_ref(&estimate), &basis, &settings)?);
         Ok(())
@@ -216,7 +222,11 @@ pub(crate) fn poles(bench: &Bench, lines: usize) -> Result<Work<'_>, Failure> {
     let values = exact.values().iter().map(&mut noisy).collect();
     let frf = Frf::new(lines, exact.outputs(), exact.inputs(), values)?;
     let estimate = FrfEstimate::with_unit_covariance(frf, None)?;
-    let settings = twelve_poles().start_iterations(3).max_iterations(1).check()?;
+    let settings = PoleFitSettings {
+        start_iterations: 3,
+        max_iterations: 1,
+        ..twelve_poles()
+    };
     Ok(Box::new(move || {
         black_box(fit(&estimate, bench.clock, &settings)?);
         Ok(())
@@ -231,10 +241,11 @@ pub(crate) fn refinement_at<'a>(positions: usize) -> Result<Work<'a>, Failure> {
 
 /// So many steps of a refinement: the Jacobian at all lines, compressed by orthogonal transformations, and the trials of each.
 pub(crate) fn refinement(case: &Case, steps: usize) -> Result<Work<'_>, Failure> {
-    let settings = RefineSettings::new()
-        .tolerance(1e-12)
-        .max_iterations(steps)
-        .check()?;
+    let settings = RefineSettings {
+        tolerance: 1e-12,
+        max_iterations: steps,
+        ..RefineSettings::default()
+    };
     Ok(Box::new(move || {
         let account = refine(&case.start, &case.data, &settings)?.account;
         if account.iterations() != steps {

@@ -442,7 +442,7 @@ fn poles_dsmc() -> Result<Run, Failure> {
 fn poles_ours() -> Result<Run, Failure> {
     let bench = Bench::new()?;
     let estimate = FrfEstimate::with_unit_covariance(poles_frf(&bench)?, None)?;
-    let settings = twelve_poles().check()?;
+    let settings = twelve_poles();
     Ok(Box::new(move || {
         let found = fit(&estimate, bench.clock, &settings)?;
         Ok(rows_of(&found.response(estimate.frf().frequencies_hz())?))
@@ -654,7 +654,7 @@ fn regression_export(folder: &Path) -> Result<(), Failure> {
 
 fn regression_ours() -> Result<Run, Failure> {
     let (estimates, basis) = regression_inputs()?;
-    let settings = RegressionSettings::new().check()?;
+    let settings = RegressionSettings::default();
     Ok(Box::new(move || {
         let fits = regress(&estimates, &basis, &settings)?;
         let mut all = Vec::new();

@@ -40,7 +40,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         experiments: 2,
         sample_rate_hz: 20.0,
     };
-    let settings = PeriodicSettings::default().skip(SkipRule::Fixed(2)).check()?;
+    let settings = PeriodicSettings {
+        skip: SkipRule::Fixed(2),
+        ..PeriodicSettings::default()
+    };
     let mut accumulator = PeriodicAccumulator::new(layout, &settings, None)?;
     for (experiment, sign) in [1.0, -1.0].into_iter().enumerate() {
         let references = [r1.clone(), r2.iter().map(|v| v * sign).collect()];

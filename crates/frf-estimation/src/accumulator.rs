@@ -5,7 +5,7 @@ use crate::moments::{Means, Order, Scatter};
 use crate::periodic::PeriodicEstimate;
 use crate::spectra::{Spectra, equal, sum};
 use crate::waiting::Waiting;
-use crate::{CheckedSettings, FrfError, SkipRule};
+use crate::{FrfError, PeriodicSettings, SkipRule};
 use lpv_core::{PeriodBlock, Position};
 
 impl Experiment {
@@ -51,7 +51,7 @@ impl Experiment {
 /// exactly is computed once an experiment, and skipped periods are not transformed at all.
 pub struct PeriodicAccumulator {
     layout: Layout,
-    settings: CheckedSettings,
+    settings: PeriodicSettings,
     position: Option<Position>,
     skip: usize,
     lines: usize,
@@ -80,11 +80,12 @@ impl PeriodicAccumulator {
     /// [`SkipRule::Auto`], [`FrfError::Line`] for a line beyond the period.
     pub fn new(
         layout: Layout,
-        settings: &CheckedSettings,
+        settings: &PeriodicSettings,
         position: Option<Position>,
     ) -> Result<Self, FrfError> {
+        settings.check()?;
         layout.check()?;
-        let SkipRule::Fixed(skip) = settings.get().skip else {
+        let SkipRule::Fixed(skip) = settings.skip else {
             return Err(FrfError::AutoSkipNeedsRecords);
         };
         let mut values = position.iter().flat_map(|p| p.iter());
@@ -96,7 +97,7 @@ impl PeriodicAccumulator {
             });
         }
         let lines = Spectra::lines(layout.period);
-        if let crate::LineSelection::List(list) = &settings.get().lines {
+        if let crate::LineSelection::List(list) = &settings.lines {
             crate::settings::check_lines(list, lines)?;
         }
         Ok(Self {
@@ -206,7 +207,7 @@ impl PeriodicAccumulator {
         let transforms = [self.waiting, self.references];
         Averages {
             layout: self.layout,
-            settings: self.settings.get(),
+            settings: &self.settings,
             position: self.position.clone(),
             skipped: self.skip,
             lines: self.lines,

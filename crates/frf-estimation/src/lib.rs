@@ -41,7 +41,7 @@
 //! use frf_estimation::{Layout, PeriodicAccumulator, PeriodicSettings, SkipRule, confidence_radius};
 //! use frf_estimation::lpv_core::PeriodBlock;
 //!
-//! let settings = PeriodicSettings::default().skip(SkipRule::Fixed(1)).check()?;
+//! let settings = PeriodicSettings { skip: SkipRule::Fixed(1), ..PeriodicSettings::default() };
 //! let layout = Layout { period: 32, outputs: 1, inputs: 1, references: 0, experiments: 1, sample_rate_hz: 1.0 };
 //! let mut accumulator = PeriodicAccumulator::new(layout, &settings, Some(0.2))?;
 //! let u: Vec<f64> = (0..32).map(|t| if t == 0 { 1.0 } else { 0.0 }).collect();
@@ -90,13 +90,10 @@ pub use confidence::{confidence_radius, f_quantile_2};
 pub use detection::DetectionLines;
 pub use error::FrfError;
 pub use local::{
-    CheckedLocalSettings, HalfWidth, LocalEstimate, LocalLines, LocalSettings, Regressor, local_polynomial,
-    local_rational,
+    HalfWidth, LocalEstimate, LocalLines, LocalSettings, Regressor, local_polynomial, local_rational,
 };
 pub use lpv_core;
 pub use periodic::{Condition, Distortion, NoiseFloor, PeriodicEstimate};
 pub use realisations::RealisationDistortion;
 pub use records::{Settling, estimate_records};
-pub use settings::{
-    CheckedSettings, CovarianceSource, Instrument, LineSelection, PeriodicSettings, SkipRule,
-};
+pub use settings::{CovarianceSource, Instrument, LineSelection, PeriodicSettings, SkipRule};

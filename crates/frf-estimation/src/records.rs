@@ -1,7 +1,7 @@
 //! Whole records into the accumulator, with the transient judged from all periods.
 
 use crate::accumulator::{finite, shape};
-use crate::{CheckedSettings, FrfError, Layout, PeriodicAccumulator, PeriodicEstimate, SkipRule};
+use crate::{FrfError, Layout, PeriodicAccumulator, PeriodicEstimate, PeriodicSettings, SkipRule};
 use lpv_core::{Clock, Discrete, PeriodBlock, Record, RecordKind, Signals};
 
 /// Factor above what the later periods show that a difference must exceed to be called a transient.
@@ -22,7 +22,7 @@ const FLOOR: f64 = 1e-9;
 pub fn estimate_records(
     records: &[&Record],
     clock: Discrete,
-    settings: &CheckedSettings,
+    settings: &PeriodicSettings,
 ) -> Result<PeriodicEstimate, FrfError> {
     let first = *records.first().ok_or(FrfError::NoRecords)?;
     let mut periods = Vec::with_capacity(records.len());
@@ -55,7 +55,7 @@ pub fn estimate_records(
         experiments: records.len(),
         sample_rate_hz: 2.0 * clock.nyquist_hz(),
     };
-    let skip = match settings.get().skip {
+    let skip = match settings.skip {
         SkipRule::Fixed(n) => n,
         SkipRule::Auto => records
             .iter()
@@ -63,7 +63,10 @@ pub fn estimate_records(
             .max()
             .unwrap_or(0),
     };
-    let fixed = settings.with_skip(SkipRule::Fixed(skip));
+    let fixed = PeriodicSettings {
+        skip: SkipRule::Fixed(skip),
+        ..settings.clone()
+    };
     let mut accumulator = PeriodicAccumulator::new(layout, &fixed, first.position.clone())?;
     for (experiment, record) in records.iter().enumerate() {
         for m in 0..record.len() / period {

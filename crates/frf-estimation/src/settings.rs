@@ -1,4 +1,4 @@
-//! Settings of the periodic estimator: unchecked on the left, checked once, on the right.
+//! Settings of the periodic estimator.
 
 use crate::FrfError;
 
@@ -48,7 +48,7 @@ pub enum CovarianceSource {
     Noise,
 }
 
-/// Settings of the periodic estimator, not yet checked.
+/// Settings of the periodic estimator. What takes them checks them.
 ///
 /// | setting | default | meaning | range |
 /// |---|---|---|---|
@@ -61,9 +61,8 @@ pub enum CovarianceSource {
 ///
 /// ```
 /// use frf_estimation::{PeriodicSettings, SkipRule};
-/// let settings = PeriodicSettings::default().skip(SkipRule::Fixed(10)).check()?;
-/// assert_eq!(settings.get().max_condition, 1e8);
-/// # Ok::<(), frf_estimation::FrfError>(())
+/// let settings = PeriodicSettings { skip: SkipRule::Fixed(10), ..PeriodicSettings::default() };
+/// assert_eq!(settings.max_condition, 1e8);
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct PeriodicSettings {
@@ -97,48 +96,11 @@ impl Default for PeriodicSettings {
 }
 
 impl PeriodicSettings {
-    /// Sets the rule for the transient.
-    #[must_use]
-    pub fn skip(self, skip: SkipRule) -> Self {
-        Self { skip, ..self }
-    }
-    /// Sets the lines to estimate.
-    #[must_use]
-    pub fn lines(self, lines: LineSelection) -> Self {
-        Self { lines, ..self }
-    }
-    /// Sets the signal that is correlated with inputs and outputs.
-    #[must_use]
-    pub fn instrument(self, instrument: Instrument) -> Self {
-        Self { instrument, ..self }
-    }
-    /// Sets where the covariance comes from.
-    #[must_use]
-    pub fn covariance(self, covariance: CovarianceSource) -> Self {
-        Self { covariance, ..self }
-    }
-    /// Sets the largest accepted condition number of `U R^H`.
-    #[must_use]
-    pub fn max_condition(self, max_condition: f64) -> Self {
-        Self {
-            max_condition,
-            ..self
-        }
-    }
-    /// Sets the width over which the nonlinear variance is averaged.
-    #[must_use]
-    pub fn smoothing_half_width(self, smoothing_half_width: usize) -> Self {
-        Self {
-            smoothing_half_width,
-            ..self
-        }
-    }
-
     /// Checks the ranges.
     ///
     /// # Errors
     /// [`FrfError::Setting`] names the setting; [`FrfError::Line`] names the entry of the list.
-    pub fn check(self) -> Result<CheckedSettings, FrfError> {
+    pub fn check(&self) -> Result<(), FrfError> {
         let setting = |setting, value, expected| FrfError::Setting {
             setting,
             value,
@@ -166,21 +128,7 @@ impl PeriodicSettings {
             }
             _ => {}
         }
-        Ok(CheckedSettings(self))
-    }
-}
-
-/// Settings that passed [`PeriodicSettings::check`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct CheckedSettings(PeriodicSettings);
-
-impl CheckedSettings {
-    /// The settings.
-    pub fn get(&self) -> &PeriodicSettings {
-        &self.0
-    }
-    pub(crate) fn with_skip(&self, skip: SkipRule) -> Self {
-        Self(self.0.clone().skip(skip))
+        Ok(())
     }
 }
 

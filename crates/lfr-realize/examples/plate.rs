@@ -115,18 +115,26 @@ pub(crate) fn fit(plate: &Plate, each: usize, target: f64) -> Result<Outcome, Bo
     let near = [0.45, 0.34];
     let poles: Vec<Complex<f64>> = plate.at(&near)?.zero_order_hold(clock)?.poles()?;
     let nearest = data.subset(|p| p.iter().zip(&near).all(|(p, c)| (p - c).abs() < 1e-9))?;
-    let settings = LocalSettings::new().rigid(RigidGain::Absent).check()?;
+    let settings = LocalSettings {
+        rigid: RigidGain::Absent,
+        ..LocalSettings::default()
+    };
     let local = local_model(Continuous, &nearest, &poles, &settings)?;
 
     let deltas = [0, 1].map(|parameter| DeltaBlock {
         parameter,
         repetitions: each,
     });
-    let settings = GrowSettings::new()
-        .target(2.0 * target)
-        .start_iterations(12)
-        .refine(RefineSettings::new().target(target).max_iterations(12))
-        .check()?;
+    let settings = GrowSettings {
+        target: Some(2.0 * target),
+        start_iterations: 12,
+        refine: RefineSettings {
+            target,
+            max_iterations: 12,
+            ..RefineSettings::default()
+        },
+        ..GrowSettings::default()
+    };
     let began = Instant::now();
     let fitted = grow(&local.flexible, None, &data, &deltas, &range, &settings)?;
     let seconds = began.elapsed().as_secs_f64();

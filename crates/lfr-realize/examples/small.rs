@@ -26,8 +26,12 @@ fn main() -> Result<()> {
     for (masses, modes, damping, positions) in MACHINES {
         println!("masses {masses:?}, modes {modes:?}, damping {damping}, {positions} positions");
         let case = Case::new(machine(masses, modes, damping)?, positions)?;
-        let first = case.settings(0).check()?;
-        let all = case.settings(0).restarts(1).search(StartSearch::All).check()?;
+        let first = case.settings(0);
+        let all = GrowSettings {
+            restarts: 1,
+            search: StartSearch::All,
+            ..case.settings(0)
+        };
         // What `lpv identify` would do: stop at the first size that reaches the target.
         let began = Instant::now();
         let taken = case.sizes(&first)?;
@@ -69,19 +73,24 @@ impl Case {
     }
 
     fn settings(&self, seed: u64) -> GrowSettings {
-        GrowSettings::new()
-            .seed(seed)
-            .refine(RefineSettings::new().target(1e-5))
+        GrowSettings {
+            seed,
+            refine: RefineSettings {
+                target: 1e-5,
+                ..RefineSettings::default()
+            },
+            ..GrowSettings::default()
+        }
     }
 
     fn local(&self) -> Result<lfr_realize::LocalModel<Continuous>> {
         let centre = self.data.subset(|p| p[0] == 0.0)?;
         let poles = self.machine.sampled_flexible_poles(0.0, self.clock)?;
-        let settings = LocalSettings::new().check()?;
+        let settings = LocalSettings::default();
         Ok(local_model(Continuous, &centre, &poles, &settings)?)
     }
 
-    fn sizes(&self, settings: &lfr_realize::CheckedGrowSettings) -> Result<Sizes<Continuous>> {
+    fn sizes(&self, settings: &lfr_realize::GrowSettings) -> Result<Sizes<Continuous>> {
         let local = self.local()?;
         let sizes: Vec<Vec<DeltaBlock>> = (1..=6).map(deltas).collect();
         let range = self.machine.scheduling_range()?;
@@ -122,7 +131,11 @@ impl Case {
     }
 
     fn starts(&self) -> Result<()> {
-        let settings = self.settings(0).restarts(20).search(StartSearch::All).check()?;
+        let settings = GrowSettings {
+            restarts: 20,
+            search: StartSearch::All,
+            ..self.settings(0)
+        };
         let began = Instant::now();
         let local = self.local()?;
         let range = self.machine.scheduling_range()?;

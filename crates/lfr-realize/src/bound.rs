@@ -9,7 +9,7 @@ use crate::RealizeError;
 pub use between::{Between, BetweenWarning, Interval, bound_between};
 use cells::{Cell, Line};
 use lpv_core::{Clock, Lfr};
-pub use settings::{BoundSettings, CheckedBoundSettings};
+pub use settings::BoundSettings;
 
 /// The relative difference of two LFRs over all p of a set and all lines given.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,7 +40,7 @@ pub fn difference_bound<K: Clock>(
     model: &Lfr<K>,
     reference: &Lfr<K>,
     frequencies_hz: &[f64],
-    settings: &CheckedBoundSettings,
+    settings: &BoundSettings,
 ) -> Result<DifferenceBound, RealizeError> {
     let parameters = model.range().parameters();
     let unit = |j: usize| (0..parameters).map(|i| f64::from(u8::from(i == j))).collect();
@@ -57,10 +57,11 @@ fn over_cell<K: Clock>(
     reference: &Lfr<K>,
     frequencies_hz: &[f64],
     whole: Cell,
-    settings: &CheckedBoundSettings,
+    settings: &BoundSettings,
 ) -> Result<DifferenceBound, RealizeError> {
+    settings.check()?;
     check(model, reference)?;
-    let set = settings.get();
+    let set = settings;
     let mut found = DifferenceBound {
         largest: 0.0,
         bound: 0.0,

@@ -14,7 +14,7 @@ use coherent::Coherent;
 pub(crate) use field::Field;
 use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
-pub use settings::{CheckedGrowSettings, DeltaReach, GainFit, GrowSettings, StartSearch};
+pub use settings::{DeltaReach, GainFit, GrowSettings, StartSearch};
 pub use sizes::{SizeChoice, Sizes, grow_sizes};
 
 /// Where the channels of a start come from.
@@ -91,12 +91,13 @@ pub fn condense<K: Sampling>(
     gamma: Option<&DMatrix<f64>>,
     data: &FrozenData,
     scheduling: &SchedulingRange,
-    settings: &CheckedGrowSettings,
+    settings: &GrowSettings,
 ) -> Result<FrozenData, RealizeError> {
+    settings.check()?;
     match data.unit() {
         ResidualUnit::Relative => Ok(data.clone()),
         ResidualUnit::StandardDeviation => {
-            Ok(Coherent::in_few_lines(local, gamma, data, scheduling, settings.get())?.1)
+            Ok(Coherent::in_few_lines(local, gamma, data, scheduling, settings)?.1)
         }
     }
 }
@@ -124,7 +125,7 @@ pub fn grow<K: Sampling>(
     data: &FrozenData,
     deltas: &[DeltaBlock],
     scheduling: &SchedulingRange,
-    settings: &CheckedGrowSettings,
+    settings: &GrowSettings,
 ) -> Result<Grown<K>, RealizeError> {
     Field::new(local, gamma, data, scheduling, settings)?.grow(deltas, None)
 }

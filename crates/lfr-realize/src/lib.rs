@@ -84,7 +84,7 @@
 //! let responses: Vec<_> = [-1.0, -0.5, 0.0, 0.5, 1.0].into_iter().map(response).collect::<Result<_, CoreError>>()?;
 //! let data = FrozenData::relative(clock, &responses)?;
 //! let (one, range) = (DeltaBlock { parameter: 0, repetitions: 1 }, SchedulingRange::interval(-1.0, 1.0)?);
-//! let grown = grow(&spring(0.0)?, None, &data, &[one], &range, &GrowSettings::new().check()?)?;
+//! let grown = grow(&spring(0.0)?, None, &data, &[one], &range, &GrowSettings::default())?;
 //! assert!(grown.reached && grown.refined.account.largest < 1e-4);
 //! assert_eq!(grown.refined.candidate.to_lfr()?.delta_count(), 1);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -120,24 +120,23 @@ mod units;
 mod whiten;
 
 pub use bound::{
-    Between, BetweenWarning, BoundSettings, CheckedBoundSettings, DifferenceBound, Interval, bound_between,
-    difference_bound,
+    Between, BetweenWarning, BoundSettings, DifferenceBound, Interval, bound_between, difference_bound,
 };
 pub use candidate::{Candidate, Channel};
 pub use data::{FrozenData, ResidualUnit};
 pub use direct::{Realization, realize};
 pub use error::RealizeError;
 pub use grow::{
-    CheckedGrowSettings, DeltaReach, GainFit, GrowSettings, Grown, SizeChoice, Sizes, StartAccount,
-    StartKind, StartOutcome, StartSearch, condense, grow, grow_sizes,
+    DeltaReach, GainFit, GrowSettings, Grown, SizeChoice, Sizes, StartAccount, StartKind, StartOutcome,
+    StartSearch, condense, grow, grow_sizes,
 };
-pub use local::{CheckedLocalSettings, LocalMode, LocalModel, LocalSettings, RigidGain, local_model};
+pub use local::{LocalMode, LocalModel, LocalSettings, RigidGain, local_model};
 pub use lpv_core;
 pub use lpv_numerics::least_squares::StopReason;
 pub use mechanical::{DeltaSplit, MechanicalForm};
-pub use reduce::{CheckedReduceSettings, ReduceSettings, Reduced, reduce, reduce_to_continuous};
+pub use reduce::{ReduceSettings, Reduced, reduce, reduce_to_continuous};
 pub use refine::{RefineAccount, Refined, refine};
 pub use sampling::Sampling;
-pub use settings::{CheckedRefineSettings, RefineSettings};
+pub use settings::RefineSettings;
 pub use start::RandomChannels;
 pub use units::Units;

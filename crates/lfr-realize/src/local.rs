@@ -4,14 +4,12 @@ mod residues;
 mod settings;
 
 use crate::sampling::Sampling;
-use crate::{
-    Candidate, CheckedRefineSettings, FrozenData, RandomChannels, RealizeError, RefineAccount, refine,
-};
+use crate::{Candidate, FrozenData, RandomChannels, RealizeError, RefineAccount, RefineSettings, refine};
 use lpv_core::{SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
 use num_complex::Complex;
 use residues::Residues;
-pub use settings::{CheckedLocalSettings, LocalSettings, RigidGain};
+pub use settings::{LocalSettings, RigidGain};
 
 type C64 = Complex<f64>;
 
@@ -54,8 +52,9 @@ pub fn local_model<K: Sampling>(
     clock: K,
     data: &FrozenData,
     poles: &[C64],
-    settings: &CheckedLocalSettings,
+    settings: &LocalSettings,
 ) -> Result<LocalModel<K>, RealizeError> {
+    settings.check()?;
     if data.len() != 1 {
         return Err(RealizeError::Data {
             index: 1,
@@ -65,7 +64,7 @@ pub fn local_model<K: Sampling>(
         });
     }
     clock.agrees(data.clock())?;
-    let set = &settings.settings;
+    let set = settings;
     let sampled = upper_half(clock, poles, set.rigid)?;
     let frf = &data.positions()[0].frf;
     let has_rigid = set.rigid != RigidGain::Absent;
@@ -177,7 +176,7 @@ impl<K: Sampling> Fit<K> {
         gamma: Option<&DMatrix<f64>>,
         diagonal: Diagonal,
         data: &FrozenData,
-        settings: &CheckedRefineSettings,
+        settings: &RefineSettings,
     ) -> Result<Self, RealizeError> {
         let p = &data.positions()[0].p;
         let around = p

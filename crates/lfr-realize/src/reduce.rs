@@ -9,15 +9,15 @@ use crate::sampling::Sampling;
 use crate::sampling::hold::Derivative;
 use crate::shape::Shape;
 use crate::{
-    Candidate, CheckedGrowSettings, DeltaReach, FrozenData, GrowSettings, Grown, LocalSettings, RealizeError,
-    Refined, RigidGain, StartAccount, local_model,
+    Candidate, DeltaReach, FrozenData, GrowSettings, Grown, LocalSettings, RealizeError, Refined, RigidGain,
+    StartAccount, local_model,
 };
 use balance::{dominant_poles, truncated};
 use lpv_core::linalg::from_blocks;
 use lpv_core::{Clock, Continuous, DeltaBlock, Discrete, Frf, Lfr, StateSpace};
 use nalgebra::DMatrix;
 use rigid::Split;
-pub use settings::{CheckedReduceSettings, ReduceSettings};
+pub use settings::ReduceSettings;
 
 /// A reduced LFR, with its error.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,7 +46,7 @@ impl<K: Sampling> Reduced<K> {
     ///
     /// # Errors
     /// Those of [`crate::grow`].
-    pub fn grow(&self, data: &FrozenData, settings: &CheckedGrowSettings) -> Result<Grown<K>, RealizeError> {
+    pub fn grow(&self, data: &FrozenData, settings: &GrowSettings) -> Result<Grown<K>, RealizeError> {
         let (local, model) = (self.local()?, &self.refined.candidate);
         let field = Field::new(&local, self.gamma.as_ref(), data, model.range(), settings)?;
         field.grow(model.to_lfr()?.deltas(), Some(model))
@@ -89,7 +89,7 @@ pub fn reduce<K: Sampling>(
     clock: Discrete,
     states: usize,
     deltas: &[DeltaBlock],
-    settings: &CheckedReduceSettings,
+    settings: &ReduceSettings,
 ) -> Result<Reduced<K>, RealizeError> {
     let large = Large::new(lfr, clock, states, settings)?;
     let balanced = truncated(
@@ -112,7 +112,7 @@ pub fn reduce_to_continuous(
     lfr: &Lfr<Discrete>,
     states: usize,
     deltas: &[DeltaBlock],
-    settings: &CheckedReduceSettings,
+    settings: &ReduceSettings,
 ) -> Result<Reduced<Continuous>, RealizeError> {
     Large::new(lfr, lfr.clock(), states, settings)?.reduce(Continuous, None, deltas, settings)
 }
@@ -138,7 +138,7 @@ impl<'a, K: Sampling> Large<'a, K> {
         lfr: &'a Lfr<K>,
         clock: Discrete,
         states: usize,
-        settings: &CheckedReduceSettings,
+        settings: &ReduceSettings,
     ) -> Result<Self, RealizeError> {
         lfr.clock().agrees(clock)?;
         let at = lfr.range().centre();
@@ -163,7 +163,7 @@ impl<'a, K: Sampling> Large<'a, K> {
                 return Err(RealizeError::Reduction { p, problem });
             }
             direct |= (model.d() - centre.flexible.d()).amax() > 1e-9 * model.d().amax();
-            let lines = lines(&split.flexible, settings.get().lines)?;
+            let lines = lines(&split.flexible, settings.lines)?;
             responses.push((p, model.frequency_response(&lines)?));
         }
         Ok(Self {
@@ -182,7 +182,7 @@ impl<'a, K: Sampling> Large<'a, K> {
         target: T,
         balanced: Option<Candidate<T>>,
         deltas: &[DeltaBlock],
-        settings: &CheckedReduceSettings,
+        settings: &ReduceSettings,
     ) -> Result<Reduced<T>, RealizeError> {
         if deltas.iter().all(|d| d.repetitions == 0) {
             return Err(RealizeError::Empty { what: "deltas" });
@@ -195,12 +195,13 @@ impl<'a, K: Sampling> Large<'a, K> {
             DeltaReach::States
         };
         // Random channels are for targets that can be reached; here a residual is the rule.
-        let grow = GrowSettings::new()
-            .reach(reach)
-            .restarts(0)
-            .target(REACHED)
-            .refine(settings.get().refine)
-            .check()?;
+        let grow = GrowSettings {
+            reach,
+            restarts: 0,
+            target: Some(REACHED),
+            refine: settings.refine,
+            ..GrowSettings::default()
+        };
         let local = self.local(target)?;
         let field = Field::new(&local, self.gamma.as_ref(), &data, range, &grow)?;
         let grown = field.grow(deltas, balanced.as_ref())?;
@@ -235,7 +236,10 @@ impl<'a, K: Sampling> Large<'a, K> {
             strictly_proper.frequency_response(&lines)?,
         )];
         let data = FrozenData::relative(self.clock, &responses)?;
-        let settings = LocalSettings::new().rigid(RigidGain::Absent).check()?;
+        let settings = LocalSettings {
+            rigid: RigidGain::Absent,
+            ..LocalSettings::default()
+        };
         let local = local_model(target, &data, &poles, &settings)?.flexible;
         let d = flexible.d().clone();
         Ok(StateSpace::new(
@@ -251,7 +255,7 @@ impl<'a, K: Sampling> Large<'a, K> {
     fn judge<T: Sampling>(
         &self,
         reduced: &mut Reduced<T>,
-        settings: &CheckedReduceSettings,
+        settings: &ReduceSettings,
     ) -> Result<(), RealizeError> {
         let parameters = self.lfr.range().parameters();
         let between = if parameters <= 1 { 4 } else { 2 };
@@ -260,7 +264,7 @@ impl<'a, K: Sampling> Large<'a, K> {
         let mut largest = -1.0;
         for p in self.lfr.range().grid(points) {
             let truth = frozen(self.lfr, self.clock, &p)?;
-            let lines = lines(&Split::new(&truth, &p)?.flexible, settings.get().lines)?;
+            let lines = lines(&Split::new(&truth, &p)?.flexible, settings.lines)?;
             let own =
                 sampled(&reduced.refined.candidate.frozen(&p)?, self.clock).ok_or_else(|| too_fast(&p))?;
             let relative = own

@@ -4,7 +4,7 @@ use crate::minimax::polish;
 use crate::problem::Problem;
 use crate::sampling::Sampling;
 use crate::search::{Found, Limits, Noise, search};
-use crate::{Candidate, CheckedRefineSettings, FrozenData, RealizeError, ResidualUnit};
+use crate::{Candidate, FrozenData, RealizeError, RefineSettings, ResidualUnit};
 use lpv_core::WellPosedness;
 use lpv_numerics::dense::right_singular;
 use lpv_numerics::least_squares::{Quadratic, StopReason};
@@ -98,10 +98,11 @@ const UNDETERMINED: f64 = 1e-10;
 pub fn refine<K: Sampling>(
     candidate: &Candidate<K>,
     data: &FrozenData,
-    settings: &CheckedRefineSettings,
+    settings: &RefineSettings,
 ) -> Result<Refined<K>, RealizeError> {
+    settings.check()?;
+    let set = settings;
     let mut problem = Problem::new(candidate, data)?;
-    let set = settings.get();
     let limits = Limits {
         max_iterations: set.max_iterations,
         tolerance: set.tolerance,

@@ -1,8 +1,8 @@
-//! Settings: unchecked as written, checked once.
+//! Settings.
 
 use crate::RealizeError;
 
-/// How to refine. Fields are unchecked; [`RefineSettings::check`] gives what [`crate::refine`] accepts.
+/// How to refine. What takes them checks every field against this table.
 ///
 /// | field | default | meaning | range |
 /// |---|---|---|---|
@@ -38,47 +38,11 @@ impl Default for RefineSettings {
 }
 
 impl RefineSettings {
-    /// The defaults.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-    /// Sets the most iterations.
-    #[must_use]
-    pub fn max_iterations(mut self, iterations: usize) -> Self {
-        self.max_iterations = iterations;
-        self
-    }
-    /// Sets the relative decrease of the cost that counts as none.
-    #[must_use]
-    pub fn tolerance(mut self, tolerance: f64) -> Self {
-        self.tolerance = tolerance;
-        self
-    }
-    /// Sets the rms residual that is low enough.
-    #[must_use]
-    pub fn target(mut self, rms: f64) -> Self {
-        self.target = rms;
-        self
-    }
-    /// Goes on where noise hides what is left to win.
-    #[must_use]
-    pub fn to_the_end(mut self) -> Self {
-        self.to_the_end = true;
-        self
-    }
-    /// Sets the number of reweighted fits.
-    #[must_use]
-    pub fn minimax_passes(mut self, passes: usize) -> Self {
-        self.minimax_passes = passes;
-        self
-    }
-
     /// Checks every field against the table above.
     ///
     /// # Errors
     /// [`RealizeError::Setting`].
-    pub fn check(self) -> Result<CheckedRefineSettings, RealizeError> {
+    pub fn check(&self) -> Result<(), RealizeError> {
         let most = self.max_iterations;
         range("max_iterations", most as f64, most <= 100_000, "give 0 to 100000")?;
         let tolerance = self.tolerance;
@@ -88,7 +52,7 @@ impl RefineSettings {
         range("target", self.target, good, "give a finite number, not negative")?;
         let passes = self.minimax_passes;
         range("minimax_passes", passes as f64, passes <= 1000, "give 0 to 1000")?;
-        Ok(CheckedRefineSettings { settings: self })
+        Ok(())
     }
 }
 
@@ -103,19 +67,5 @@ pub(crate) fn range(
         Ok(())
     } else {
         Err(RealizeError::Setting { name, value, allowed })
-    }
-}
-
-/// Settings that passed [`RefineSettings::check`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CheckedRefineSettings {
-    settings: RefineSettings,
-}
-
-impl CheckedRefineSettings {
-    /// The settings, to be read.
-    #[must_use]
-    pub fn get(&self) -> &RefineSettings {
-        &self.settings
     }
 }

@@ -45,7 +45,10 @@ pub fn servo_axis(
 fn free_axis(records: &[Record], clock: Discrete) -> Result<Base, TraceError> {
     let segments: Vec<Segment<'_>> = records.iter().map(Segment::whole).collect();
     let identify = |dry_friction: bool| {
-        let settings = RigidBodySettings::new().dry_friction(dry_friction).check()?;
+        let settings = RigidBodySettings {
+            dry_friction,
+            ..RigidBodySettings::default()
+        };
         lti_ident::rigid_body::identify(&segments, clock, &settings)
     };
     // Friction that is larger than the inertial force makes the inertia negative where it is left out.
@@ -93,7 +96,7 @@ fn on_spring(records: &[Record], clock: Discrete) -> Result<Option<Found>, Trace
         .filter_map(|r| r.outputs.columns.first())
         .map(Vec::as_slice)
         .collect();
-    let filter = Filter::new(&positions, clock, &RigidBodySettings::new().check()?);
+    let filter = Filter::new(&positions, clock, &RigidBodySettings::default())?;
     let kept = |x: &[f64]| decimated(x, clock, filter.regression_cutoff_hz, filter.decimation);
     let mut columns: [Vec<f64>; 4] = Default::default();
     let mut force = Vec::new();

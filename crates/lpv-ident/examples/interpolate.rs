@@ -45,7 +45,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let fits = regress(
         &estimates,
         &bank,
-        &RegressionSettings::new().weighting(Weighting::Relative).check()?,
+        &RegressionSettings {
+            weighting: Weighting::Relative,
+            ..RegressionSettings::default()
+        },
     )?;
     let candidates: Vec<Interpolation> = (1..=5)
         .map(|order| Interpolation::Polynomial { order })

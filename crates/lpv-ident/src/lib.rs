@@ -38,7 +38,7 @@
 //!     let machine = StateSpace::new(a.clone(), b.clone(), dmatrix![1.0 + p], dmatrix![0.0], clock).unwrap();
 //!     FrfEstimate::with_unit_covariance(machine.frequency_response(&frequencies).unwrap(), Some(p.into())).unwrap()
 //! });
-//! let fits = regress(&estimates, &phi, &RegressionSettings::new().weighting(Weighting::Uniform).check()?)?;
+//! let fits = regress(&estimates, &phi, &RegressionSettings { weighting: Weighting::Uniform, ..RegressionSettings::default() })?;
 //! let model = fits.interpolate(Interpolation::Polynomial { order: 1 })?;
 //! assert!((model.weights().evaluate(&[0.3]) - DMatrix::from_element(1, 1, 1.3)).norm() < 1e-12);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -61,4 +61,4 @@ pub use local::interpolate_models;
 pub use lpv_core;
 pub use model::LpvObfModel;
 pub use regression::{LocalFit, LocalFits, regress};
-pub use settings::{CheckedRegression, RegressionSettings, RigidTerm, Weighting};
+pub use settings::{RegressionSettings, RigidTerm, Weighting};

@@ -5,7 +5,7 @@ mod equations;
 mod gram;
 mod solve;
 
-use crate::{CheckedRegression, IdentError, RigidTerm, Weighting};
+use crate::{IdentError, RegressionSettings, RigidTerm, Weighting};
 use equations::{Equations, Regressors};
 use lpv_core::{Discrete, FrfEstimate, Position, StateSpace};
 use lpv_numerics::dense::invert_upper;
@@ -63,11 +63,12 @@ pub struct LocalFit {
 pub fn regress(
     estimates: &[FrfEstimate],
     basis: &StateSpace<Discrete>,
-    settings: &CheckedRegression,
+    settings: &RegressionSettings,
 ) -> Result<LocalFits, IdentError> {
-    let positions = checked_positions(estimates, settings.rigid_body())?;
+    settings.check()?;
+    let positions = checked_positions(estimates, &settings.rigid_body)?;
     filter_bank(basis)?;
-    let has_rigid_body = !settings.rigid_body().is_empty();
+    let has_rigid_body = !settings.rigid_body.is_empty();
     let kept: Vec<Range<usize>> = estimates
         .iter()
         .zip(&positions)
@@ -100,7 +101,7 @@ pub fn regress(
         })
         .collect();
 
-    let nc = settings.rigid_body().len();
+    let nc = settings.rigid_body.len();
     let sizes = (
         estimates[0].frf().outputs(),
         estimates[0].frf().inputs(),
@@ -111,7 +112,7 @@ pub fn regress(
         None => by_reflections(&equations, nc, sizes)?,
     };
     let (ny, nu, _) = sizes;
-    let row_variance = match settings.weighting() {
+    let row_variance = match settings.weighting {
         Weighting::Covariance => 1.0,
         Weighting::Relative | Weighting::Uniform => {
             let free = fits
@@ -126,7 +127,7 @@ pub fn regress(
     Ok(LocalFits {
         row_variance,
         basis: basis.clone(),
-        rigid_body: settings.rigid_body().to_vec(),
+        rigid_body: settings.rigid_body.clone(),
         outputs: ny,
         inputs: nu,
         gains,

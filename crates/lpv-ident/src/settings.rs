@@ -13,6 +13,13 @@ pub struct RigidTerm {
     pub input: usize,
 }
 
+impl RigidTerm {
+    /// A term in each of the first `channels` diagonal channels, as in (13).
+    pub fn diagonal(channels: usize) -> Vec<Self> {
+        (0..channels).map(|i| Self { output: i, input: i }).collect()
+    }
+}
+
 /// How a line is weighted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Weighting {
@@ -25,7 +32,7 @@ pub enum Weighting {
     Uniform,
 }
 
-/// Unchecked settings of the regression; [`RegressionSettings::check`] makes them usable.
+/// Settings of the regression; [`RegressionSettings::check`] makes them usable, which checks them.
 ///
 /// | setting | default | meaning | range |
 /// |---|---|---|---|
@@ -35,54 +42,31 @@ pub enum Weighting {
 /// | `band_hz` | all lines | lines that are fitted | lower < upper, both finite |
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RegressionSettings {
-    rigid_body: Vec<RigidTerm>,
-    weighting: Weighting,
-    model_error: f64,
-    band_hz: Option<(f64, f64)>,
-}
-
-impl RegressionSettings {
-    /// The defaults.
-    pub fn new() -> Self {
-        Self::default()
-    }
-    /// The channels with a rigid-body term.
-    #[must_use]
-    pub fn rigid_body(mut self, terms: Vec<RigidTerm>) -> Self {
-        self.rigid_body = terms;
-        self
-    }
-    /// A rigid-body term in each of the first `channels` diagonal channels, as in (13).
-    #[must_use]
-    pub fn diagonal_rigid_body(self, channels: usize) -> Self {
-        self.rigid_body((0..channels).map(|i| RigidTerm { output: i, input: i }).collect())
-    }
-    /// The weighting.
-    #[must_use]
-    pub fn weighting(mut self, weighting: Weighting) -> Self {
-        self.weighting = weighting;
-        self
-    }
+    /// Channels with a term `c phi_R`.
+    pub rigid_body: Vec<RigidTerm>,
+    /// Weight of a line.
+    pub weighting: Weighting,
     /// Relative size of what a truncated basis cannot represent. With covariance weights, each row of the FRF gets the
     /// additional variance `(model_error * its size)^2`: lines with a very good signal to noise ratio then no longer buy
     /// their fit with large errors elsewhere.
-    #[must_use]
-    pub fn model_error(mut self, relative: f64) -> Self {
-        self.model_error = relative;
-        self
-    }
-    /// Only lines in this band, Hz.
-    #[must_use]
-    pub fn band_hz(mut self, lower: f64, upper: f64) -> Self {
-        self.band_hz = Some((lower, upper));
-        self
+    pub model_error: f64,
+    /// Lines that are fitted, lowest and highest frequency.
+    pub band_hz: Option<(f64, f64)>,
+}
+
+impl RegressionSettings {
+    /// The lines of the band, of frequencies that rise.
+    pub(crate) fn kept(&self, frequencies_hz: &[f64]) -> Range<usize> {
+        let (lower, upper) = self.band_hz.unwrap_or((0.0, f64::INFINITY));
+        let first = frequencies_hz.partition_point(|f| *f < lower);
+        first..frequencies_hz.partition_point(|f| *f <= upper)
     }
 
     /// The settings that the regression accepts.
     ///
     /// # Errors
     /// [`IdentError::Setting`].
-    pub fn check(self) -> Result<CheckedRegression, IdentError> {
+    pub fn check(&self) -> Result<(), IdentError> {
         if let Some((lower, upper)) = self.band_hz
             && !(lower.is_finite() && upper.is_finite() && lower < upper)
         {
@@ -111,28 +95,6 @@ impl RegressionSettings {
                 });
             }
         }
-        Ok(CheckedRegression(self))
-    }
-}
-
-/// Checked settings.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CheckedRegression(RegressionSettings);
-
-impl CheckedRegression {
-    pub(crate) fn rigid_body(&self) -> &[RigidTerm] {
-        &self.0.rigid_body
-    }
-    pub(crate) fn weighting(&self) -> Weighting {
-        self.0.weighting
-    }
-    pub(crate) fn model_error(&self) -> f64 {
-        self.0.model_error
-    }
-    /// The lines of the band, of frequencies that rise.
-    pub(crate) fn kept(&self, frequencies_hz: &[f64]) -> Range<usize> {
-        let (lower, upper) = self.0.band_hz.unwrap_or((0.0, f64::INFINITY));
-        let first = frequencies_hz.partition_point(|f| *f < lower);
-        first..frequencies_hz.partition_point(|f| *f <= upper)
+        Ok(())
     }
 }

@@ -1,6 +1,6 @@
 //! The weights of a regression as whitening factors.
 
-use crate::{CheckedRegression, IdentError, Weighting};
+use crate::{IdentError, RegressionSettings, Weighting};
 use lpv_core::{FrfEstimate, Position};
 use lpv_numerics::whiten::Whitening;
 use std::ops::Range;
@@ -10,11 +10,11 @@ pub(crate) fn set(
     whitening: &mut Whitening,
     estimate: &FrfEstimate,
     lines: Range<usize>,
-    settings: &CheckedRegression,
+    settings: &RegressionSettings,
     position: &Position,
 ) -> Result<(), IdentError> {
     let frf = estimate.frf();
-    match settings.weighting() {
+    match settings.weighting {
         Weighting::Uniform => Ok(()),
         Weighting::Relative => {
             for (row, line) in lines.enumerate() {
@@ -31,7 +31,7 @@ pub(crate) fn set(
             Ok(())
         }
         Weighting::Covariance => whitening
-            .set_covariance(estimate, lines, settings.model_error())
+            .set_covariance(estimate, lines, settings.model_error)
             .map_err(|line| IdentError::Covariance {
                 position: position.clone(),
                 line,

@@ -5,7 +5,7 @@
 use lpv_core::nalgebra::{DMatrix, DVector, dmatrix};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Discrete, Frf, FrfEstimate, Position, StateSpace};
-use lpv_ident::{IdentError, Interpolation, RegressionSettings, Weighting, recommend, regress};
+use lpv_ident::{IdentError, Interpolation, RegressionSettings, RigidTerm, Weighting, recommend, regress};
 use proptest::prelude::*;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -89,8 +89,11 @@ fn noisy(p: f64, frequencies: &[f64], scale: f64, rng: &mut ChaCha8Rng) -> FrfEs
     FrfEstimate::new(frf, c, s, f64::INFINITY, Some(p.into())).unwrap()
 }
 
-fn settings() -> lpv_ident::CheckedRegression {
-    RegressionSettings::new().diagonal_rigid_body(2).check().unwrap()
+fn settings() -> lpv_ident::RegressionSettings {
+    RegressionSettings {
+        rigid_body: RigidTerm::diagonal(2),
+        ..RegressionSettings::default()
+    }
 }
 
 #[test]
@@ -151,7 +154,7 @@ fn sums_of_products_give_way_to_reflections_where_functions_are_nearly_dependent
             frf.line_slice_mut(k).copy_from_slice(sum.as_slice());
         }
         let estimate = FrfEstimate::with_unit_covariance(frf, Some(0.4.into())).unwrap();
-        let fits = regress(&[estimate], &bank, &RegressionSettings::new().check().unwrap()).unwrap();
+        let fits = regress(&[estimate], &bank, &RegressionSettings::default()).unwrap();
         let fit = &fits.fits()[0];
         assert_eq!(
             fit.factorisations,
@@ -455,15 +458,22 @@ fn refusals_say_where() {
     let mut silent = response(0.0, &lines(20));
     silent.line_slice_mut(7).fill(C64::new(0.0, 0.0));
     let silent = FrfEstimate::with_unit_covariance(silent, Some(0.0.into())).unwrap();
-    let relative = RegressionSettings::new()
-        .weighting(Weighting::Relative)
-        .check()
-        .unwrap();
+    let relative = RegressionSettings {
+        weighting: Weighting::Relative,
+        ..RegressionSettings::default()
+    };
     assert!(matches!(
         regress(&[silent], &bank(), &relative),
         Err(IdentError::NoResponse { line: 7, .. })
     ));
-    assert!(RegressionSettings::new().band_hz(2.0, 1.0).check().is_err());
+    assert!(
+        RegressionSettings {
+            band_hz: Some((2.0, 1.0)),
+            ..RegressionSettings::default()
+        }
+        .check()
+        .is_err()
+    );
     let fits = regress(&[good(0.0), good(0.5)], &bank(), &s).unwrap();
     assert!(matches!(
         fits.leave_one_out(&[Interpolation::Spline]),
@@ -482,7 +492,7 @@ proptest! {
         // Shared gains make the positions one problem; with a single position the joint solution is a plain one.
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let e = noisy(0.3, &lines(12), 1e-1, &mut rng);
-        let s = RegressionSettings::new().diagonal_rigid_body(2).weighting(weighting).check().unwrap();
+        let s = RegressionSettings { rigid_body: RigidTerm::diagonal(2), weighting, ..RegressionSettings::default() };
         let alone = regress(std::slice::from_ref(&e), &bank(), &s).unwrap();
         // The same data at three positions must give the same gains, and a gain covariance three times smaller.
         let copies: Vec<_> = [-1.0, 0.0, 1.0]
@@ -504,7 +514,7 @@ proptest! {
 
     #[test]
     fn wild_settings_never_panic(order in any::<u16>(), length in any::<f64>(), positions in proptest::collection::vec(any::<f64>(), 0..8), low in any::<f64>(), high in any::<f64>()) {
-        let _ = RegressionSettings::new().band_hz(low, high).check();
+        let _ = RegressionSettings { band_hz: Some((low, high)), ..RegressionSettings::default() }.check();
         for kind in [
             Interpolation::Polynomial { order: usize::from(order) },
             Interpolation::Chebyshev { order: usize::from(order % 64) },

@@ -48,16 +48,20 @@ pub fn choose_basis(
         .filter(|z| z.norm() < 1.0)
         .collect();
     let observed = PoleSet::new(&inside)?;
-    let settings = FkcmSettings::new(functions)
-        .fuzziness(config.fuzziness)
-        .seed(config.seed)
-        .check()?;
+    let settings = FkcmSettings {
+        fuzziness: config.fuzziness,
+        seed: config.seed,
+        ..FkcmSettings::new(functions)
+    };
     let chosen = fkcm(&observed, &settings)?;
     let between = poles_between(fits, positions)?.unwrap_or_else(|| observed.as_slice().to_vec());
     let polish = match config.polish {
         Polish::None => None,
         Polish::Minimax => {
-            let settings = MinimaxSettings::default().seed(config.seed).check()?;
+            let settings = MinimaxSettings {
+                seed: config.seed,
+                ..MinimaxSettings::default()
+            };
             Some(polish_minimax(&chosen.poles, &between, &settings)?)
         }
     };

@@ -199,7 +199,7 @@ fn axes(bundle: &Bundle, config: &IdentifyConfig, progress: Progress<'_>) -> Res
         .map(|(r, &n)| Segment::new(r, 0..n))
         .collect();
     progress("inverse dynamics", 0, 1);
-    let settings = lti_ident::rigid_body::RigidBodySettings::new().check()?;
+    let settings = lti_ident::rigid_body::RigidBodySettings::default();
     let found = lti_ident::rigid_body::identify(&segments, clock, &settings)?;
     progress("inverse dynamics", 1, 1);
     let units = &bundle.description().channels.output.units;

@@ -11,7 +11,9 @@ use crate::small::{SmallStage, small_lfr};
 use crate::validation::frozen_error;
 use lfr_realize::{Realization, realize};
 use lpv_core::{Discrete, Frf, FrfEstimate, Model, StateSpace, WellPosedness, counted};
-use lpv_ident::{Interpolation, LeaveOneOut, LocalFits, LpvObfModel, RegressionSettings, recommend, regress};
+use lpv_ident::{
+    Interpolation, LeaveOneOut, LocalFits, LpvObfModel, RegressionSettings, RigidTerm, recommend, regress,
+};
 use lpv_numerics::statistics::{amplitude_db, median};
 
 /// A model of a machine that moves: every stage with its account.
@@ -326,14 +328,16 @@ pub fn regress_on(
     integrators: usize,
     config: &IdentifyConfig,
 ) -> Result<LocalFits, PipelineError> {
-    let mut settings = RegressionSettings::new()
-        .model_error(config.model_error.unwrap_or_else(|| basis.model_error()))
-        .weighting(match config.weighting {
+    let settings = RegressionSettings {
+        rigid_body: RigidTerm::diagonal(rigid_channels(integrators, estimates)?),
+        model_error: config.model_error.unwrap_or_else(|| basis.model_error()),
+        weighting: match config.weighting {
             Weighting::Covariance => lpv_ident::Weighting::Covariance,
             Weighting::Relative => lpv_ident::Weighting::Relative,
-        });
-    settings = settings.diagonal_rigid_body(rigid_channels(integrators, estimates)?);
-    Ok(regress(estimates, basis.basis.state_space(), &settings.check()?)?)
+        },
+        ..RegressionSettings::default()
+    };
+    Ok(regress(estimates, basis.basis.state_space(), &settings)?)
 }
 
 /// Diagonal channels with a rigid body: all of them with two integrators, none without.

@@ -82,10 +82,12 @@ pub fn fit_poles(
         estimates,
         clock,
         order: config.order,
-        settings: PoleFitSettings::new(integrators + FLEXIBLE_ORDERS[0])
-            .integrators(kind)
-            .numerator(NumeratorDegree::StrictlyProper)
-            .smoothing_lines(smoothing),
+        settings: PoleFitSettings {
+            integrators: kind,
+            numerator: NumeratorDegree::StrictlyProper,
+            smoothing_lines: smoothing,
+            ..PoleFitSettings::new(integrators + FLEXIBLE_ORDERS[0])
+        },
         integrators,
     };
     let before = reasons.len();
@@ -110,17 +112,15 @@ pub fn fit_poles(
             "what is left is {misfit:.0} times the noise: fitted again with a relative error of {:.1} % in the weights",
             100.0 * floor
         ));
-        search.settings = search.settings.relative_floor(floor);
+        search.settings.relative_floor = floor;
         search.slack = DISTORTION_SLACK;
         if estimates.len() == 1 && config.integrators.is_none() {
             // Friction turns integrators into slow poles, and a direct term takes what the amplifier does to the phase.
             reasons.push("integrators left free: friction may have moved them".to_owned());
             integrators = 0;
             search.integrators = 0;
-            search.settings = search
-                .settings
-                .integrators(Integrators::Free)
-                .numerator(NumeratorDegree::Proper);
+            search.settings.integrators = Integrators::Free;
+            search.settings.numerator = NumeratorDegree::Proper;
         }
         found = search.run(&mut reasons)?;
     }
@@ -174,8 +174,6 @@ impl Search<'_> {
                 .map_or_else(|| "pole fit".to_owned(), |p| format!("pole fit at p = {p:.6}"));
             move |source| PipelineError::Poles { place, source }
         };
-        let first = &self.estimates[0];
-        let checked = self.settings.check().map_err(failed(first))?;
         let mut scanned = None;
         let order = match self.order {
             Some(order) => order,
@@ -189,7 +187,7 @@ impl Search<'_> {
                     .par_iter()
                     .map(|&i| {
                         let few = thinned(&self.estimates[i]);
-                        scan(&few, self.clock, &checked, &orders).map_err(failed(&self.estimates[i]))
+                        scan(&few, self.clock, &self.settings, &orders).map_err(failed(&self.estimates[i]))
                     })
                     .collect::<Result<Vec<_>, _>>()?;
                 let each: Vec<usize> = scans
@@ -207,10 +205,13 @@ impl Search<'_> {
             }
         };
         let at = |order: usize| -> Result<Vec<PoleFit>, PipelineError> {
-            let checked = checked.with_order(order).map_err(failed(first))?;
+            let settings = PoleFitSettings {
+                order,
+                ..self.settings
+            };
             self.estimates
                 .par_iter()
-                .map(|e| fit(e, self.clock, &checked).map_err(failed(e)))
+                .map(|e| fit(e, self.clock, &settings).map_err(failed(e)))
                 .collect()
         };
         let stable = |fits: &[PoleFit]| fits.iter().all(|f| f.account.unstable_poles.is_empty());

@@ -12,8 +12,8 @@ use crate::period_noise::period_noise;
 use crate::progress::{Counter, Progress};
 use experiment_data::{Bundle, DataError, Travel};
 use frf_estimation::{
-    CheckedSettings, FrfError, LocalSettings, PeriodicEstimate, PeriodicSettings, Regressor, SkipRule,
-    estimate_records, local_rational,
+    FrfError, LocalSettings, PeriodicEstimate, PeriodicSettings, Regressor, SkipRule, estimate_records,
+    local_rational,
 };
 pub(crate) use large::is_large;
 use lpv_core::{Discrete, FrfEstimate, Position, Purpose, Record};
@@ -237,7 +237,7 @@ pub(crate) fn periodic_responses(
                 });
                 counter.one();
             }
-            let settings = periodic_settings(skip).map_err(|e| (usize::MAX, e))?;
+            let settings = periodic_settings(skip);
             let group: Vec<&Record> = records.iter().collect();
             let estimate = at_position(&group, |group| estimate_records(group, clock, &settings))
                 .map_err(|e| (usize::MAX, e))?;
@@ -261,12 +261,11 @@ pub(crate) fn periodic_responses(
     }
 }
 
-fn periodic_settings(skip: SkipRule) -> Result<CheckedSettings, PipelineError> {
-    let settings = PeriodicSettings::default().skip(skip).check();
-    settings.map_err(|source| PipelineError::Frf {
-        place: "settings".to_owned(),
-        source,
-    })
+fn periodic_settings(skip: SkipRule) -> PeriodicSettings {
+    PeriodicSettings {
+        skip,
+        ..PeriodicSettings::default()
+    }
 }
 
 /// The FRF of transient records by position, by the local rational method, and the choice of its regressor in words.
@@ -288,13 +287,10 @@ pub fn estimate_local(
     } else {
         Regressor::Inputs
     };
-    let settings = LocalSettings::default()
-        .regressor(regressor)
-        .check()
-        .map_err(|source| PipelineError::Frf {
-            place: "settings".to_owned(),
-            source,
-        })?;
+    let settings = LocalSettings {
+        regressor,
+        ..LocalSettings::default()
+    };
     let cut = to_one_length(&mut records);
     let estimates = by_position(&mut records, progress, |group| {
         local_rational(group, clock, &settings).map(|e| e.estimate)

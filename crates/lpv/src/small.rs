@@ -141,15 +141,22 @@ fn attempt(
     } else {
         RigidGain::Decide
     };
-    let settings = LocalSettings::new().rigid(rigid).check()?;
+    let settings = LocalSettings {
+        rigid,
+        ..LocalSettings::default()
+    };
     let local = local_model(Continuous, &middle, &modes, &settings)?;
     let mut reasons = moves.reasons.clone();
     // The gain of the rigid body comes from the middle position; the others know it better together.
-    let mut settings = GrowSettings::new().seed(config.seed).gain(GainFit::Free);
+    let mut settings = GrowSettings {
+        seed: config.seed,
+        gain: GainFit::Free,
+        ..GrowSettings::default()
+    };
     let mut enough = None;
     if data.unit() == ResidualUnit::StandardDeviation {
         let [single, merged] = expected_residuals(estimates);
-        settings = settings.target(AT_NOISE * merged);
+        settings.target = Some(AT_NOISE * merged);
         enough = Some(AT_NOISE * single);
     }
     let deltas: Vec<Vec<DeltaBlock>> = DELTAS
@@ -161,7 +168,6 @@ fn attempt(
         })
         .collect();
     let gamma = local.gamma.as_ref();
-    let settings = settings.check()?;
     begin(progress, "small LFR: numbers of deltas");
     let few = condense(&local.flexible, gamma, data, &range, &settings)?;
     let mut tried = grow_sizes(&local.flexible, gamma, &few, &deltas, &range, &settings)?;
@@ -169,10 +175,13 @@ fn attempt(
     let best = tried.grown.swap_remove(tried.chosen);
     begin(progress, "small LFR: all lines");
     // Merged lines leave more than all lines do, which decide.
-    let as_it_is = RefineSettings::new().max_iterations(0).check()?;
+    let as_it_is = RefineSettings {
+        max_iterations: 0,
+        ..RefineSettings::default()
+    };
     let mut whole = refine(&best.refined.candidate, data, &as_it_is)?;
     if enough.is_some_and(|enough| whole.account.rms > enough) {
-        whole = refine(&whole.candidate, data, &RefineSettings::new().check()?)?;
+        whole = refine(&whole.candidate, data, &RefineSettings::default())?;
     }
     let reached = best.reached && enough.is_none_or(|enough| whole.account.rms <= enough);
     let residuals: Vec<String> = sizes
@@ -244,7 +253,7 @@ fn attempt(
     if moving.is_none() {
         begin(progress, "small LFR: all lines");
         // All lines once more, where few were enough to come near.
-        fit = refine(&whole.candidate, data, &RefineSettings::new().check()?)?;
+        fit = refine(&whole.candidate, data, &RefineSettings::default())?;
         fit = to_the_end(&fit, data)?;
     }
     begin(progress, "small LFR: between the positions");
@@ -273,11 +282,13 @@ fn to_the_end(fit: &Refined<Continuous>, data: &FrozenData) -> Result<Refined<Co
     const NOTHING: f64 = 1e-10;
     /// Most iterations; a few do where the model fits.
     const ITERATIONS: usize = 30;
-    let settings = RefineSettings::new()
-        .tolerance(NOTHING)
-        .to_the_end()
-        .max_iterations(ITERATIONS);
-    refine(&fit.candidate, data, &settings.check()?)
+    let settings = RefineSettings {
+        tolerance: NOTHING,
+        to_the_end: true,
+        max_iterations: ITERATIONS,
+        ..RefineSettings::default()
+    };
+    refine(&fit.candidate, data, &settings)
 }
 
 /// The lightly damped poles of a fit.
@@ -300,7 +311,7 @@ fn standing(
         seed,
         ..StandingSettings::default()
     };
-    stand_still(fit, few, moves, &settings.check()?)
+    stand_still(fit, few, moves, &settings)
 }
 
 impl SmallStage {

@@ -48,7 +48,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Segment::new(&record, 0..1000),
         Segment::new(&record, 1000..samples),
     );
-    let settings = InnovationSettings::new(1..=8).check()?;
+    let settings = InnovationSettings::new(1..=8);
     let fit = identify(std::slice::from_ref(&first), clock, &settings, &[])?;
     println!("order    cost  expected  simulated, first and second half");
     for entry in &fit.entries {

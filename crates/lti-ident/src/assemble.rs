@@ -4,7 +4,7 @@ use crate::predictor::{Predictor, Region};
 use crate::problem::{Point, Problem, Run, covariance, longest};
 use crate::rest::Rest;
 use crate::search::{Coordinates, Limits, search};
-use crate::{CheckedInnovationSettings, DirectTerm, Focus, LtiIdentError, Offset, Segment};
+use crate::{DirectTerm, Focus, InnovationSettings, LtiIdentError, Offset, Segment};
 use lpv_core::{Discrete, InnovationModel, StateSpace};
 use nalgebra::{DMatrix, DVector};
 
@@ -85,10 +85,10 @@ impl Scaled {
     pub(crate) fn new(
         segments: &[Segment],
         clock: Discrete,
-        settings: &CheckedInnovationSettings,
+        settings: &InnovationSettings,
     ) -> Result<Self, LtiIdentError> {
+        settings.check()?;
         crate::segment::check(segments)?;
-        let settings = settings.get();
         let measured: Vec<_> = segments.iter().map(|s| (s.inputs(), s.outputs())).collect();
         let u: Vec<_> = measured.iter().map(|(u, _)| u).collect();
         let y: Vec<_> = measured.iter().map(|(_, y)| y).collect();

@@ -7,7 +7,7 @@ use crate::predictor::{Predictor, reflected};
 use crate::problem::{Point, Problem};
 use crate::search::{Coordinates, Limits, search};
 use crate::start::{ImpulseResponse, Realisation, grown, polished};
-use crate::{CheckedInnovationSettings, Focus, LtiIdentError, Segment};
+use crate::{Focus, InnovationSettings, LtiIdentError, Segment};
 use lpv_core::{Discrete, StateSpace};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -26,11 +26,10 @@ const SCANNED: usize = 10_000;
 pub fn identify(
     segments: &[Segment],
     clock: Discrete,
-    settings: &CheckedInnovationSettings,
+    settings: &InnovationSettings,
     starts: &[StateSpace<Discrete>],
 ) -> Result<InnovationFit, LtiIdentError> {
     let scaled = Scaled::new(segments, clock, settings)?;
-    let settings = settings.get();
     let limits = Limits {
         iterations: settings.max_iterations,
         tolerance: settings.tolerance,
@@ -54,7 +53,7 @@ pub fn identify(
         .collect();
     let mut own: BTreeMap<usize, Vec<Search>> = own.into_iter().collect();
     let mut climbed: BTreeMap<usize, Vec<Search>> = BTreeMap::new();
-    for order in 1..=settings.orders.last().copied().unwrap_or(0) {
+    for order in 1..=settings.orders.iter().copied().max().unwrap_or(0) {
         let mut searches = own.remove(&order).unwrap_or_default();
         searches.extend(climb.climbed_to(&climbed, order));
         if !searches.is_empty() {

@@ -58,7 +58,7 @@
 //!     outputs: Signals::new(&["y"], vec![y]), inputs: Signals::new(&["u"], vec![u]),
 //!     references: none(), scheduling: none(), auxiliary: none(), injection: none(),
 //! };
-//! let settings = InnovationSettings::new([1, 2]).check()?;
+//! let settings = InnovationSettings::new([1, 2]);
 //! let fit = identify(&[Segment::new(&record, 0..200)], Discrete::new(0.01)?, &settings, &[])?;
 //! let pole = fit.entries[0].model.model().poles()?[0];
 //! assert!((pole.re - 0.9).abs() < 1e-3, "{pole}");
@@ -85,4 +85,4 @@ pub use identify::identify;
 pub use lpv_core;
 pub use lpv_numerics::least_squares::StopReason;
 pub use segment::Segment;
-pub use settings::{CheckedInnovationSettings, DirectTerm, Focus, InnovationSettings, ORDER_LIMIT, Offset};
+pub use settings::{DirectTerm, Focus, InnovationSettings, ORDER_LIMIT, Offset};

@@ -19,7 +19,7 @@ mod filter;
 mod regression;
 mod settings;
 
-pub use settings::{CheckedRigidBodySettings, Estimator, RigidBodySettings};
+pub use settings::{Estimator, RigidBodySettings};
 
 use crate::{LtiIdentError, Segment};
 use lpv_core::{Discrete, Record, RigidBody, RigidBodyAxis, Signals};
@@ -74,17 +74,24 @@ const ROUNDING: f64 = 1e-9;
 
 impl Filter {
     /// That of the runs of one position; cut-offs of the settings go before.
-    #[must_use]
-    pub fn new(positions: &[&[f64]], clock: Discrete, settings: &CheckedRigidBodySettings) -> Self {
-        let (settings, found) = (settings.get(), cutoff::cutoffs(positions, clock));
+    ///
+    /// # Errors
+    /// [`LtiIdentError::Setting`].
+    pub fn new(
+        positions: &[&[f64]],
+        clock: Discrete,
+        settings: &RigidBodySettings,
+    ) -> Result<Self, LtiIdentError> {
+        settings.check()?;
+        let found = cutoff::cutoffs(positions, clock);
         let regression_cutoff_hz = settings.regression_cutoff_hz.unwrap_or(found.regression_hz);
         // A whole number stays one, whatever the unit of time makes of its last digit.
         let decimation = ((1.0 + ROUNDING) / (2.5 * regression_cutoff_hz * clock.sample_time())) as usize;
-        Self {
+        Ok(Self {
             position_cutoff_hz: settings.position_cutoff_hz.unwrap_or(found.position_hz),
             regression_cutoff_hz,
             decimation: decimation.max(1),
-        }
+        })
     }
 }
 
@@ -187,7 +194,7 @@ pub fn decimated(
 pub fn identify(
     segments: &[Segment],
     clock: Discrete,
-    settings: &CheckedRigidBodySettings,
+    settings: &RigidBodySettings,
 ) -> Result<RigidBodyFit, LtiIdentError> {
     crate::segment::check(segments)?;
     let axes = segments.first().map_or(0, |s| s.record.outputs.channels());
@@ -199,7 +206,7 @@ pub fn identify(
             });
         }
         let found = s.record.references.channels();
-        if settings.get().estimator == Estimator::ReferenceInstruments && found != axes {
+        if settings.estimator == Estimator::ReferenceInstruments && found != axes {
             return Err(LtiIdentError::Channels {
                 segment,
                 what: "references",
@@ -222,7 +229,7 @@ fn identify_axis(
     segments: &[Segment],
     axis: usize,
     clock: Discrete,
-    settings: &CheckedRigidBodySettings,
+    settings: &RigidBodySettings,
 ) -> Result<(RigidBodyAxis, AxisAccount), LtiIdentError> {
     let channel = |s: &'_ Segment<'_>, signals: fn(&Record) -> &Signals| -> Vec<f64> {
         signals(s.record).columns[axis][s.range.clone()].to_vec()
@@ -233,8 +240,7 @@ fn identify_axis(
         position_cutoff_hz,
         regression_cutoff_hz,
         decimation,
-    } = Filter::new(&runs, clock, settings);
-    let settings = settings.get();
+    } = Filter::new(&runs, clock, settings)?;
     let reduced = |v: &[f64]| decimated(v, clock, regression_cutoff_hz, decimation);
     let columns = |position: &[f64]| -> Result<Vec<Vec<f64>>, LtiIdentError> {
         let motion = Motion::new(position, clock, position_cutoff_hz)?;

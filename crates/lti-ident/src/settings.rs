@@ -1,4 +1,4 @@
-//! Settings of the prediction-error fit: unchecked as written, checked once.
+//! Settings of the prediction-error fit.
 
 use crate::LtiIdentError;
 
@@ -37,7 +37,7 @@ pub enum DirectTerm {
     Zero,
 }
 
-/// How to fit. Fields are unchecked; [`InnovationSettings::check`] gives what [`crate::identify`] accepts.
+/// How to fit. What takes them checks every field against this table.
 ///
 /// | field | default | meaning | range |
 /// |---|---|---|---|
@@ -80,52 +80,13 @@ impl InnovationSettings {
             tolerance: 1e-5,
         }
     }
-    /// Sets what the model is made for.
-    #[must_use]
-    pub fn focus(mut self, focus: Focus) -> Self {
-        self.focus = focus;
-        self
-    }
-    /// Sets whether offsets are estimated.
-    #[must_use]
-    pub fn offset(mut self, offset: Offset) -> Self {
-        self.offset = offset;
-        self
-    }
-    /// Sets whether D is estimated.
-    #[must_use]
-    pub fn direct(mut self, direct: DirectTerm) -> Self {
-        self.direct = direct;
-        self
-    }
-    /// Sets the length of the impulse response of the own start.
-    #[must_use]
-    pub fn response_samples(mut self, samples: usize) -> Self {
-        self.response_samples = Some(samples);
-        self
-    }
-    /// Sets the most iterations a start.
-    #[must_use]
-    pub fn max_iterations(mut self, iterations: usize) -> Self {
-        self.max_iterations = iterations;
-        self
-    }
-    /// Sets the relative decrease at which the search ends.
-    #[must_use]
-    pub fn tolerance(mut self, tolerance: f64) -> Self {
-        self.tolerance = tolerance;
-        self
-    }
-
-    /// Sorts the orders, drops doubles and checks every field.
+    /// Checks every field against the table above.
     ///
     /// # Errors
     /// [`LtiIdentError::Setting`] with the field and what is allowed; [`LtiIdentError::Empty`] without orders.
-    pub fn check(mut self) -> Result<CheckedInnovationSettings, LtiIdentError> {
-        self.orders.sort_unstable();
-        self.orders.dedup();
+    pub fn check(&self) -> Result<(), LtiIdentError> {
         let bad = |name, value, allowed| Err(LtiIdentError::Setting { name, value, allowed });
-        let (Some(&least), Some(&most)) = (self.orders.first(), self.orders.last()) else {
+        let (Some(&least), Some(&most)) = (self.orders.iter().min(), self.orders.iter().max()) else {
             return Err(LtiIdentError::Empty { what: "orders" });
         };
         for order in [least, most] {
@@ -142,18 +103,6 @@ impl InnovationSettings {
         if !(self.tolerance > 0.0 && self.tolerance <= 0.1) {
             return bad("tolerance", self.tolerance, "above 0, at most 0.1");
         }
-        Ok(CheckedInnovationSettings(self))
-    }
-}
-
-/// Settings whose values are in range.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CheckedInnovationSettings(InnovationSettings);
-
-impl CheckedInnovationSettings {
-    /// The values.
-    #[must_use]
-    pub fn get(&self) -> &InnovationSettings {
-        &self.0
+        Ok(())
     }
 }

@@ -17,15 +17,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("n-width cost in dB                alternation   FKcM          minimax on the dense set");
     println!("functions                         grid / dense  grid / dense  dense");
     for functions in [4, 8, 12, 16] {
-        let published = FkcmSettings::new(functions)
-            .refinement(Refinement::None)
-            .check()?;
+        let published = FkcmSettings {
+            refinement: Refinement::None,
+            ..FkcmSettings::new(functions)
+        };
         let alternation = fkcm(&observed, &published)?;
         let clock = Instant::now();
-        let found = fkcm(&observed, &FkcmSettings::new(functions).check()?)?;
+        let found = fkcm(&observed, &FkcmSettings::new(functions))?;
         let fkcm_time = clock.elapsed();
         let clock = Instant::now();
-        let polished = polish_minimax(&found.poles, &dense, &MinimaxSettings::default().check()?)?;
+        let polished = polish_minimax(&found.poles, &dense, &MinimaxSettings::default())?;
         let polish_time = clock.elapsed();
         println!(
             "{functions:>3}  (FKcM {:>5.1} ms, minimax {:>5.1} ms) {:6.2}/{:6.2} {:6.2}/{:6.2} {:9.3}",

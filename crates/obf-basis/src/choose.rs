@@ -1,6 +1,6 @@
 //! The number of functions by cost.
 
-use crate::{BasisError, CheckedFkcm, FkcmResult, PoleSet, fkcm};
+use crate::{BasisError, FkcmResult, FkcmSettings, PoleSet, fkcm};
 use std::ops::RangeInclusive;
 
 /// One size tried.
@@ -45,7 +45,7 @@ pub fn choose_functions(
     observed: &PoleSet,
     functions: RangeInclusive<usize>,
     target_db: f64,
-    settings: &CheckedFkcm,
+    settings: &FkcmSettings,
 ) -> Result<Choice, BasisError> {
     let (lowest, highest) = (*functions.start(), *functions.end());
     if target_db.is_nan() {
@@ -58,15 +58,21 @@ pub fn choose_functions(
     if lowest == 0 || lowest > highest {
         return Err(BasisError::EmptyRange { lowest, highest });
     }
-    let base = settings.settings();
-    let parity = settings.real_centres() % 2;
+    settings.check()?;
+    let parity = settings.reals() % 2;
     let mut table = Vec::new();
     let mut best: Option<FkcmResult> = None;
     for size in functions.filter(|size| size % 2 == parity) {
-        if base.real_centres.is_some_and(|reals| reals > size) {
+        if settings.real_centres.is_some_and(|reals| reals > size) {
             continue;
         }
-        let found = fkcm(observed, &base.clone().functions(size).check()?)?;
+        let found = fkcm(
+            observed,
+            &FkcmSettings {
+                functions: size,
+                ..settings.clone()
+            },
+        )?;
         table.push(SizeCost {
             functions: size,
             cost_db: found.cost_db,

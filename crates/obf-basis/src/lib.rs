@@ -51,7 +51,7 @@
 //! // A lightly damped mode whose frequency moves.
 //! let observed: Vec<_> = (0..21).map(|k| Complex::from_polar(0.99, 0.46 + 0.003 * f64::from(k))).collect();
 //! let observed = PoleSet::from_upper_half(&observed)?;
-//! let found = fkcm(&observed, &FkcmSettings::new(6).check()?)?;
+//! let found = fkcm(&observed, &FkcmSettings::new(6))?;
 //! assert!(found.cost_db < -10.0);
 //! let basis = OrthonormalBasis::takenaka_malmquist(&found.poles, Discrete::from_rate(20.0)?)?;
 //! assert_eq!(basis.functions(), 6);
@@ -74,7 +74,7 @@ pub use choose::{Choice, SizeCost, Verdict, choose_functions};
 pub use cost::{kolmogorov_cost_db, log_fuzzy_cost};
 pub use disc::pseudo_hyperbolic_distance;
 pub use error::BasisError;
-pub use fkcm::{CheckedFkcm, FkcmResult, FkcmSettings, Refinement, StartAccount, fkcm};
+pub use fkcm::{FkcmResult, FkcmSettings, Refinement, StartAccount, fkcm};
 pub use lpv_core;
-pub use minimax::{CheckedMinimax, MinimaxResult, MinimaxSettings, Stop, polish_minimax};
+pub use minimax::{MinimaxResult, MinimaxSettings, Stop, polish_minimax};
 pub use poles::{MAX_FUNCTIONS, PoleSet, PoleUnit};

@@ -38,8 +38,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let one = vec![Complex::new(1.0, 0.0); n];
     let estimate = FrfEstimate::new(frf, covariance, one, f64::INFINITY, None)?;
 
-    let settings = PoleFitSettings::new(6).integrators(Integrators::Fixed(2));
-    let result = scan(&estimate, clock, &settings.check()?, &[2, 4, 6, 8])?;
+    let settings = PoleFitSettings {
+        integrators: Integrators::Fixed(2),
+        ..PoleFitSettings::new(6)
+    };
+    let result = scan(&estimate, clock, &settings, &[2, 4, 6, 8])?;
     println!("order        cost    expected         MDL  stable poles");
     for entry in &result.entries {
         let account = &entry.fit.account;

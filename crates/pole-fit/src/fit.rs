@@ -7,7 +7,7 @@ use crate::realise::realise;
 use crate::search::{StopReason, search};
 use crate::uncertainty::{denominator_covariance, expected_cost, root_covariance};
 use crate::weights::Lines;
-use crate::{CheckedPoleFitSettings, NumeratorDegree, PoleFitError};
+use crate::{NumeratorDegree, PoleFitError, PoleFitSettings};
 use lpv_core::{Clock, CoreError, Discrete, Frf, FrfEstimate, StateSpace};
 use nalgebra::{DMatrix, DVector, Matrix2};
 use num_complex::Complex;
@@ -107,17 +107,18 @@ pub struct Mode {
 pub fn fit(
     estimate: &FrfEstimate,
     clock: Discrete,
-    settings: &CheckedPoleFitSettings,
+    settings: &PoleFitSettings,
 ) -> Result<PoleFit, PoleFitError> {
+    settings.check()?;
     fit_lines(&Lines::new(estimate, clock, settings)?, clock, settings)
 }
 
 pub(crate) fn fit_lines(
     lines: &Lines,
     clock: Discrete,
-    settings: &CheckedPoleFitSettings,
+    settings: &PoleFitSettings,
 ) -> Result<PoleFit, PoleFitError> {
-    let set = settings.get();
+    let set = settings;
     let m = settings.fixed_integrators();
     let n_b = match set.numerator {
         NumeratorDegree::Proper => set.order + 1,

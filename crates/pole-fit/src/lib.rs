@@ -58,8 +58,8 @@
 //! });
 //! let frf = Frf::new(lines.clone(), 1, 1, response.collect())?;
 //! let estimate = FrfEstimate::with_unit_covariance(frf, None)?;
-//! let settings = PoleFitSettings::new(2).numerator(NumeratorDegree::StrictlyProper);
-//! let result = fit(&estimate, clock, &settings.check()?)?;
+//! let settings = PoleFitSettings { numerator: NumeratorDegree::StrictlyProper, ..PoleFitSettings::new(2) };
+//! let result = fit(&estimate, clock, &settings)?;
 //! assert!((result.poles[0] - Complex::new(0.9, 0.16f64.sqrt())).norm() < 1e-12);
 //! # Ok(())
 //! # }
@@ -85,6 +85,4 @@ pub use fit::{Account, Mode, PoleFit, fit};
 pub use lpv_core;
 pub use scan::{STABLE_DAMPING, STABLE_FREQUENCY, Scan, ScanEntry, scan};
 pub use search::StopReason;
-pub use settings::{
-    CheckedPoleFitSettings, Integrators, NumeratorDegree, ORDER_LIMIT, PoleFitSettings, Weighting,
-};
+pub use settings::{Integrators, NumeratorDegree, ORDER_LIMIT, PoleFitSettings, Weighting};

@@ -193,11 +193,13 @@ mod tests {
         let values = lines.iter().flat_map(|f| response(poles, integrators, point(f)));
         let frf = Frf::new(lines.clone(), 2, 2, values.collect()).unwrap();
         let order: usize = poles.iter().map(|p| 1 + usize::from(p.im > 0.0)).sum();
-        let settings = PoleFitSettings::new(order + integrators)
-            .integrators(Integrators::Fixed(integrators))
-            .numerator(NumeratorDegree::Proper);
+        let settings = PoleFitSettings {
+            integrators: Integrators::Fixed(integrators),
+            numerator: NumeratorDegree::Proper,
+            ..PoleFitSettings::new(order + integrators)
+        };
         let estimate = FrfEstimate::with_unit_covariance(frf, None).unwrap();
-        (fit(&estimate, clock, &settings.check().unwrap()).unwrap(), lines)
+        (fit(&estimate, clock, &settings).unwrap(), lines)
     }
 
     proptest! {

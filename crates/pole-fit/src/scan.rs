@@ -2,7 +2,7 @@
 
 use crate::fit::fit_lines;
 use crate::weights::Lines;
-use crate::{CheckedPoleFitSettings, PoleFit, PoleFitError, Weighting};
+use crate::{PoleFit, PoleFitError, PoleFitSettings, Weighting};
 use lpv_core::{Discrete, FrfEstimate};
 use num_complex::Complex;
 
@@ -57,7 +57,7 @@ impl Scan {
 pub fn scan(
     estimate: &FrfEstimate,
     clock: Discrete,
-    settings: &CheckedPoleFitSettings,
+    settings: &PoleFitSettings,
     orders: &[usize],
 ) -> Result<Scan, PoleFitError> {
     let mut orders = orders.to_vec();
@@ -66,13 +66,16 @@ pub fn scan(
     if orders.is_empty() {
         return Err(PoleFitError::Empty { what: "orders" });
     }
+    settings.check()?;
     let lines = Lines::new(estimate, clock, settings)?;
     let mut entries: Vec<ScanEntry> = Vec::with_capacity(orders.len());
     let mut failures = Vec::new();
     for order in orders {
-        match fit_lines(&lines, clock, &settings.with_order(order)?) {
+        let settings = PoleFitSettings { order, ..*settings };
+        settings.check()?;
+        match fit_lines(&lines, clock, &settings) {
             Ok(fit) => {
-                let (aic, mdl) = criteria(&fit, settings.get().weighting);
+                let (aic, mdl) = criteria(&fit, settings.weighting);
                 let stable = stable(&fit, entries.last().map(|e| &e.fit));
                 entries.push(ScanEntry {
                     order,

@@ -2,7 +2,7 @@
 
 use crate::basis::Basis;
 use crate::model::{Point, Reduced, Setup};
-use crate::{CheckedPoleFitSettings, PoleFitError};
+use crate::{PoleFitError, PoleFitSettings};
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use num_complex::Complex;
 
@@ -35,7 +35,7 @@ pub(crate) struct Found {
     pub(crate) factorisations: usize,
 }
 
-pub(crate) fn search(setup: &Setup<'_>, settings: &CheckedPoleFitSettings) -> Result<Found, PoleFitError> {
+pub(crate) fn search(setup: &Setup<'_>, settings: &PoleFitSettings) -> Result<Found, PoleFitError> {
     let found = start(setup, settings)?;
     if setup.n_a == 1 {
         return Ok(Found {
@@ -49,14 +49,14 @@ pub(crate) fn search(setup: &Setup<'_>, settings: &CheckedPoleFitSettings) -> Re
 /// Bootstrapped total least squares (Van Huffel, Pintelon): at each pass the equation error `t a F - B` is divided by
 /// the last `t a` and `a` minimises its sum of squares over what noise alone would give. Unlike the iteration of
 /// Sanathanan and Koerner with a fixed coefficient it has no bias from the noise.
-fn start(setup: &Setup<'_>, settings: &CheckedPoleFitSettings) -> Result<Found, PoleFitError> {
+fn start(setup: &Setup<'_>, settings: &PoleFitSettings) -> Result<Found, PoleFitError> {
     let n = setup.lines.len();
     let data = setup.data();
     let mut a = vec![Complex::new(1.0, 0.0); n];
     let mut best: Option<Found> = None;
     let mut factorisations = 0;
     let mut poor = 0;
-    for pass in 0..=settings.get().start_iterations {
+    for pass in 0..=settings.start_iterations {
         let basis = setup.basis(&a)?;
         let alpha = normalised(basis.project(setup.n_a, &a));
         let point = match Point::new(setup, &basis, alpha) {
@@ -143,8 +143,8 @@ pub(crate) fn tangent(alpha: &DVector<f64>) -> DMatrix<f64> {
     })
 }
 
-fn refine(setup: &Setup<'_>, settings: &CheckedPoleFitSettings, found: Found) -> Result<Found, PoleFitError> {
-    let set = settings.get();
+fn refine(setup: &Setup<'_>, settings: &PoleFitSettings, found: Found) -> Result<Found, PoleFitError> {
+    let set = settings;
     let Found {
         basis,
         mut point,

@@ -1,4 +1,4 @@
-//! Settings: unchecked as written, checked once.
+//! Settings.
 
 use crate::PoleFitError;
 
@@ -39,7 +39,7 @@ pub enum Weighting {
     Uniform,
 }
 
-/// How to fit. Fields are unchecked; [`PoleFitSettings::check`] gives what [`crate::fit`] accepts.
+/// How to fit. What takes them checks every field against this table.
 ///
 /// | field | default | meaning | range |
 /// |---|---|---|---|
@@ -84,6 +84,13 @@ pub struct PoleFitSettings {
 }
 
 impl PoleFitSettings {
+    pub(crate) fn fixed_integrators(&self) -> usize {
+        match self.integrators {
+            Integrators::Free => 0,
+            Integrators::Fixed(k) => k,
+        }
+    }
+
     /// The defaults at an order.
     #[must_use]
     pub fn new(order: usize) -> Self {
@@ -102,78 +109,11 @@ impl PoleFitSettings {
             tolerance: 1e-3,
         }
     }
-    /// Sets what is known about poles at `z = 1`.
-    #[must_use]
-    pub fn integrators(mut self, integrators: Integrators) -> Self {
-        self.integrators = integrators;
-        self
-    }
-    /// Sets the degree of the numerators.
-    #[must_use]
-    pub fn numerator(mut self, numerator: NumeratorDegree) -> Self {
-        self.numerator = numerator;
-        self
-    }
-    /// Sets the band, Hz.
-    #[must_use]
-    pub fn band(mut self, lower_hz: f64, upper_hz: f64) -> Self {
-        self.band = Some((lower_hz, upper_hz));
-        self
-    }
-    /// Sets the weighting.
-    #[must_use]
-    pub fn weighting(mut self, weighting: Weighting) -> Self {
-        self.weighting = weighting;
-        self
-    }
-    /// Sets the known delay in samples.
-    #[must_use]
-    pub fn delay_samples(mut self, samples: usize) -> Self {
-        self.delay_samples = samples;
-        self
-    }
-    /// Sets over how many lines to each side `C_V` is averaged.
-    #[must_use]
-    pub fn smoothing_lines(mut self, lines: usize) -> Self {
-        self.smoothing_lines = lines;
-        self
-    }
-    /// Sets the least relative standard deviation.
-    #[must_use]
-    pub fn relative_floor(mut self, floor: f64) -> Self {
-        self.relative_floor = floor;
-        self
-    }
-    /// Sets the limit between rigid-body and flexible poles, Hz.
-    #[must_use]
-    pub fn rigid_body_hz(mut self, limit_hz: f64) -> Self {
-        self.rigid_body_hz = Some(limit_hz);
-        self
-    }
-    /// Sets the most iterations of the start.
-    #[must_use]
-    pub fn start_iterations(mut self, iterations: usize) -> Self {
-        self.start_iterations = iterations;
-        self
-    }
-    /// Sets the most Gauss-Newton iterations.
-    #[must_use]
-    pub fn max_iterations(mut self, iterations: usize) -> Self {
-        self.max_iterations = iterations;
-        self
-    }
-    /// Sets the step length, in standard deviations, at which the search ends.
-    #[must_use]
-    pub fn tolerance(mut self, tolerance: f64) -> Self {
-        self.tolerance = tolerance;
-        self
-    }
-
     /// Checks every field against the table above.
     ///
     /// # Errors
     /// [`PoleFitError::Order`], [`PoleFitError::Setting`].
-    pub fn check(self) -> Result<CheckedPoleFitSettings, PoleFitError> {
+    pub fn check(&self) -> Result<(), PoleFitError> {
         let integrators = match self.integrators {
             Integrators::Free => 0,
             Integrators::Fixed(k) => k,
@@ -232,37 +172,6 @@ impl PoleFitSettings {
         let tolerance = self.tolerance;
         let good = tolerance > 0.0 && tolerance <= 0.1;
         range("tolerance", tolerance, good, "give above 0, at most 0.1")?;
-        Ok(CheckedPoleFitSettings { settings: self })
-    }
-}
-
-/// Settings that passed [`PoleFitSettings::check`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CheckedPoleFitSettings {
-    settings: PoleFitSettings,
-}
-
-impl CheckedPoleFitSettings {
-    /// The settings, to be read.
-    #[must_use]
-    pub fn get(&self) -> &PoleFitSettings {
-        &self.settings
-    }
-    /// The same settings at another order.
-    ///
-    /// # Errors
-    /// [`PoleFitError::Order`].
-    pub fn with_order(&self, order: usize) -> Result<Self, PoleFitError> {
-        PoleFitSettings {
-            order,
-            ..self.settings
-        }
-        .check()
-    }
-    pub(crate) fn fixed_integrators(&self) -> usize {
-        match self.settings.integrators {
-            Integrators::Free => 0,
-            Integrators::Fixed(k) => k,
-        }
+        Ok(())
     }
 }

@@ -6,7 +6,7 @@
 
 use crate::columns::{Columns, add_conjugate_product, add_product, blocks, real_product};
 use crate::hermitian::inverse_or_diagonal;
-use crate::{CheckedPoleFitSettings, PoleFitError, Weighting};
+use crate::{PoleFitError, PoleFitSettings, Weighting};
 use lpv_core::{Clock, CoreError, Discrete, FrfEstimate};
 use num_complex::Complex;
 
@@ -53,9 +53,9 @@ impl Lines {
     pub(crate) fn new(
         estimate: &FrfEstimate,
         clock: Discrete,
-        settings: &CheckedPoleFitSettings,
+        settings: &PoleFitSettings,
     ) -> Result<Self, PoleFitError> {
-        let set = settings.get();
+        let set = settings;
         let frf = estimate.frf();
         let (n_y, n_u) = (frf.outputs(), frf.inputs());
         for (what, n) in [

@@ -69,11 +69,12 @@ pub(super) fn ours() -> Result<Run, Failure> {
         .zip(measured(&bench)?)
         .map(|(p, frf)| Ok((p, FrfEstimate::with_unit_covariance(frf, Some(p.into()))?)))
         .collect::<Result<_, Failure>>()?;
-    let settings = PoleFitSettings::new(6)
-        .integrators(Integrators::Fixed(2))
-        .numerator(NumeratorDegree::StrictlyProper)
-        .weighting(Weighting::Relative)
-        .check()?;
+    let settings = PoleFitSettings {
+        integrators: Integrators::Fixed(2),
+        numerator: NumeratorDegree::StrictlyProper,
+        weighting: Weighting::Relative,
+        ..PoleFitSettings::new(6)
+    };
     Ok(Box::new(move || {
         let local = estimates.par_iter().map(|(p, estimate)| -> Result<_, Failure> {
             Ok((*p, fit(estimate, bench.clock, &settings)?.parallel_form()?))

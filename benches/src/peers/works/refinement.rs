@@ -11,10 +11,11 @@ const DONE: f64 = 1.001;
 
 /// The least cost, and the rms that counts as reached.
 fn goal(case: &Case) -> Result<(f64, f64), Failure> {
-    let settings = RefineSettings::new()
-        .tolerance(1e-9)
-        .max_iterations(2000)
-        .check()?;
+    let settings = RefineSettings {
+        tolerance: 1e-9,
+        max_iterations: 2000,
+        ..RefineSettings::default()
+    };
     let account = refine(&case.start, &case.data, &settings)?.account;
     let least = account.costs.last().copied().ok_or("no cost")?;
     Ok((DONE * least, DONE.sqrt() * account.rms))
@@ -23,7 +24,11 @@ fn goal(case: &Case) -> Result<(f64, f64), Failure> {
 pub(super) fn ours() -> Result<Run, Failure> {
     let case = Case::new()?;
     let (_, rms) = goal(&case)?;
-    let settings = RefineSettings::new().target(rms).tolerance(1e-9).check()?;
+    let settings = RefineSettings {
+        target: rms,
+        tolerance: 1e-9,
+        ..RefineSettings::default()
+    };
     Ok(Box::new(move || {
         let refined = refine(&case.start, &case.data, &settings)?;
         if refined.account.stop != StopReason::TargetReached {

@@ -14,7 +14,7 @@ impl Bundle {
         if let Some(declared) = &entry.position {
             return Ok(Some(RestingPlace::declared(declared.clone())));
         }
-        if self.description.channels.scheduling.len() == 0 || !entry.is_periodic() {
+        if self.description.channels.scheduling.is_empty() || !entry.is_periodic() {
             return Ok(None);
         }
         let travels = self.travels(index)?;

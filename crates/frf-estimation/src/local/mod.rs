@@ -6,7 +6,7 @@ mod polynomial;
 mod rational;
 mod settings;
 
-pub use settings::{CheckedLocalSettings, HalfWidth, LocalLines, LocalSettings, Regressor};
+pub use settings::{HalfWidth, LocalLines, LocalSettings, Regressor};
 
 use crate::FrfError;
 use crate::gain::{GainKernel, residual_covariance, response};
@@ -51,7 +51,7 @@ pub struct LocalEstimate {
 pub fn local_polynomial(
     records: &[&Record],
     clock: Discrete,
-    settings: &CheckedLocalSettings,
+    settings: &LocalSettings,
 ) -> Result<LocalEstimate, FrfError> {
     run(records, clock, settings, 0, polynomial::fit)
 }
@@ -71,20 +71,20 @@ pub fn local_polynomial(
 pub fn local_rational(
     records: &[&Record],
     clock: Discrete,
-    settings: &CheckedLocalSettings,
+    settings: &LocalSettings,
 ) -> Result<LocalEstimate, FrfError> {
-    let denominator = settings.get().denominator_degree;
+    let denominator = settings.denominator_degree;
     run(records, clock, settings, denominator, rational::fit)
 }
 
 fn run(
     records: &[&Record],
     clock: Discrete,
-    settings: &CheckedLocalSettings,
+    settings: &LocalSettings,
     denominator: usize,
     fit: fn(&Window<'_>, &LocalSettings) -> Result<LocalFit, f64>,
 ) -> Result<LocalEstimate, FrfError> {
-    let settings = settings.get();
+    settings.check()?;
     let data = LocalData::new(records, clock, settings.regressor)?;
     let shape = data.shape(settings, denominator)?;
     let lines: Vec<usize> = match &settings.lines {

@@ -29,7 +29,7 @@ pub enum Regressor {
     References,
 }
 
-/// Settings of [`crate::local_polynomial`] and [`crate::local_rational`], not yet checked.
+/// Settings of [`crate::local_polynomial`] and [`crate::local_rational`]. What takes them checks them.
 ///
 /// | setting | default | meaning | range |
 /// |---|---|---|---|
@@ -69,45 +69,11 @@ impl Default for LocalSettings {
 }
 
 impl LocalSettings {
-    /// Sets the degree of response and transient.
-    #[must_use]
-    pub fn degree(self, degree: usize) -> Self {
-        Self { degree, ..self }
-    }
-    /// Sets the degree of the common denominator.
-    #[must_use]
-    pub fn denominator_degree(self, denominator_degree: usize) -> Self {
-        Self {
-            denominator_degree,
-            ..self
-        }
-    }
-    /// Sets the number of repetitions.
-    #[must_use]
-    pub fn iterations(self, iterations: usize) -> Self {
-        Self { iterations, ..self }
-    }
-    /// Sets the width of the window.
-    #[must_use]
-    pub fn half_width(self, half_width: HalfWidth) -> Self {
-        Self { half_width, ..self }
-    }
-    /// Sets the lines to estimate.
-    #[must_use]
-    pub fn lines(self, lines: LocalLines) -> Self {
-        Self { lines, ..self }
-    }
-    /// Sets the signal that explains the outputs.
-    #[must_use]
-    pub fn regressor(self, regressor: Regressor) -> Self {
-        Self { regressor, ..self }
-    }
-
     /// Checks the ranges.
     ///
     /// # Errors
     /// [`FrfError::Setting`] names the setting; [`FrfError::Line`] names the entry of the list.
-    pub fn check(self) -> Result<CheckedLocalSettings, FrfError> {
+    pub fn check(&self) -> Result<(), FrfError> {
         let half_width = match self.half_width {
             HalfWidth::Auto => 1,
             HalfWidth::Lines(n) => n,
@@ -138,17 +104,6 @@ impl LocalSettings {
             }
             crate::settings::check_lines(list, usize::MAX)?;
         }
-        Ok(CheckedLocalSettings(self))
-    }
-}
-
-/// Settings that passed [`LocalSettings::check`].
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct CheckedLocalSettings(LocalSettings);
-
-impl CheckedLocalSettings {
-    /// The settings.
-    pub fn get(&self) -> &LocalSettings {
-        &self.0
+        Ok(())
     }
 }

@@ -14,10 +14,10 @@ fn odd_random() -> Vec<usize> {
 }
 
 fn run(records: &[Record]) -> PeriodicEstimate {
-    let settings = PeriodicSettings::default()
-        .skip(SkipRule::Fixed(1))
-        .check()
-        .unwrap();
+    let settings = PeriodicSettings {
+        skip: SkipRule::Fixed(1),
+        ..PeriodicSettings::default()
+    };
     estimate_records(&records.iter().collect::<Vec<_>>(), clock(), &settings).unwrap()
 }
 

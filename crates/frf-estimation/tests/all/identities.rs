@@ -8,10 +8,10 @@ use lpv_core::{Record, RecordKind};
 use proptest::prelude::*;
 
 fn run(records: &[Record]) -> PeriodicEstimate {
-    let settings = PeriodicSettings::default()
-        .skip(SkipRule::Fixed(1))
-        .check()
-        .unwrap();
+    let settings = PeriodicSettings {
+        skip: SkipRule::Fixed(1),
+        ..PeriodicSettings::default()
+    };
     estimate_records(&records.iter().collect::<Vec<_>>(), clock(), &settings).unwrap()
 }
 
@@ -109,10 +109,11 @@ fn local_sensitivities(rational: bool, radius: f64, lines: &[usize]) -> Vec<f64>
     record.kind = RecordKind::Transient;
     record.outputs.columns.truncate(1);
     let run = |record: &Record, k: usize| {
-        let settings = LocalSettings::default()
-            .half_width(HalfWidth::Lines(10))
-            .lines(LocalLines::List(vec![k]));
-        let settings = settings.check().unwrap();
+        let settings = LocalSettings {
+            half_width: HalfWidth::Lines(10),
+            lines: LocalLines::List(vec![k]),
+            ..LocalSettings::default()
+        };
         let method = if rational {
             local_rational
         } else {

@@ -21,19 +21,11 @@ fn random_records(radius: f64, samples: usize, count: usize, what: Loop, seed: u
         .collect()
 }
 
-type Method = fn(
-    &[&Record],
-    lpv_core::Discrete,
-    &frf_estimation::CheckedLocalSettings,
-) -> Result<LocalEstimate, FrfError>;
+type Method =
+    fn(&[&Record], lpv_core::Discrete, &frf_estimation::LocalSettings) -> Result<LocalEstimate, FrfError>;
 
 fn run(method: Method, records: &[Record], settings: LocalSettings) -> LocalEstimate {
-    method(
-        &records.iter().collect::<Vec<_>>(),
-        clock(),
-        &settings.check().unwrap(),
-    )
-    .unwrap()
+    method(&records.iter().collect::<Vec<_>>(), clock(), &settings).unwrap()
 }
 
 /// Mean over lines, channels and seeds of squared error over stated variance. With `nu` complex degrees of freedom the
@@ -66,7 +58,10 @@ fn stated_covariance_agrees_with_the_error() {
         ..Loop::default()
     };
     // Smooth system: the polynomial is exact enough and noise is all that is left.
-    let settings = LocalSettings::default().half_width(HalfWidth::Lines(12));
+    let settings = LocalSettings {
+        half_width: HalfWidth::Lines(12),
+        ..LocalSettings::default()
+    };
     let polynomial = calibration(local_polynomial, 0.7, &settings, what, 6);
     let rational = calibration(local_rational, 0.7, &settings, what, 6);
     // Light damping: only the rational method follows.
@@ -110,7 +105,10 @@ fn references_serve_in_closed_loop() {
         gain: 0.5,
         ..Loop::default()
     };
-    let settings = LocalSettings::default().half_width(HalfWidth::Lines(20));
+    let settings = LocalSettings {
+        half_width: HalfWidth::Lines(20),
+        ..LocalSettings::default()
+    };
     let (mut with_r, mut with_u) = (0.0, 0.0);
     let mut calibrated = 0.0;
     for seed in 0..4 {
@@ -119,7 +117,15 @@ fn references_serve_in_closed_loop() {
             (Regressor::References, &mut with_r),
             (Regressor::Inputs, &mut with_u),
         ] {
-            let e = run(local_polynomial, &records, settings.clone().regressor(regressor)).estimate;
+            let e = run(
+                local_polynomial,
+                &records,
+                LocalSettings {
+                    regressor,
+                    ..settings.clone()
+                },
+            )
+            .estimate;
             let truth = plant(0.7).frequency_response(e.frf().frequencies_hz()).unwrap();
             for l in 0..truth.len() {
                 let error = e.frf().line(l) - truth.line(l);
@@ -145,7 +151,14 @@ fn static_gain_is_exact() {
     }
     for method in [local_polynomial as Method, local_rational] {
         let lines = LocalLines::List(vec![1, 2, 60, 127]);
-        let result = run(method, &records, LocalSettings::default().lines(lines));
+        let result = run(
+            method,
+            &records,
+            LocalSettings {
+                lines,
+                ..LocalSettings::default()
+            },
+        );
         assert_eq!(result.lines, [1, 2, 60, 127]);
         for l in 0..4 {
             let f = result.estimate.frf().line(l);
@@ -163,8 +176,10 @@ fn static_gain_is_exact() {
 fn refusals() {
     let records = random_records(0.5, 64, 1, Loop::default(), 9);
     let list: Vec<&Record> = records.iter().collect();
-    let check = |s: LocalSettings| s.check();
-    let wide = check(LocalSettings::default().half_width(HalfWidth::Lines(40))).unwrap();
+    let wide = LocalSettings {
+        half_width: HalfWidth::Lines(40),
+        ..LocalSettings::default()
+    };
     assert!(matches!(
         local_polynomial(&list, clock(), &wide),
         Err(FrfError::WindowTooWide {
@@ -173,10 +188,20 @@ fn refusals() {
             ..
         })
     ));
-    assert!(check(LocalSettings::default().degree(9)).is_err());
+    let high = LocalSettings {
+        degree: 9,
+        ..LocalSettings::default()
+    };
+    assert!(matches!(
+        local_polynomial(&list, clock(), &high),
+        Err(FrfError::Setting {
+            setting: "degree",
+            ..
+        })
+    ));
     let mut same = records.clone();
     same[0].inputs.columns[1] = same[0].inputs.columns[0].clone();
-    let plain = check(LocalSettings::default()).unwrap();
+    let plain = LocalSettings::default();
     for method in [local_polynomial as Method, local_rational] {
         assert!(matches!(
             method(&[&same[0]], clock(), &plain),

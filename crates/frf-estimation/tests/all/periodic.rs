@@ -1,17 +1,17 @@
 //! The periodic estimator against systems that are known.
 use crate::common::{Loop, RATE, clock, orthogonal_pair, plant, rng};
 use frf_estimation::{
-    CheckedSettings, FrfError, Instrument, Layout, LineSelection, PeriodicAccumulator, PeriodicEstimate,
-    PeriodicSettings, SkipRule, confidence_radius, estimate_records,
+    FrfError, Instrument, Layout, LineSelection, PeriodicAccumulator, PeriodicEstimate, PeriodicSettings,
+    SkipRule, confidence_radius, estimate_records,
 };
 use lpv_core::num_complex::Complex;
 use lpv_core::{Discrete, PeriodBlock, Record, StateSpace};
 
-fn fixed(skip: usize) -> CheckedSettings {
-    PeriodicSettings::default()
-        .skip(SkipRule::Fixed(skip))
-        .check()
-        .unwrap()
+fn fixed(skip: usize) -> PeriodicSettings {
+    PeriodicSettings {
+        skip: SkipRule::Fixed(skip),
+        ..PeriodicSettings::default()
+    }
 }
 
 fn refs(records: &[Record]) -> Vec<&Record> {
@@ -128,11 +128,13 @@ fn references_remove_the_bias_of_the_closed_loop() {
     };
     let records = orthogonal_pair(&plant, &lines, 2048, [60, 60], what, &mut rng(1));
     let listed = |instrument| {
-        let settings = PeriodicSettings::default()
-            .skip(SkipRule::Fixed(1))
-            .instrument(instrument)
-            .lines(LineSelection::List(lines.clone()));
-        estimate_records(&refs(&records), clock(), &settings.check().unwrap()).unwrap()
+        let settings = PeriodicSettings {
+            skip: SkipRule::Fixed(1),
+            instrument,
+            lines: LineSelection::List(lines.clone()),
+            ..PeriodicSettings::default()
+        };
+        estimate_records(&refs(&records), clock(), &settings).unwrap()
     };
     let result = listed(Instrument::References);
     let by_inputs = listed(Instrument::Inputs);
@@ -159,10 +161,12 @@ fn references_remove_the_bias_of_the_closed_loop() {
             pieces.push(piece);
         }
     }
-    let settings = PeriodicSettings::default()
-        .skip(SkipRule::Fixed(0))
-        .lines(LineSelection::List(lines.clone()));
-    let many = estimate_records(&refs(&pieces), clock(), &settings.check().unwrap()).unwrap();
+    let settings = PeriodicSettings {
+        skip: SkipRule::Fixed(0),
+        lines: LineSelection::List(lines.clone()),
+        ..PeriodicSettings::default()
+    };
+    let many = estimate_records(&refs(&pieces), clock(), &settings).unwrap();
     let truth = plant.frequency_response(many.direct.frequencies_hz()).unwrap();
     let bias = |f: &lpv_core::Frf| {
         let mut sum = Complex::new(0.0, 0.0);
@@ -240,7 +244,7 @@ fn automatic_skip_drops_the_transient() {
         ..Loop::default()
     };
     let records = orthogonal_pair(&plant, &lines, 256, [30, 30], what, &mut rng(3));
-    let settings = PeriodicSettings::default().check().unwrap();
+    let settings = PeriodicSettings::default();
     let result = estimate_records(&refs(&records), clock(), &settings).unwrap();
     println!("skipped {}", result.periods_skipped);
     assert!((6..=9).contains(&result.periods_skipped));
@@ -333,29 +337,25 @@ fn refusals_name_the_place() {
         estimate_records(&[], clock(), &fixed(0)),
         Err(FrfError::NoRecords)
     ));
-    let with = |lines| {
-        PeriodicSettings::default()
-            .skip(SkipRule::Fixed(0))
-            .lines(lines)
-            .check()
+    let with = |lines| PeriodicSettings {
+        skip: SkipRule::Fixed(0),
+        lines,
+        ..PeriodicSettings::default()
     };
     assert!(matches!(
-        estimate_records(
-            &refs(&records),
-            clock(),
-            &with(LineSelection::List(vec![5, 32])).unwrap()
-        ),
+        estimate_records(&refs(&records), clock(), &with(LineSelection::List(vec![5, 32]))),
         Err(FrfError::Line {
             entry: 1,
             line: 32,
             last: 31
         })
     ));
-    assert!(with(LineSelection::List(vec![5, 5])).is_err());
+    assert!(with(LineSelection::List(vec![5, 5])).check().is_err());
     assert!(
         with(LineSelection::Excited {
             relative_threshold: f64::NAN
         })
+        .check()
         .is_err()
     );
     let mut silent = records.clone();
@@ -372,7 +372,7 @@ fn refusals_name_the_place() {
         estimate_records(&refs(&silent), clock(), &fixed(0)),
         Err(FrfError::NoExcitation { what: "the input" })
     ));
-    let auto = PeriodicSettings::default().check().unwrap();
+    let auto = PeriodicSettings::default();
     let layout = Layout {
         period: 64,
         outputs: 2,
@@ -399,7 +399,7 @@ fn periods(length: usize, count: usize, noise: f64, seed: u64) -> Vec<Vec<f64>> 
 }
 
 /// One experiment of one input and one output, all its periods.
-fn siso(u: &[Vec<f64>], y: &[Vec<f64>], settings: &CheckedSettings) -> Result<PeriodicEstimate, FrfError> {
+fn siso(u: &[Vec<f64>], y: &[Vec<f64>], settings: &PeriodicSettings) -> Result<PeriodicEstimate, FrfError> {
     let layout = Layout {
         period: u[0].len(),
         outputs: 1,
@@ -434,11 +434,13 @@ fn of_several_singular_lines_the_first_is_named() {
         experiments: 3,
         sample_rate_hz: 8.0,
     };
-    let settings = PeriodicSettings::default()
-        .skip(SkipRule::Fixed(0))
-        .instrument(Instrument::References)
-        .lines(LineSelection::All);
-    let mut sums = PeriodicAccumulator::new(layout, &settings.check().unwrap(), None).unwrap();
+    let settings = PeriodicSettings {
+        skip: SkipRule::Fixed(0),
+        instrument: Instrument::References,
+        lines: LineSelection::All,
+        ..PeriodicSettings::default()
+    };
+    let mut sums = PeriodicAccumulator::new(layout, &settings, None).unwrap();
     for experiment in 0..3 {
         let mut pulses = [[0.0; 4]; 2];
         (pulses[0][experiment], pulses[1][(2 * experiment + 1) % 4]) = (1.0, 3.0);
@@ -482,8 +484,11 @@ fn small_outputs_beside_large_inputs_keep_their_digits() {
         all.iter_mut().flatten().for_each(|x| *x *= size);
         all
     };
-    let settings = PeriodicSettings::default().lines(LineSelection::List((1..2048).collect()));
-    let settings = settings.skip(SkipRule::Fixed(0)).check().unwrap();
+    let settings = PeriodicSettings {
+        skip: SkipRule::Fixed(0),
+        lines: LineSelection::List((1..2048).collect()),
+        ..PeriodicSettings::default()
+    };
     let of = |gain: f64| {
         siso(&scaled(10.0, 1), &scaled(gain, 2), &settings)
             .unwrap()

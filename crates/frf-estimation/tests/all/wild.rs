@@ -62,7 +62,7 @@ proptest! {
         let clock = Discrete::new(0.05).unwrap();
         let lines = if all { LineSelection::All } else { LineSelection::Excited { relative_threshold: 0.01 } };
         let skip = if auto { SkipRule::Auto } else { SkipRule::Fixed(skip) };
-        let settings = PeriodicSettings::default().skip(skip).lines(lines).check().unwrap();
+        let settings = PeriodicSettings { skip, lines, ..PeriodicSettings::default() };
         if let Ok(result) = estimate_records(&list, clock, &settings) {
             for l in 0..result.estimate.frf().len() {
                 prop_assert!(confidence_radius(&result.estimate, l, 0, 0, 0.95) >= 0.0);
@@ -76,7 +76,7 @@ proptest! {
         let clock = Discrete::new(0.05).unwrap();
         let regressor = if references { Regressor::References } else { Regressor::Inputs };
         let half_width = if width == 0 { HalfWidth::Auto } else { HalfWidth::Lines(width) };
-        let settings = LocalSettings::default().degree(degree).denominator_degree(1).half_width(half_width).regressor(regressor).check().unwrap();
+        let settings = LocalSettings { degree, denominator_degree: 1, half_width, regressor, ..LocalSettings::default() };
         let _ = local_polynomial(&list, clock, &settings);
         let _ = local_rational(&list, clock, &settings);
     }
@@ -87,13 +87,13 @@ proptest! {
         condition in any::<f64>(), threshold in any::<f64>(), list in prop::collection::vec(any::<usize>(), 0..4), width in any::<usize>(),
     ) {
         let lines = if list.len() > 2 { LineSelection::Excited { relative_threshold: threshold } } else { LineSelection::List(list.clone()) };
-        let settings = PeriodicSettings::default().skip(SkipRule::Fixed(period)).max_condition(condition).lines(lines).smoothing_half_width(width);
-        if let Ok(settings) = settings.check() {
+        let settings = PeriodicSettings { skip: SkipRule::Fixed(period), max_condition: condition, lines, smoothing_half_width: width, ..PeriodicSettings::default() };
+        {
             let [outputs, inputs, references, experiments] = counts.map(|c| c % 70);
             let layout = Layout { period: period % 50, outputs, inputs, references, experiments, sample_rate_hz: rate };
             let _ = PeriodicAccumulator::new(layout, &settings, Some(position.into()));
         }
-        let _ = LocalSettings::default().degree(width).half_width(HalfWidth::Lines(period)).lines(LocalLines::List(list)).check();
+        let _ = LocalSettings { degree: width, half_width: HalfWidth::Lines(period), lines: LocalLines::List(list), ..LocalSettings::default() }.check();
         let _ = f_quantile_2(condition, threshold);
     }
 
@@ -102,7 +102,7 @@ proptest! {
         experiment in 0..3usize, period in 0..3usize,
         y in columns(1, 8), u in columns(1, 8), r in columns(1, 7), drop in any::<bool>(),
     ) {
-        let settings = PeriodicSettings::default().skip(SkipRule::Fixed(0)).check().unwrap();
+        let settings = PeriodicSettings { skip: SkipRule::Fixed(0), ..PeriodicSettings::default() };
         let layout = Layout { period: 8, outputs: 1, inputs: 1, references: usize::from(!drop), experiments: 2, sample_rate_hz: 1.0 };
         let mut acc = PeriodicAccumulator::new(layout, &settings, None).unwrap();
         let block = PeriodBlock { experiment, period, outputs: &y, inputs: &u, references: if drop { &[] } else { &r } };

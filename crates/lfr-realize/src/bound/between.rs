@@ -1,7 +1,7 @@
 //! What the data say about a fitted model between their positions.
 
 use super::cells::Cell;
-use super::{CheckedBoundSettings, over_cell};
+use super::{BoundSettings, over_cell};
 use crate::sampling::Sampling;
 use crate::{Candidate, FrozenData, RealizeError, RefineSettings, ResidualUnit, refine};
 use lpv_core::{Clock, Lfr};
@@ -86,22 +86,29 @@ const SMALL: [f64; 2] = [1e-3, 1.5];
 pub fn bound_between<K: Sampling>(
     candidate: &Candidate<K>,
     data: &FrozenData,
-    settings: &CheckedBoundSettings,
+    settings: &BoundSettings,
 ) -> Result<Between, RealizeError> {
+    settings.check()?;
     if data.len() < 4 {
         return Err(RealizeError::Empty {
             what: "positions to leave out; a statement between positions needs four of them",
         });
     }
-    let set = settings.get();
+    let set = settings;
     let thinned = data.thinned(set.lines);
     let range = candidate.range();
     let places: Vec<Vec<f64>> = data.scheduling().map(|p| range.normalise(p)).collect();
     let order = along(&places);
     let rank = |position: usize| order.iter().position(|o| *o == position).unwrap_or(0);
     let corner = |place: &[f64]| place.iter().all(|d| d.abs() >= 1.0 - 1e-6);
-    let quick = RefineSettings::new().max_iterations(set.iterations).check()?;
-    let none = RefineSettings::new().max_iterations(0).check()?;
+    let quick = RefineSettings {
+        max_iterations: set.iterations,
+        ..RefineSettings::default()
+    };
+    let none = RefineSettings {
+        max_iterations: 0,
+        ..RefineSettings::default()
+    };
     let fitted = refine(candidate, &thinned, &none)?.position_rms;
     let whole = candidate.to_lfr()?;
     let mut left_out_rms = vec![None; data.len()];

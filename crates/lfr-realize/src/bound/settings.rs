@@ -1,10 +1,9 @@
-//! Settings of a bound: unchecked as written, checked once.
+//! Settings of a bound.
 
 use crate::RealizeError;
 use crate::settings::range;
 
-/// How to bound. Fields are unchecked; [`BoundSettings::check`] gives what [`crate::difference_bound`] and
-/// [`crate::bound_between`] accept.
+/// How to bound. What takes them checks every field against this table.
 ///
 /// | field | default | meaning | range |
 /// |---|---|---|---|
@@ -40,46 +39,11 @@ impl Default for BoundSettings {
 }
 
 impl BoundSettings {
-    /// The defaults.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-    /// Sets how far the bound may lie above the largest difference met.
-    #[must_use]
-    pub fn tolerance(mut self, tolerance: f64) -> Self {
-        self.tolerance = tolerance;
-        self
-    }
-    /// Sets the difference that is small enough.
-    #[must_use]
-    pub fn floor(mut self, floor: f64) -> Self {
-        self.floor = floor;
-        self
-    }
-    /// Sets the most halvings a line.
-    #[must_use]
-    pub fn max_cells(mut self, cells: usize) -> Self {
-        self.max_cells = cells;
-        self
-    }
-    /// Sets the lines of a position.
-    #[must_use]
-    pub fn lines(mut self, lines: usize) -> Self {
-        self.lines = lines;
-        self
-    }
-    /// Sets the most iterations of a fit to a part of the positions.
-    #[must_use]
-    pub fn iterations(mut self, iterations: usize) -> Self {
-        self.iterations = iterations;
-        self
-    }
     /// Checks every field against the table above.
     ///
     /// # Errors
     /// [`RealizeError::Setting`].
-    pub fn check(self) -> Result<CheckedBoundSettings, RealizeError> {
+    pub fn check(&self) -> Result<(), RealizeError> {
         let tolerance = self.tolerance;
         let good = tolerance > 0.0 && tolerance <= 10.0;
         range("tolerance", tolerance, good, "give above 0, at most 10")?;
@@ -92,20 +56,6 @@ impl BoundSettings {
         let iterations = self.iterations;
         let good = (1..=1000).contains(&iterations);
         range("iterations", iterations as f64, good, "give 1 to 1000")?;
-        Ok(CheckedBoundSettings { settings: self })
-    }
-}
-
-/// Settings that passed [`BoundSettings::check`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CheckedBoundSettings {
-    settings: BoundSettings,
-}
-
-impl CheckedBoundSettings {
-    /// The settings, to be read.
-    #[must_use]
-    pub fn get(&self) -> &BoundSettings {
-        &self.settings
+        Ok(())
     }
 }

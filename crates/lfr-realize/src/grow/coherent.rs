@@ -9,8 +9,7 @@ use crate::sampling::Sampling;
 use crate::sampling::hold::Derivative;
 use crate::shape::Shape;
 use crate::{
-    Candidate, CheckedRefineSettings, FrozenData, RandomChannels, RealizeError, RefineSettings, Refined,
-    ResidualUnit, refine,
+    Candidate, FrozenData, RandomChannels, RealizeError, RefineSettings, Refined, ResidualUnit, refine,
 };
 use lpv_core::{Continuous, CoreError, Discrete, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
@@ -90,7 +89,7 @@ impl<K: Sampling> Coherent<K> {
             DeltaReach::Outputs => free.view_mut((n, n), (shape.outputs, shape.inputs)).fill(true),
         }
         let whole = whole.with_free(free)?;
-        let settings = local_settings(data.unit())?;
+        let settings = local_settings(data.unit());
         let mut order: Vec<(f64, usize, Vec<f64>)> = Vec::new();
         for (i, p) in data.scheduling().enumerate() {
             range.check(p)?;
@@ -215,7 +214,7 @@ impl<K: Sampling> Coherent<K> {
     pub(super) fn fit(
         &self,
         start: Candidate<K>,
-        settings: &CheckedRefineSettings,
+        settings: &RefineSettings,
     ) -> Result<(Candidate<K>, usize), RealizeError> {
         let moved = |c: Candidate<K>, by: f64| {
             let mut m = c.matrix().clone();
@@ -237,12 +236,13 @@ fn target(unit: ResidualUnit) -> f64 {
     }
 }
 
-fn local_settings(unit: ResidualUnit) -> Result<CheckedRefineSettings, RealizeError> {
-    RefineSettings::new()
-        .max_iterations(20)
-        .tolerance(1e-2)
-        .target(target(unit))
-        .check()
+fn local_settings(unit: ResidualUnit) -> RefineSettings {
+    RefineSettings {
+        max_iterations: 20,
+        tolerance: 1e-2,
+        target: target(unit),
+        ..RefineSettings::default()
+    }
 }
 
 fn largest(values: &[f64]) -> f64 {

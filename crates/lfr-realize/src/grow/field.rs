@@ -1,13 +1,10 @@
 //! What all starts share, and one growth after the other.
 
 use super::coherent::{BLUNT, Coherent};
-use super::{
-    CheckedGrowSettings, DeltaReach, GainFit, Grown, StartAccount, StartKind, StartOutcome, StartSearch,
-};
+use super::{DeltaReach, GainFit, GrowSettings, Grown, StartAccount, StartKind, StartOutcome, StartSearch};
 use crate::sampling::Sampling;
 use crate::{
-    Candidate, CheckedRefineSettings, FrozenData, RandomChannels, RealizeError, RefineSettings, Refined,
-    ResidualUnit, refine,
+    Candidate, FrozenData, RandomChannels, RealizeError, RefineSettings, Refined, ResidualUnit, refine,
 };
 use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
@@ -28,7 +25,7 @@ pub(crate) struct Field<'a, K: Sampling> {
     gamma: Option<&'a DMatrix<f64>>,
     data: &'a FrozenData,
     scheduling: &'a SchedulingRange,
-    settings: &'a CheckedGrowSettings,
+    settings: &'a GrowSettings,
     coherent: Coherent<K>,
     /// The data in few lines a position.
     few: FrozenData,
@@ -42,10 +39,10 @@ impl<'a, K: Sampling> Field<'a, K> {
         gamma: Option<&'a DMatrix<f64>>,
         data: &'a FrozenData,
         scheduling: &'a SchedulingRange,
-        settings: &'a CheckedGrowSettings,
+        settings: &'a GrowSettings,
     ) -> Result<Self, RealizeError> {
-        let set = settings.get();
-        let (coherent, few) = Coherent::in_few_lines(local, gamma, data, scheduling, set)?;
+        settings.check()?;
+        let (coherent, few) = Coherent::in_few_lines(local, gamma, data, scheduling, settings)?;
         Ok(Self {
             coherent,
             local,
@@ -64,7 +61,7 @@ impl<'a, K: Sampling> Field<'a, K> {
         deltas: &[DeltaBlock],
         given: Option<&Candidate<K>>,
     ) -> Result<Grown<K>, RealizeError> {
-        let set = self.settings.get();
+        let set = self.settings;
         let random = (0..set.restarts as u64).map(|at| StartKind::Random {
             seed: set.seed.wrapping_add(at),
         });
@@ -92,7 +89,7 @@ impl<'a, K: Sampling> Field<'a, K> {
         if deltas.iter().all(|d| d.repetitions == 0) {
             return Err(RealizeError::Empty { what: "deltas" });
         }
-        let set = self.settings.get();
+        let set = self.settings;
         let target = self.target();
         let mut starts: Vec<StartAccount> = Vec::new();
         // The best of the starts that missed the target on few lines, and of those that were fitted to all.
@@ -165,13 +162,12 @@ impl<'a, K: Sampling> Field<'a, K> {
         given: Option<&Candidate<K>>,
         account: &mut StartAccount,
     ) -> Result<Candidate<K>, RealizeError> {
-        let set = self.settings.get();
-        let quick = |target: f64| -> Result<CheckedRefineSettings, RealizeError> {
-            RefineSettings::new()
-                .max_iterations(set.start_iterations)
-                .tolerance(STUCK)
-                .target(target)
-                .check()
+        let set = self.settings;
+        let quick = |target: f64| RefineSettings {
+            max_iterations: set.start_iterations,
+            tolerance: STUCK,
+            target,
+            ..RefineSettings::default()
         };
         let start = |gamma: Option<&DMatrix<f64>>, seed: u64| {
             let random = RandomChannels { seed, size: set.size };
@@ -189,7 +185,7 @@ impl<'a, K: Sampling> Field<'a, K> {
             (StartKind::Given, None) => start(None, set.seed)?,
             (StartKind::Random { seed }, _) => start(None, seed)?,
         };
-        let (flexible, iterations) = self.coherent.fit(flexible, &quick(NEAR)?)?;
+        let (flexible, iterations) = self.coherent.fit(flexible, &quick(NEAR))?;
         account.iterations += iterations;
         let whole = match (start(self.gamma, set.seed)?, set.gain, self.gamma) {
             (whole, GainFit::Free, Some(_)) => whole.with_free_gain()?,
@@ -201,11 +197,11 @@ impl<'a, K: Sampling> Field<'a, K> {
         m.view_mut((rigid, rigid), part.shape()).copy_from(part);
         let mut whole = whole.with_matrix(m);
         if let Some(blunt) = &self.blunt {
-            let near = refine(&whole, blunt, &quick(1.0)?)?;
+            let near = refine(&whole, blunt, &quick(1.0))?;
             account.iterations += near.account.iterations();
             whole = near.candidate;
         }
-        let refined = refine(&whole, &self.few, &quick(self.target())?)?;
+        let refined = refine(&whole, &self.few, &quick(self.target()))?;
         account.iterations += refined.account.iterations();
         account.few_rms = refined.account.rms;
         Ok(refined.candidate)
@@ -222,7 +218,7 @@ impl<'a, K: Sampling> Field<'a, K> {
             stages.push(self.few.clone());
         } else {
             let most = self.data.responses().map(lpv_core::Frf::len).max().unwrap_or(0);
-            let lines = std::iter::successors(Some(STAGE * self.settings.get().lines), |n| Some(n * STAGE));
+            let lines = std::iter::successors(Some(STAGE * self.settings.lines), |n| Some(n * STAGE));
             stages.extend(lines.take_while(|n| *n < most).map(|n| self.data.thinned(n)));
         }
         let mut candidate = candidate;

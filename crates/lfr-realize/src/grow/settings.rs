@@ -1,7 +1,7 @@
-//! Settings of a growth: unchecked as written, checked once.
+//! Settings of a growth.
 
 use crate::settings::range;
-use crate::{CheckedRefineSettings, RealizeError, RefineSettings, ResidualUnit};
+use crate::{RealizeError, RefineSettings, ResidualUnit};
 
 /// What the long fit does with the gain of the rigid body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -34,7 +34,7 @@ pub enum StartSearch {
     All,
 }
 
-/// How to grow. Fields are unchecked; [`GrowSettings::check`] gives what [`crate::grow`] accepts.
+/// How to grow. What takes them checks every field against this table.
 ///
 /// | field | default | meaning | range |
 /// |---|---|---|---|
@@ -90,77 +90,19 @@ impl Default for GrowSettings {
 }
 
 impl GrowSettings {
-    /// The defaults.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-    /// Sets the seed of the first random start.
-    #[must_use]
-    pub fn seed(mut self, seed: u64) -> Self {
-        self.seed = seed;
-        self
-    }
-    /// Sets the size of the random channels.
-    #[must_use]
-    pub fn size(mut self, size: f64) -> Self {
-        self.size = size;
-        self
-    }
-    /// Sets the number of random starts.
-    #[must_use]
-    pub fn restarts(mut self, restarts: usize) -> Self {
-        self.restarts = restarts;
-        self
-    }
-    /// Sets whether starts that are not needed are made too.
-    #[must_use]
-    pub fn search(mut self, search: StartSearch) -> Self {
-        self.search = search;
-        self
-    }
-    /// Sets the lines a position before the long fit.
-    #[must_use]
-    pub fn lines(mut self, lines: usize) -> Self {
-        self.lines = lines;
-        self
-    }
-    /// Sets the most iterations of a stage before the long fit.
-    #[must_use]
-    pub fn start_iterations(mut self, iterations: usize) -> Self {
-        self.start_iterations = iterations;
-        self
-    }
-    /// Sets whether D21 is free.
-    #[must_use]
-    pub fn reach(mut self, reach: DeltaReach) -> Self {
-        self.reach = reach;
-        self
-    }
-    /// Sets whether the long fit moves the gain of the rigid body.
-    #[must_use]
-    pub fn gain(mut self, gain: GainFit) -> Self {
-        self.gain = gain;
-        self
-    }
-    /// Sets the rms residual at which no further start is needed.
-    #[must_use]
-    pub fn target(mut self, rms: f64) -> Self {
-        self.target = Some(rms);
-        self
-    }
-    /// Sets the long fit.
-    #[must_use]
-    pub fn refine(mut self, refine: RefineSettings) -> Self {
-        self.refine = refine;
-        self
+    /// The target in the unit of the data.
+    pub(super) fn target(&self, unit: ResidualUnit) -> f64 {
+        self.target.unwrap_or(match unit {
+            ResidualUnit::Relative => 3e-5,
+            ResidualUnit::StandardDeviation => 1.1,
+        })
     }
 
     /// Checks every field against the table above.
     ///
     /// # Errors
     /// [`RealizeError::Setting`].
-    pub fn check(self) -> Result<CheckedGrowSettings, RealizeError> {
+    pub fn check(&self) -> Result<(), RealizeError> {
         let size = self.size;
         range(
             "size",
@@ -178,31 +120,6 @@ impl GrowSettings {
             let good = target.is_finite() && target > 0.0;
             range("target", target, good, "give a finite number above 0")?;
         }
-        Ok(CheckedGrowSettings {
-            refine: self.refine.check()?,
-            settings: self,
-        })
-    }
-}
-
-/// Settings that passed [`GrowSettings::check`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CheckedGrowSettings {
-    settings: GrowSettings,
-    pub(super) refine: CheckedRefineSettings,
-}
-
-impl CheckedGrowSettings {
-    /// The settings, to be read.
-    #[must_use]
-    pub fn get(&self) -> &GrowSettings {
-        &self.settings
-    }
-    /// The target in the unit of the data.
-    pub(super) fn target(&self, unit: ResidualUnit) -> f64 {
-        self.settings.target.unwrap_or(match unit {
-            ResidualUnit::Relative => 3e-5,
-            ResidualUnit::StandardDeviation => 1.1,
-        })
+        self.refine.check()
     }
 }

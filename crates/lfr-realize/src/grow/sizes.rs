@@ -1,7 +1,7 @@
 //! One model for each number of deltas, and which one to take.
 
 use super::field::Field;
-use super::{CheckedGrowSettings, Grown, StartSearch};
+use super::{GrowSettings, Grown, StartSearch};
 use crate::sampling::Sampling;
 use crate::{FrozenData, RealizeError};
 use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
@@ -44,11 +44,11 @@ pub fn grow_sizes<K: Sampling>(
     data: &FrozenData,
     sizes: &[Vec<DeltaBlock>],
     scheduling: &SchedulingRange,
-    settings: &CheckedGrowSettings,
+    settings: &GrowSettings,
 ) -> Result<Sizes<K>, RealizeError> {
     let rms = |g: &Grown<K>| g.refined.account.rms;
     let field = Field::new(local, gamma, data, scheduling, settings)?;
-    let all = settings.get().search == StartSearch::All;
+    let all = settings.search == StartSearch::All;
     let middle = if all { 0 } else { sizes.len().saturating_sub(1) / 2 };
     let mut grown: VecDeque<Grown<K>> = VecDeque::new();
     for deltas in sizes.iter().skip(middle) {

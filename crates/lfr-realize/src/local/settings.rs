@@ -1,7 +1,7 @@
-//! Settings of a local model: unchecked as written, checked once.
+//! Settings of a local model.
 
 use crate::settings::range;
-use crate::{CheckedRefineSettings, RealizeError, RefineSettings};
+use crate::{RealizeError, RefineSettings};
 
 /// What is known about the gain of the rigid body, `gamma` (`n_y x n_u`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -18,7 +18,7 @@ pub enum RigidGain {
     Decide,
 }
 
-/// How to make a local model. Fields are unchecked; [`LocalSettings::check`] gives what [`crate::local_model`] accepts.
+/// How to make a local model. What takes them checks every field against this table.
 ///
 /// | field | default | meaning | range |
 /// |---|---|---|---|
@@ -36,47 +36,14 @@ pub struct LocalSettings {
 }
 
 impl LocalSettings {
-    /// The defaults.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-    /// Sets what is known about the gain of the rigid body.
-    #[must_use]
-    pub fn rigid(mut self, rigid: RigidGain) -> Self {
-        self.rigid = rigid;
-        self
-    }
-    /// Sets the number of flexible states to keep.
-    #[must_use]
-    pub fn states(mut self, states: usize) -> Self {
-        self.states = Some(states);
-        self
-    }
-    /// Sets the fit that follows the linear one.
-    #[must_use]
-    pub fn refine(mut self, refine: RefineSettings) -> Self {
-        self.refine = refine;
-        self
-    }
     /// Checks every field against the table above.
     ///
     /// # Errors
     /// [`RealizeError::Setting`].
-    pub fn check(self) -> Result<CheckedLocalSettings, RealizeError> {
+    pub fn check(&self) -> Result<(), RealizeError> {
         if let Some(states) = self.states {
             range("states", states as f64, states > 0, "give 1 or more")?;
         }
-        Ok(CheckedLocalSettings {
-            refine: self.refine.check()?,
-            settings: self,
-        })
+        self.refine.check()
     }
-}
-
-/// Settings that passed [`LocalSettings::check`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CheckedLocalSettings {
-    pub(super) settings: LocalSettings,
-    pub(super) refine: CheckedRefineSettings,
 }

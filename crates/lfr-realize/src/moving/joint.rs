@@ -6,7 +6,7 @@ use super::fixed::Fixed;
 use super::flow::Want;
 use crate::problem::{Cost, Linear, Problem};
 use crate::search::{Limits, Objective, search};
-use crate::{Candidate, CheckedRefineSettings, FrozenData, RealizeError};
+use crate::{Candidate, FrozenData, RealizeError, RefineSettings};
 use lpv_core::Continuous;
 use lpv_numerics::least_squares::StopReason;
 use nalgebra::{DMatrix, DVector};
@@ -42,8 +42,9 @@ pub fn refine_with_moves(
     candidate: &Candidate<Continuous>,
     frozen: &FrozenData,
     moving: &MovingData,
-    settings: &CheckedRefineSettings,
+    settings: &RefineSettings,
 ) -> Result<Jointly, RealizeError> {
+    settings.check()?;
     let problem = Problem::new(candidate, frozen)?;
     if problem.free.len() != candidate.free_entries().len() {
         return Err(RealizeError::Moving {
@@ -51,7 +52,7 @@ pub fn refine_with_moves(
         });
     }
     let joint = Joint { problem, moving };
-    let set = settings.get();
+    let set = settings;
     let limits = Limits {
         max_iterations: set.max_iterations,
         tolerance: set.tolerance,

@@ -18,5 +18,5 @@ mod turning;
 pub use data::MovingData;
 pub use joint::{JointAccount, Jointly, refine_with_moves, simulate_errors};
 pub use settle::{Settled, settle};
-pub use standing::{CheckedStandingSettings, Standing, StandingSettings, stand_still};
+pub use standing::{Standing, StandingSettings, stand_still};
 pub use turning::{Turning, TurningAccount, TurningFit, turn};

@@ -7,8 +7,7 @@ use crate::{
 };
 use lpv_core::Continuous;
 
-/// How to find parameter-independent coordinates. Fields are unchecked; [`StandingSettings::check`] gives what [`stand_still`]
-/// accepts.
+/// How to find parameter-independent coordinates. What takes them checks every field against this table.
 ///
 /// | field | default | meaning | range |
 /// |---|---|---|---|
@@ -56,7 +55,7 @@ impl StandingSettings {
     ///
     /// # Errors
     /// [`RealizeError::Setting`]; [`RealizeError::Empty`] without splits.
-    pub fn check(self) -> Result<CheckedStandingSettings, RealizeError> {
+    pub fn check(&self) -> Result<(), RealizeError> {
         if self.splits.is_empty() {
             return Err(RealizeError::Empty { what: "splits" });
         }
@@ -66,21 +65,7 @@ impl StandingSettings {
         within("degree", self.degree, 12, "give 1 to 12")?;
         within("starts", self.starts, 1000, "give 1 to 1000")?;
         within("iterations", self.iterations, 1000, "give 1 to 1000")?;
-        Ok(CheckedStandingSettings { settings: self })
-    }
-}
-
-/// Settings that passed [`StandingSettings::check`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct CheckedStandingSettings {
-    settings: StandingSettings,
-}
-
-impl CheckedStandingSettings {
-    /// The settings, to be read.
-    #[must_use]
-    pub fn get(&self) -> &StandingSettings {
-        &self.settings
+        Ok(())
     }
 }
 
@@ -118,9 +103,10 @@ pub fn stand_still(
     fit: &Refined<Continuous>,
     data: &FrozenData,
     moves: &MovingData,
-    settings: &CheckedStandingSettings,
+    settings: &StandingSettings,
 ) -> Result<Option<Standing>, RealizeError> {
-    let set = settings.get();
+    settings.check()?;
+    let set = settings;
     let (mut stages, enough) = match data.unit() {
         ResidualUnit::StandardDeviation => {
             let tolerant = TOLERANT.map(|part| data.blunted(part)).to_vec();
@@ -130,13 +116,18 @@ pub fn stand_still(
     };
     stages.push(data.clone());
     let form = MechanicalForm::new(&fit.candidate, data)?;
-    let nearly = RefineSettings::new().max_iterations(12).tolerance(0.1).check()?;
+    let nearly = RefineSettings {
+        max_iterations: 12,
+        tolerance: 0.1,
+        ..RefineSettings::default()
+    };
     let turned = turn(&form, moves, set.degree, &nearly)?;
     let [first, _, least] = turned.account.rms;
-    let joint = RefineSettings::new()
-        .max_iterations(set.iterations)
-        .tolerance(1e-3)
-        .check()?;
+    let joint = RefineSettings {
+        max_iterations: set.iterations,
+        tolerance: 1e-3,
+        ..RefineSettings::default()
+    };
     let mut best: Option<Standing> = None;
     for &split in &set.splits {
         // With fewer deltas than the free model needs no structure can do.

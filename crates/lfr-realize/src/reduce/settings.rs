@@ -1,9 +1,9 @@
-//! Settings of a reduction: unchecked as written, checked once.
+//! Settings of a reduction.
 
 use crate::settings::range;
 use crate::{RealizeError, RefineSettings};
 
-/// How to reduce. Fields are unchecked; [`ReduceSettings::check`] gives what [`crate::reduce`] accepts.
+/// How to reduce. What takes them checks every field against this table.
 ///
 /// | field | default | meaning | range |
 /// |---|---|---|---|
@@ -31,62 +31,26 @@ impl Default for ReduceSettings {
 }
 
 impl ReduceSettings {
-    /// The defaults.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
+    pub(super) fn positions(&self, parameters: usize) -> usize {
+        self.positions.unwrap_or(match parameters {
+            0 | 1 => 21,
+            2 => 7,
+            3 => 5,
+            _ => 3,
+        })
     }
-    /// Sets the grid points a parameter.
-    #[must_use]
-    pub fn positions(mut self, positions: usize) -> Self {
-        self.positions = Some(positions);
-        self
-    }
-    /// Sets the equidistant lines.
-    #[must_use]
-    pub fn lines(mut self, lines: usize) -> Self {
-        self.lines = lines;
-        self
-    }
-    /// Sets the last fit.
-    #[must_use]
-    pub fn refine(mut self, refine: RefineSettings) -> Self {
-        self.refine = refine;
-        self
-    }
+
     /// Checks every field against the table above.
     ///
     /// # Errors
     /// [`RealizeError::Setting`].
-    pub fn check(self) -> Result<CheckedReduceSettings, RealizeError> {
+    pub fn check(&self) -> Result<(), RealizeError> {
         if let Some(positions) = self.positions {
             let good = (2..=1001).contains(&positions);
             range("positions", positions as f64, good, "give 2 to 1001")?;
         }
         range("lines", self.lines as f64, self.lines > 0, "give 1 or more")?;
         self.refine.check()?;
-        Ok(CheckedReduceSettings { settings: self })
-    }
-}
-
-/// Settings that passed [`ReduceSettings::check`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CheckedReduceSettings {
-    settings: ReduceSettings,
-}
-
-impl CheckedReduceSettings {
-    /// The settings, to be read.
-    #[must_use]
-    pub fn get(&self) -> &ReduceSettings {
-        &self.settings
-    }
-    pub(super) fn positions(&self, parameters: usize) -> usize {
-        self.settings.positions.unwrap_or(match parameters {
-            0 | 1 => 21,
-            2 => 7,
-            3 => 5,
-            _ => 3,
-        })
+        Ok(())
     }
 }

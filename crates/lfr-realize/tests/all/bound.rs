@@ -10,8 +10,8 @@ use lpv_core::num_complex::Complex;
 use lpv_core::{Clock, Continuous, CoreError, DeltaBlock, Frf, Lfr, LfrBlocks, SchedulingRange, StateSpace};
 use rand::RngExt;
 
-fn settings() -> lfr_realize::CheckedBoundSettings {
-    BoundSettings::new().check().unwrap()
+fn settings() -> lfr_realize::BoundSettings {
+    BoundSettings::default()
 }
 
 /// Largest relative difference on a fine grid.
@@ -127,7 +127,7 @@ fn a_fitted_model_is_supported_between_its_positions() {
     let truth = mode(2.0, 0.1, 0.1);
     let positions: Vec<f64> = (0..9).map(|i| 1.0 + 0.25 * f64::from(i)).collect();
     let data = relative(&truth, &positions, 60);
-    let fitted = refine(&truth, &data, &RefineSettings::new().check().unwrap()).unwrap();
+    let fitted = refine(&truth, &data, &RefineSettings::default()).unwrap();
     let between = bound_between(&fitted.candidate, &data, &settings()).unwrap();
     assert_eq!(between.intervals.len(), 8);
     assert!(between.warnings.is_empty(), "{:?}", between.warnings);
@@ -151,7 +151,7 @@ fn a_fitted_model_is_supported_between_its_positions() {
         }
     }
     let data = FrozenData::relative(clock(), &noisy).unwrap();
-    let fitted = refine(&truth, &data, &RefineSettings::new().check().unwrap()).unwrap();
+    let fitted = refine(&truth, &data, &RefineSettings::default()).unwrap();
     let between = bound_between(&fitted.candidate, &data, &settings()).unwrap();
     let error = largest_error(&fitted.candidate, &truth);
     let bound = between.intervals.iter().map(|i| i.bound).fold(0.0, f64::max);
@@ -193,7 +193,7 @@ fn a_position_that_its_neighbours_do_not_predict() {
         RandomChannels { seed: 1, size: 0.05 },
     )
     .unwrap();
-    let fitted = refine(&wide, &data, &RefineSettings::new().check().unwrap()).unwrap();
+    let fitted = refine(&wide, &data, &RefineSettings::default()).unwrap();
     let between = bound_between(&fitted.candidate, &data, &settings()).unwrap();
     let predicted = |w: &BetweenWarning| matches!(w, BetweenWarning::NotPredicted { position: 3, .. });
     assert!(between.warnings.iter().any(predicted), "{between:?}");
@@ -232,11 +232,41 @@ fn what_does_not_fit_is_refused() {
         Err(RealizeError::Core(CoreError::OutsideRange { .. }))
     ));
     for (name, settings) in [
-        ("tolerance", BoundSettings::new().tolerance(0.0)),
-        ("floor", BoundSettings::new().floor(-1.0)),
-        ("max_cells", BoundSettings::new().max_cells(0)),
-        ("lines", BoundSettings::new().lines(0)),
-        ("iterations", BoundSettings::new().iterations(0)),
+        (
+            "tolerance",
+            BoundSettings {
+                tolerance: 0.0,
+                ..BoundSettings::default()
+            },
+        ),
+        (
+            "floor",
+            BoundSettings {
+                floor: -1.0,
+                ..BoundSettings::default()
+            },
+        ),
+        (
+            "max_cells",
+            BoundSettings {
+                max_cells: 0,
+                ..BoundSettings::default()
+            },
+        ),
+        (
+            "lines",
+            BoundSettings {
+                lines: 0,
+                ..BoundSettings::default()
+            },
+        ),
+        (
+            "iterations",
+            BoundSettings {
+                iterations: 0,
+                ..BoundSettings::default()
+            },
+        ),
     ] {
         assert!(matches!(settings.check(), Err(RealizeError::Setting { name: n, .. }) if n == name));
     }

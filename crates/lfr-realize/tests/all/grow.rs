@@ -19,11 +19,11 @@ fn known_lfrs_are_reached_from_their_centre() {
     for seed in 0..4 {
         let truth = continuous(2, seed);
         let data = relative(&truth, &POSITIONS, 50);
-        let settings = GrowSettings::new()
-            .reach(DeltaReach::Outputs)
-            .target(1e-8)
-            .check()
-            .unwrap();
+        let settings = GrowSettings {
+            reach: DeltaReach::Outputs,
+            target: Some(1e-8),
+            ..GrowSettings::default()
+        };
         let local = centre(&truth);
         let grown = grow(&local, None, &data, &one_parameter(2), &interval(), &settings).unwrap();
         assert!(grown.reached, "seed {seed}: {:?}", grown.starts);
@@ -42,7 +42,11 @@ fn outputs_see_states_only() {
     let truth = continuous(2, 1);
     let data = relative(&truth, &POSITIONS, 50);
     let d21 = |reach: DeltaReach| {
-        let settings = GrowSettings::new().reach(reach).restarts(0).check().unwrap();
+        let settings = GrowSettings {
+            reach,
+            restarts: 0,
+            ..GrowSettings::default()
+        };
         let grown = grow(
             &centre(&truth),
             None,
@@ -67,11 +71,11 @@ fn discrete_lfrs_grow_too() {
     let truth = discrete(1, 3);
     let data = relative(&truth, &POSITIONS, 50);
     let local = truth.frozen(&[2.0]).unwrap();
-    let settings = GrowSettings::new()
-        .reach(DeltaReach::Outputs)
-        .target(1e-8)
-        .check()
-        .unwrap();
+    let settings = GrowSettings {
+        reach: DeltaReach::Outputs,
+        target: Some(1e-8),
+        ..GrowSettings::default()
+    };
     let grown = grow(&local, None, &data, &one_parameter(1), &interval(), &settings).unwrap();
     assert!(grown.reached && largest_error(&grown.refined.candidate, &truth) < 1e-6);
 }
@@ -98,13 +102,13 @@ fn two_parameters() {
         let data: Vec<(Vec<f64>, Frf)> = range.grid(5).into_iter().map(at).collect();
         let data = FrozenData::relative(clock(), &data).unwrap();
         let local = truth.frozen(&range.centre()).unwrap();
-        let settings = GrowSettings::new()
-            .reach(DeltaReach::Outputs)
-            .search(StartSearch::All)
-            .restarts(1)
-            .target(1e-8)
-            .check()
-            .unwrap();
+        let settings = GrowSettings {
+            reach: DeltaReach::Outputs,
+            search: StartSearch::All,
+            restarts: 1,
+            target: Some(1e-8),
+            ..GrowSettings::default()
+        };
         let grown = grow(&local, None, &data, &deltas, &range, &settings).unwrap();
         let reached = |s: &&StartAccount| matches!(s.outcome, StartOutcome::Refined { rms } if rms <= 1e-8);
         // A product of parameters counts, which a straight line has not.
@@ -126,12 +130,12 @@ fn two_parameters() {
 fn targets_out_of_reach_are_results() {
     let truth = continuous(3, 7);
     let data = relative(&truth, &POSITIONS, 40);
-    let settings = GrowSettings::new()
-        .seed(5)
-        .restarts(2)
-        .target(1e-9)
-        .check()
-        .unwrap();
+    let settings = GrowSettings {
+        seed: 5,
+        restarts: 2,
+        target: Some(1e-9),
+        ..GrowSettings::default()
+    };
     let grown = grow(
         &centre(&truth),
         None,
@@ -194,7 +198,11 @@ fn a_free_gain_is_fitted_to_all_positions() {
     let data = FrozenData::relative(clock(), &noisy).unwrap();
     let start = &gamma * 1.02;
     let fit = |gain: GainFit| {
-        let settings = GrowSettings::new().gain(gain).restarts(1).check().unwrap();
+        let settings = GrowSettings {
+            gain,
+            restarts: 1,
+            ..GrowSettings::default()
+        };
         let grown = grow(
             &local,
             Some(&start),
@@ -219,7 +227,7 @@ fn a_free_gain_is_fitted_to_all_positions() {
 fn what_does_not_fit_is_refused() {
     let truth = continuous(1, 1);
     let data = relative(&truth, &POSITIONS, 30);
-    let settings = GrowSettings::new().check().unwrap();
+    let settings = GrowSettings::default();
     let local = centre(&truth);
     let deltas = one_parameter(1);
     let refused = |deltas: &[DeltaBlock], range: SchedulingRange, gamma: Option<&DMatrix<f64>>| {
@@ -259,14 +267,50 @@ fn what_does_not_fit_is_refused() {
         }))
     ));
     for (name, settings) in [
-        ("size", GrowSettings::new().size(0.0)),
-        ("restarts", GrowSettings::new().restarts(1001)),
-        ("lines", GrowSettings::new().lines(0)),
-        ("start_iterations", GrowSettings::new().start_iterations(0)),
-        ("target", GrowSettings::new().target(0.0)),
+        (
+            "size",
+            GrowSettings {
+                size: 0.0,
+                ..GrowSettings::default()
+            },
+        ),
+        (
+            "restarts",
+            GrowSettings {
+                restarts: 1001,
+                ..GrowSettings::default()
+            },
+        ),
+        (
+            "lines",
+            GrowSettings {
+                lines: 0,
+                ..GrowSettings::default()
+            },
+        ),
+        (
+            "start_iterations",
+            GrowSettings {
+                start_iterations: 0,
+                ..GrowSettings::default()
+            },
+        ),
+        (
+            "target",
+            GrowSettings {
+                target: Some(0.0),
+                ..GrowSettings::default()
+            },
+        ),
         (
             "tolerance",
-            GrowSettings::new().refine(RefineSettings::new().tolerance(1.0)),
+            GrowSettings {
+                refine: RefineSettings {
+                    tolerance: 1.0,
+                    ..RefineSettings::default()
+                },
+                ..GrowSettings::default()
+            },
         ),
     ] {
         assert!(matches!(settings.check(), Err(RealizeError::Setting { name: n, .. }) if n == name));
@@ -310,7 +354,10 @@ fn condensed_lines_know_what_all_lines_know() {
         })
         .collect();
     let data = FrozenData::weighted(clock(), &noisy, 0.0).unwrap();
-    let settings = GrowSettings::new().reach(DeltaReach::Outputs).check().unwrap();
+    let settings = GrowSettings {
+        reach: DeltaReach::Outputs,
+        ..GrowSettings::default()
+    };
     let local = centre(&truth);
     let few = condense(&local, None, &data, &interval(), &settings).unwrap();
     assert!(
@@ -328,7 +375,10 @@ fn condensed_lines_know_what_all_lines_know() {
         );
         grown.refined.candidate
     };
-    let as_it_is = RefineSettings::new().max_iterations(0).check().unwrap();
+    let as_it_is = RefineSettings {
+        max_iterations: 0,
+        ..RefineSettings::default()
+    };
     let judged = refine(&fit(&few), &data, &as_it_is).unwrap().account;
     // Less than the square of a fifth of a deviation in each direction that the data determine: an error 2 % larger.
     assert!(

@@ -76,7 +76,7 @@ where
         let all = poles(&flexible);
         let upper: Vec<C64> = all.iter().copied().filter(|p| p.im >= 0.0).collect();
         for poles in [all, upper] {
-            let made = local_model(clock, &data, &poles, &LocalSettings::new().check().unwrap()).unwrap();
+            let made = local_model(clock, &data, &poles, &LocalSettings::default()).unwrap();
             let found = made.gamma.as_ref().unwrap();
             assert!((found - &gamma).amax() < 1e-9, "{found}");
             // The decision: exactly diagonal where it is so.
@@ -116,7 +116,10 @@ fn known_models_are_recovered() {
 fn without_a_rigid_body() {
     let flexible = flexible(Continuous, &continuous_a());
     let (truth, data) = truth(&flexible, None);
-    let settings = LocalSettings::new().rigid(RigidGain::Absent).check().unwrap();
+    let settings = LocalSettings {
+        rigid: RigidGain::Absent,
+        ..LocalSettings::default()
+    };
     let made = local_model(Continuous, &data, &poles(&flexible), &settings).unwrap();
     assert!(made.gamma.is_none() && same_response(&made, &truth) < 1e-9);
 }
@@ -131,7 +134,7 @@ fn poles_need_not_be_exact() {
         .into_iter()
         .map(|z| (z.ln() * 1.02).exp())
         .collect();
-    let made = local_model(Continuous, &data, &off, &LocalSettings::new().check().unwrap()).unwrap();
+    let made = local_model(Continuous, &data, &off, &LocalSettings::default()).unwrap();
     assert!(made.account.costs[0] > 1e-4 && same_response(&made, &truth) < 1e-9);
 }
 
@@ -158,7 +161,10 @@ fn weak_modes_are_dropped() {
     let data = FrozenData::relative(clock(), &noisy).unwrap();
     let mut given = vec![C64::from_polar(0.98, 1.9), C64::from_polar(0.95, 2.6)];
     given.extend(poles(&flexible));
-    let settings = LocalSettings::new().states(5).check().unwrap();
+    let settings = LocalSettings {
+        states: Some(5),
+        ..LocalSettings::default()
+    };
     let made = local_model(Continuous, &data, &given, &settings).unwrap();
     assert_eq!(
         made.modes.iter().map(|m| m.kept).collect::<Vec<_>>(),
@@ -170,11 +176,11 @@ fn weak_modes_are_dropped() {
     // The off-diagonal gains are noise, and are set to zero; all of them stay if that is asked for.
     let found = made.gamma.unwrap();
     assert!((&found - &gamma).amax() < 0.02 && found[(0, 1)] == 0.0);
-    let full = LocalSettings::new()
-        .states(5)
-        .rigid(RigidGain::Full)
-        .check()
-        .unwrap();
+    let full = LocalSettings {
+        states: Some(5),
+        rigid: RigidGain::Full,
+        ..LocalSettings::default()
+    };
     let full = local_model(Continuous, &data, &given, &full)
         .unwrap()
         .gamma
@@ -186,7 +192,7 @@ fn weak_modes_are_dropped() {
 fn what_cannot_be_is_refused() {
     let flexible = flexible(Continuous, &continuous_a());
     let (truth, data) = truth(&flexible, Some(&dmatrix![1.0, 0.0; 0.0, 3.0]));
-    let settings = LocalSettings::new().check().unwrap();
+    let settings = LocalSettings::default();
     let refused = |poles: &[C64]| local_model(Continuous, &data, poles, &settings).unwrap_err();
     assert_eq!(refused(&[]), RealizeError::Empty { what: "poles" });
     for (index, pole) in [
@@ -218,7 +224,11 @@ fn what_cannot_be_is_refused() {
         Err(RealizeError::TooFewEquations { .. })
     ));
     assert!(matches!(
-        LocalSettings::new().states(0).check(),
+        LocalSettings {
+            states: Some(0),
+            ..LocalSettings::default()
+        }
+        .check(),
         Err(RealizeError::Setting { name: "states", .. })
     ));
 }

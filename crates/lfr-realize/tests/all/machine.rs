@@ -96,7 +96,7 @@ impl Bench {
         let centre = data.subset(|p| p[0] == 0.0).unwrap();
         let poles = self.machine.sampled_flexible_poles(0.0, self.clock).unwrap();
         let poles: Vec<Complex<f64>> = poles.into_iter().map(|z| (z.ln() * 1.01).exp()).collect();
-        let settings = LocalSettings::new().check().unwrap();
+        let settings = LocalSettings::default();
         local_model(Continuous, &centre, &poles, &settings).unwrap()
     }
 
@@ -142,7 +142,13 @@ fn deltas(repetitions: usize) -> Vec<DeltaBlock> {
 }
 
 fn settings() -> GrowSettings {
-    GrowSettings::new().refine(RefineSettings::new().target(1e-5))
+    GrowSettings {
+        refine: RefineSettings {
+            target: 1e-5,
+            ..RefineSettings::default()
+        },
+        ..GrowSettings::default()
+    }
 }
 
 #[test]
@@ -160,7 +166,7 @@ fn few_deltas_do_for_the_whole_stroke() {
             (5, DeltaReach::States, -75.0, -95.0),
             (6, DeltaReach::States, -75.0, -95.0),
         ] {
-            let settings = settings().reach(reach).check().unwrap();
+            let settings = GrowSettings { reach, ..settings() };
             let flexible = &local.flexible;
             let grown = grow(flexible, Some(gamma), &data, &deltas(count), range, &settings).unwrap();
             let (largest, middle) = bench.errors(&grown.refined);
@@ -187,7 +193,7 @@ fn sizes_are_chosen() {
     let bench = Bench::new(MACHINES[1]);
     let data = bench.exact();
     let local = bench.local(&data);
-    let settings = settings().check().unwrap();
+    let settings = settings();
     let choose = |counts: &[usize]| {
         let sizes: Vec<_> = counts.iter().map(|n| deltas(*n)).collect();
         let gamma = local.gamma.as_ref();
@@ -206,7 +212,7 @@ fn noise_is_reached() {
         let bench = Bench::new(case);
         let data = bench.noisy(seed);
         let local = bench.local(&data);
-        let settings = GrowSettings::new().check().unwrap();
+        let settings = GrowSettings::default();
         let gamma = local.gamma.as_ref();
         let grown = grow(
             &local.flexible,
@@ -253,7 +259,11 @@ fn every_start_reaches_the_target() {
         let bench = Bench::new(case);
         let data = bench.exact();
         let local = bench.local(&data);
-        let settings = settings().restarts(20).search(StartSearch::All).check().unwrap();
+        let settings = GrowSettings {
+            restarts: 20,
+            search: StartSearch::All,
+            ..settings()
+        };
         let gamma = local.gamma.as_ref();
         let grown = grow(&local.flexible, gamma, &data, &deltas(5), &bench.range, &settings).unwrap();
         let random = |s: &&StartAccount| matches!(s.kind, StartKind::Random { .. });

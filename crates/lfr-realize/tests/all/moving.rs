@@ -75,7 +75,7 @@ impl Bench {
     fn frozen_model(&self) -> Candidate<Continuous> {
         let centre = self.data.subset(|p| p[0] == 0.0).unwrap();
         let poles = self.machine.sampled_flexible_poles(0.0, self.clock).unwrap();
-        let settings = LocalSettings::new().check().unwrap();
+        let settings = LocalSettings::default();
         let local = local_model(Continuous, &centre, &poles, &settings).unwrap();
         let deltas = [DeltaBlock {
             parameter: 0,
@@ -87,7 +87,10 @@ impl Bench {
             &self.data,
             &deltas,
             &self.machine.scheduling_range().unwrap(),
-            &GrowSettings::new().target(3e-4).check().unwrap(),
+            &GrowSettings {
+                target: Some(3e-4),
+                ..GrowSettings::default()
+            },
         )
         .unwrap();
         assert!(grown.reached, "{:?}", grown.starts);
@@ -125,8 +128,12 @@ fn coordinates_that_stand_still_are_found_from_records() {
     assert!(before[0] > 1e-5, "{before:?}");
 
     let form = MechanicalForm::new(&frozen, &bench.data).unwrap();
-    let settings = RefineSettings::new().max_iterations(12).tolerance(1e-2);
-    let turned = turn(&form, &fitted, 5, &settings.check().unwrap()).unwrap();
+    let settings = RefineSettings {
+        max_iterations: 12,
+        tolerance: 1e-2,
+        ..RefineSettings::default()
+    };
+    let turned = turn(&form, &fitted, 5, &settings).unwrap();
     let rms = &turned.account.rms;
     assert!(rms[rms.len() - 1] < 0.02 * rms[0], "{rms:?}");
 
@@ -136,7 +143,10 @@ fn coordinates_that_stand_still_are_found_from_records() {
         accelerations: 2,
     };
     let settled = settle(&form, &turned, std::slice::from_ref(&bench.data), split, 2, 0).unwrap();
-    let settings = RefineSettings::new().max_iterations(30).check().unwrap();
+    let settings = RefineSettings {
+        max_iterations: 30,
+        ..RefineSettings::default()
+    };
     let found = refine_with_moves(&settled.candidate, &bench.data, &fitted, &settings).unwrap();
     let after = worst(&simulate_errors(&found.candidate, &judged).unwrap());
     assert!(

@@ -7,7 +7,7 @@ use lfr_realize::{
 };
 use lpv_core::nalgebra::{DMatrix, dmatrix};
 use lpv_core::{Clock, Continuous, Discrete, Frf, FrfEstimate, Lfr, LfrBlocks, StateSpace};
-use lpv_ident::{Interpolation, RegressionSettings, Weighting, regress};
+use lpv_ident::{Interpolation, RegressionSettings, RigidTerm, Weighting, regress};
 use obf_basis::{FkcmSettings, OrthonormalBasis, PoleSet, fkcm};
 use xytable_plant::{Machine, MachineParameters};
 
@@ -61,7 +61,10 @@ fn inflated<K: Clock>(lfr: &Lfr<K>, seed: u64) -> Lfr<K> {
 /// What is redundant goes without a loss, by balancing alone.
 #[test]
 fn redundant_states_and_deltas_are_found() {
-    let settings = ReduceSettings::new().positions(9).check().unwrap();
+    let settings = ReduceSettings {
+        positions: Some(9),
+        ..ReduceSettings::default()
+    };
     for seed in 0..3 {
         let truth = discrete(2, seed).to_lfr().unwrap();
         let reduced = reduce(&inflated(&truth, seed), clock(), 2, &one_parameter(2), &settings).unwrap();
@@ -117,7 +120,7 @@ impl Bench {
             .flat_map(|p| self.machine.sampled_flexible_poles(*p, self.clock).unwrap());
         let upper: Vec<_> = poles.filter(|z| z.im > 0.0).collect();
         let poles = PoleSet::from_upper_half(&upper).unwrap();
-        let found = fkcm(&poles, &FkcmSettings::new(16).check().unwrap()).unwrap();
+        let found = fkcm(&poles, &FkcmSettings::new(16)).unwrap();
         let basis = OrthonormalBasis::takenaka_malmquist(&found.poles, self.clock).unwrap();
         let half = positions[40];
         let lobatto: Vec<f64> = (0..21)
@@ -128,10 +131,12 @@ impl Bench {
             .into_iter()
             .map(|(p, g)| FrfEstimate::with_unit_covariance(g, Some(p[0].into())).unwrap())
             .collect();
-        let settings = RegressionSettings::new()
-            .diagonal_rigid_body(2)
-            .weighting(Weighting::Relative);
-        let fits = regress(&estimates, basis.state_space(), &settings.check().unwrap()).unwrap();
+        let settings = RegressionSettings {
+            rigid_body: RigidTerm::diagonal(2),
+            weighting: Weighting::Relative,
+            ..RegressionSettings::default()
+        };
+        let fits = regress(&estimates, basis.state_space(), &settings).unwrap();
         let model = fits.interpolate(Interpolation::Polynomial { order: 17 }).unwrap();
         realize(&model.series().unwrap()).unwrap().lfr
     }
@@ -169,7 +174,7 @@ fn the_expansion_reduces_to_eight_states_and_five_deltas() {
     assert_eq!((large.states(), large.delta_count()), (36, 34));
     let of_large = bench.strict(|p| large.frozen(p).unwrap());
     let five = one_parameter(5);
-    let reduced = reduce_to_continuous(&large, 8, &five, &ReduceSettings::new().check().unwrap()).unwrap();
+    let reduced = reduce_to_continuous(&large, 8, &five, &ReduceSettings::default()).unwrap();
     let lfr = reduced.refined.candidate.to_lfr().unwrap();
     assert_eq!((lfr.states(), lfr.delta_count(), reduced.judged), (8, 5, 81));
     let gamma = reduced.gamma.as_ref().unwrap();
@@ -191,20 +196,14 @@ fn the_expansion_reduces_to_eight_states_and_five_deltas() {
     let range = bench.machine.scheduling_range().unwrap();
     let poles = bench.machine.sampled_flexible_poles(0.0, bench.clock).unwrap();
     let centre = bench.data.subset(|p| p[0] == 0.0).unwrap();
-    let local = local_model(
-        Continuous,
-        &centre,
-        &poles,
-        &LocalSettings::new().check().unwrap(),
-    )
-    .unwrap();
+    let local = local_model(Continuous, &centre, &poles, &LocalSettings::default()).unwrap();
     // All starts but the random ones: how far beyond its target a single one goes is chance.
-    let settings = GrowSettings::new()
-        .gain(GainFit::Free)
-        .search(StartSearch::All)
-        .restarts(0)
-        .check()
-        .unwrap();
+    let settings = GrowSettings {
+        gain: GainFit::Free,
+        search: StartSearch::All,
+        restarts: 0,
+        ..GrowSettings::default()
+    };
     let own = reduced.grow(&bench.data, &settings).unwrap();
     let (flexible, gamma) = (&local.flexible, local.gamma.as_ref());
     let best = grow(flexible, gamma, &bench.data, &five, &range, &settings).unwrap();
@@ -219,7 +218,10 @@ const EXACT: f64 = -160.0;
 
 #[test]
 fn what_cannot_be_reduced_is_refused() {
-    let settings = ReduceSettings::new().positions(5).check().unwrap();
+    let settings = ReduceSettings {
+        positions: Some(5),
+        ..ReduceSettings::default()
+    };
     let one = |a: DMatrix<f64>, b: DMatrix<f64>, c: DMatrix<f64>, touched: f64| {
         let n = a.nrows();
         let blocks = LfrBlocks {
@@ -269,8 +271,20 @@ fn what_cannot_be_reduced_is_refused() {
     let nothing = reduce(&held, clock(), 3, &one_parameter(0), &settings).unwrap_err();
     assert_eq!(nothing, RealizeError::Empty { what: "deltas" });
     for (name, settings) in [
-        ("positions", ReduceSettings::new().positions(1)),
-        ("lines", ReduceSettings::new().lines(0)),
+        (
+            "positions",
+            ReduceSettings {
+                positions: Some(1),
+                ..ReduceSettings::default()
+            },
+        ),
+        (
+            "lines",
+            ReduceSettings {
+                lines: 0,
+                ..ReduceSettings::default()
+            },
+        ),
     ] {
         assert!(matches!(settings.check(), Err(RealizeError::Setting { name: n, .. }) if n == name));
     }

@@ -10,8 +10,8 @@ use lpv_core::{
 };
 use rand_distr::{Distribution, StandardNormal};
 
-fn settings() -> lfr_realize::CheckedRefineSettings {
-    RefineSettings::new().check().unwrap()
+fn settings() -> lfr_realize::RefineSettings {
+    RefineSettings::default()
 }
 
 /// `y = u / (z - a)` from data of a = 0.5, only a free: one number is found.
@@ -147,11 +147,11 @@ fn coordinates_do_not_matter() {
         }
     }
     let data = FrozenData::relative(clock(), &noisy).unwrap();
-    let settings = RefineSettings::new()
-        .tolerance(1e-9)
-        .max_iterations(500)
-        .check()
-        .unwrap();
+    let settings = RefineSettings {
+        tolerance: 1e-9,
+        max_iterations: 500,
+        ..RefineSettings::default()
+    };
     let fitted = [near, moved].map(|blocks| {
         let lfr = Lfr::new(blocks, one_parameter(2), interval(), clock()).unwrap();
         refine(&Candidate::from_lfr(&lfr).unwrap(), &data, &settings).unwrap()
@@ -281,11 +281,11 @@ fn the_number_of_threads_changes_no_bit() {
     let truth = continuous(2, 3);
     let data = relative(&truth, &POSITIONS, 30);
     let start = continuous(2, 6);
-    let settings = RefineSettings::new()
-        .max_iterations(15)
-        .minimax_passes(2)
-        .check()
-        .unwrap();
+    let settings = RefineSettings {
+        max_iterations: 15,
+        minimax_passes: 2,
+        ..RefineSettings::default()
+    };
     let [one, three] = [1, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -301,7 +301,10 @@ fn reweighted_fits_lower_the_largest_residual() {
     // One delta cannot do what two do.
     let data = relative(&continuous(2, 4), &POSITIONS, 30);
     let fit = |passes: usize| {
-        let settings = RefineSettings::new().minimax_passes(passes).check().unwrap();
+        let settings = RefineSettings {
+            minimax_passes: passes,
+            ..RefineSettings::default()
+        };
         refine(&continuous(1, 4), &data, &settings).unwrap()
     };
     let (plain, minimax) = (fit(0), fit(30));
@@ -335,15 +338,21 @@ fn stable_models_stay_stable() {
 fn limits_end_a_search() {
     let data = relative(&discrete(2, 1), &POSITIONS, 10);
     let start = discrete(2, 2);
-    let fit = |settings: RefineSettings| refine(&start, &data, &settings.check().unwrap()).unwrap();
-    let none = fit(RefineSettings::new().max_iterations(0));
+    let fit = |settings: RefineSettings| refine(&start, &data, &settings).unwrap();
+    let none = fit(RefineSettings {
+        max_iterations: 0,
+        ..RefineSettings::default()
+    });
     assert_eq!(
         (none.account.stop, none.account.iterations()),
         (StopReason::IterationLimit, 0)
     );
     assert_eq!(none.candidate, start);
     let target = 0.5 * none.account.rms;
-    let reached = fit(RefineSettings::new().target(target));
+    let reached = fit(RefineSettings {
+        target,
+        ..RefineSettings::default()
+    });
     assert_eq!(reached.account.stop, StopReason::TargetReached);
     assert!(reached.account.rms <= target);
     let nothing = start.clone().with_free(start.free().map(|_| false)).unwrap();
@@ -492,10 +501,34 @@ fn what_does_not_fit_is_refused() {
         Err(RealizeError::Core(CoreError::Dimension { .. }))
     ));
     for (name, settings) in [
-        ("max_iterations", RefineSettings::new().max_iterations(usize::MAX)),
-        ("tolerance", RefineSettings::new().tolerance(0.0)),
-        ("target", RefineSettings::new().target(f64::INFINITY)),
-        ("minimax_passes", RefineSettings::new().minimax_passes(1001)),
+        (
+            "max_iterations",
+            RefineSettings {
+                max_iterations: usize::MAX,
+                ..RefineSettings::default()
+            },
+        ),
+        (
+            "tolerance",
+            RefineSettings {
+                tolerance: 0.0,
+                ..RefineSettings::default()
+            },
+        ),
+        (
+            "target",
+            RefineSettings {
+                target: f64::INFINITY,
+                ..RefineSettings::default()
+            },
+        ),
+        (
+            "minimax_passes",
+            RefineSettings {
+                minimax_passes: 1001,
+                ..RefineSettings::default()
+            },
+        ),
     ] {
         assert!(matches!(settings.check(), Err(RealizeError::Setting { name: n, .. }) if n == name));
     }

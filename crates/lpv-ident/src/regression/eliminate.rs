@@ -6,7 +6,7 @@
 //! result is the same up to rounding.
 
 use super::equations::{Eliminated, Equations, Regressors};
-use crate::{CheckedRegression, IdentError, RigidTerm, Weighting};
+use crate::{IdentError, RegressionSettings, RigidTerm, Weighting};
 use lpv_core::{Discrete, FrfEstimate, Position, StateSpace};
 use lpv_numerics::dense::Triangle;
 use lpv_numerics::planes::Planes;
@@ -23,13 +23,13 @@ pub(super) fn kept(
     estimate: &FrfEstimate,
     position: &Position,
     basis: &StateSpace<Discrete>,
-    settings: &CheckedRegression,
+    settings: &RegressionSettings,
 ) -> Result<Range<usize>, IdentError> {
     let frf = estimate.frf();
     let channels = frf.outputs() * frf.inputs();
     let lines = settings.kept(frf.frequencies_hz());
     let (equations, unknowns) = (2 * channels * lines.len(), channels * basis.outputs());
-    if equations < unknowns + settings.rigid_body().len() + 1 {
+    if equations < unknowns + settings.rigid_body.len() + 1 {
         return Err(IdentError::TooFewLines {
             position: position.clone(),
             lines: lines.len(),
@@ -75,14 +75,14 @@ fn channels(
     estimate: &FrfEstimate,
     lines: Range<usize>,
     position: &Position,
-    settings: &CheckedRegression,
+    settings: &RegressionSettings,
 ) -> Result<Vec<Channel>, IdentError> {
     let (ny, nu) = (estimate.frf().outputs(), estimate.frf().inputs());
     let count = lines.len();
     let mut channels = Vec::with_capacity(ny * nu);
     for s in 0..nu {
         for r in 0..ny {
-            let (first_a, first_b) = match settings.weighting() {
+            let (first_a, first_b) = match settings.weighting {
                 Weighting::Covariance => (0, 0),
                 Weighting::Relative | Weighting::Uniform => (r, s),
             };
@@ -116,7 +116,7 @@ pub(super) fn eliminate(equations: &Equations<'_>) -> Result<Eliminated, IdentEr
     let lines = equations.kept.clone();
     let frf = estimate.frf();
     let (ny, nu, ng) = (frf.outputs(), frf.inputs(), regressors.functions.len());
-    let rigid_terms = settings.rigid_body();
+    let rigid_terms = &settings.rigid_body;
     let unknowns = ny * nu * ng;
     let columns = unknowns + rigid_terms.len() + 1;
     let block = (BLOCK_ROWS / (2 * ny * nu)).max(columns).min(lines.len());

@@ -1,7 +1,7 @@
 //! The equations of one position, and what is left of them.
 
 use super::rigid_response;
-use crate::{CheckedRegression, IdentError};
+use crate::{IdentError, RegressionSettings};
 use lpv_core::{Discrete, Frf, FrfEstimate, Position, StateSpace};
 use lpv_numerics::planes::{Planes, WIDEST};
 use nalgebra::DMatrix;
@@ -21,7 +21,7 @@ pub(super) struct Equations<'a> {
     /// Lines of the estimate that are fitted.
     pub(super) kept: Range<usize>,
     pub(super) regressors: &'a Regressors,
-    pub(super) settings: &'a CheckedRegression,
+    pub(super) settings: &'a RegressionSettings,
 }
 
 /// What one position leaves after its own coefficients are eliminated: `R22 c = r2`, and the residual.

@@ -150,7 +150,7 @@ impl Equations<'_> {
             let channels = column.len();
             column.copy_from_slice(&fit.weights.as_slice()[n * channels..(n + 1) * channels]);
         }
-        for (term, gain) in self.settings.rigid_body().iter().zip(gains.iter()) {
+        for (term, gain) in self.settings.rigid_body.iter().zip(gains.iter()) {
             model[(term.input * fit.weights.nrows() + term.output, ng)] += *gain;
         }
         let mut weights = self.weights(1);
@@ -223,7 +223,7 @@ impl<'a> Pass<'a> {
         let ng = self.equations.regressors.functions().len();
         let channels = self.residual.len();
         let ny = self.equations.estimate.frf().outputs();
-        let rigid = self.equations.settings.rigid_body();
+        let rigid = &self.equations.settings.rigid_body;
         let coefficients = (0..channels * ng).map(|i| self.gradient.get(i % ng, i / ng));
         let gains = rigid
             .iter()

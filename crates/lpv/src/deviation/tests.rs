@@ -55,7 +55,7 @@ fn fit(model: &Candidate<Continuous>) -> Refined<Continuous> {
         (vec![p], estimate.unwrap())
     };
     let data = FrozenData::weighted(clock(), &POSITIONS.map(estimate), 0.0).unwrap();
-    refine(model, &data, &RefineSettings::new().check().unwrap()).unwrap()
+    refine(model, &data, &RefineSettings::default()).unwrap()
 }
 
 /// Known but for the gain of the first output: its error lies along the response, and is that of a least-squares gain.
@@ -115,7 +115,7 @@ fn without_a_known_noise_there_is_no_table() {
         .map(|p| (vec![p], response(&model, p, &lines())))
         .collect();
     let data = FrozenData::relative(clock(), &relative).unwrap();
-    let found = refine(&model, &data, &RefineSettings::new().check().unwrap()).unwrap();
+    let found = refine(&model, &data, &RefineSettings::default()).unwrap();
     let table = FrozenDeviation::of_fit(&found, vec![0.0], vec![0.1], clock()).unwrap();
     assert!(table.is_none());
 }

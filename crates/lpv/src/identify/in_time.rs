@@ -78,21 +78,23 @@ pub(super) fn in_time(
     if closed && config.direct.is_none() {
         reasons.push("no direct term: the controller acts on the output of the same sample".to_owned());
     }
-    let settings = InnovationSettings::new(orders)
-        .focus(match focus {
+    let settings = InnovationSettings {
+        focus: match focus {
             FitFocus::Simulation => Focus::Simulation,
             FitFocus::Prediction => Focus::Prediction,
-        })
-        .direct(match direct {
+        },
+        direct: match direct {
             Direct::Zero => DirectTerm::Zero,
             Direct::Estimated => DirectTerm::Estimated,
-        });
+        },
+        ..InnovationSettings::new(orders)
+    };
     let segments: Vec<Segment<'_>> = records
         .iter()
         .zip(&fitted)
         .map(|(r, &n)| Segment::new(r, 0..n))
         .collect();
-    let mut found = lti_ident::identify(&segments, clock, &settings.check()?, &starts)?;
+    let mut found = lti_ident::identify(&segments, clock, &settings, &starts)?;
     progress("prediction error", 1, 1);
     if !closed && config.order.is_none() {
         reasons.extend(refuse_unstable(
@@ -168,12 +170,12 @@ fn local_starts(estimate: &FrfEstimate, clock: Discrete, orders: &[usize]) -> Ve
     orders
         .par_iter()
         .filter_map(|&order| {
-            let settings = PoleFitSettings::new(order)
-                .integrators(Integrators::Free)
-                .numerator(NumeratorDegree::Proper)
-                .smoothing_lines(4)
-                .check()
-                .ok()?;
+            let settings = PoleFitSettings {
+                integrators: Integrators::Free,
+                numerator: NumeratorDegree::Proper,
+                smoothing_lines: 4,
+                ..PoleFitSettings::new(order)
+            };
             let found = fit(estimate, clock, &settings).ok()?;
             found.state_space().ok()
         })

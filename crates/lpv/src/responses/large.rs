@@ -95,7 +95,7 @@ pub(super) fn evaluate(
             most
         }
     };
-    let settings = periodic_settings(SkipRule::Fixed(skip)).map_err(|e| (usize::MAX, e))?;
+    let settings = periodic_settings(SkipRule::Fixed(skip));
     let mut sums = PeriodicAccumulator::new(layout, &settings, position.clone()).map_err(failed)?;
     let mut noise = PeriodNoise::new(layout.outputs, layout.period);
     for (experiment, &i) in indices.iter().enumerate() {

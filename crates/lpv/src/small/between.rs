@@ -10,7 +10,7 @@ pub(super) fn between(
     units: &Units,
     reasons: &mut Vec<String>,
 ) -> Result<(), RealizeError> {
-    let found = bound_between(candidate, data, &BoundSettings::new().check()?)?;
+    let found = bound_between(candidate, data, &BoundSettings::default())?;
     let place = |p: &[f64]| units.undo_places(p)[0];
     let positions: Vec<f64> = data.scheduling().map(place).collect();
     let worst = found

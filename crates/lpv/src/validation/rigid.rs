@@ -62,7 +62,7 @@ pub(crate) fn check_axis(
     closed: Option<(Vec<f64>, Vec<f64>)>,
 ) -> Result<AxisCheck, PipelineError> {
     let (q, u) = (&record.outputs.columns[i], &record.inputs.columns[i]);
-    let filter = Filter::new(&[q], clock, &RigidBodySettings::new().check()?);
+    let filter = Filter::new(&[q], clock, &RigidBodySettings::default())?;
     // Simulated positions go through the same filter, so that derivatives compare like with like.
     let motion = |q: &[f64]| Motion::new(q, clock, filter.position_cutoff_hz);
     let kept = |x: &[f64]| decimated(x, clock, filter.regression_cutoff_hz, filter.decimation);

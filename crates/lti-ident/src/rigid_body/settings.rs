@@ -1,4 +1,4 @@
-//! Settings of the inverse-dynamics fit: unchecked as written, checked once.
+//! Settings of the inverse-dynamics fit.
 
 use crate::LtiIdentError;
 
@@ -14,7 +14,7 @@ pub enum Estimator {
     ReferenceInstruments,
 }
 
-/// How to fit. Fields are unchecked; [`RigidBodySettings::check`] gives what [`crate::rigid_body::identify`] accepts.
+/// How to fit. What takes them checks every field against this table.
 ///
 /// | field | default | meaning | range |
 /// |---|---|---|---|
@@ -36,41 +36,11 @@ pub struct RigidBodySettings {
 }
 
 impl RigidBodySettings {
-    /// The defaults.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-    /// Sets the cut-off of the filter on the position.
-    #[must_use]
-    pub fn position_cutoff_hz(mut self, cutoff_hz: f64) -> Self {
-        self.position_cutoff_hz = Some(cutoff_hz);
-        self
-    }
-    /// Sets the cut-off of the filter on the equations.
-    #[must_use]
-    pub fn regression_cutoff_hz(mut self, cutoff_hz: f64) -> Self {
-        self.regression_cutoff_hz = Some(cutoff_hz);
-        self
-    }
-    /// Sets how the equations are solved.
-    #[must_use]
-    pub fn estimator(mut self, estimator: Estimator) -> Self {
-        self.estimator = estimator;
-        self
-    }
-    /// Sets whether a constant force against the motion is estimated beside.
-    #[must_use]
-    pub fn dry_friction(mut self, is_estimated: bool) -> Self {
-        self.dry_friction = is_estimated;
-        self
-    }
-
     /// Checks every field. That a cut-off is below Nyquist is checked where the clock is known.
     ///
     /// # Errors
     /// [`LtiIdentError::Setting`] with the field and what is allowed.
-    pub fn check(self) -> Result<CheckedRigidBodySettings, LtiIdentError> {
+    pub fn check(&self) -> Result<(), LtiIdentError> {
         let cutoffs = [
             ("position_cutoff_hz", self.position_cutoff_hz),
             ("regression_cutoff_hz", self.regression_cutoff_hz),
@@ -81,18 +51,6 @@ impl RigidBodySettings {
                 return Err(LtiIdentError::Setting { name, value, allowed });
             }
         }
-        Ok(CheckedRigidBodySettings(self))
-    }
-}
-
-/// Settings whose values are in range.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CheckedRigidBodySettings(RigidBodySettings);
-
-impl CheckedRigidBodySettings {
-    /// The values.
-    #[must_use]
-    pub fn get(&self) -> &RigidBodySettings {
-        &self.0
+        Ok(())
     }
 }

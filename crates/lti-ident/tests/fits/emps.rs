@@ -31,7 +31,7 @@ fn with_a_coulomb_term_the_filters_give_the_published_figures() {
 fn without_one_the_inertia_stays_and_the_friction_takes_its_place() {
     let Some(bundle) = shared("emps") else { return };
     let record = bundle.load(0).unwrap();
-    let settings = RigidBodySettings::new().check().unwrap();
+    let settings = RigidBodySettings::default();
     let fit = identify(
         &[Segment::whole(&record)],
         Discrete::new(1e-3).unwrap(),

@@ -19,11 +19,11 @@ fn a_first_order_system_from_six_numbers() {
         .unwrap()
         .outputs;
     let record = record(&u, &y);
-    let settings = InnovationSettings::new([1])
-        .offset(Offset::Zero)
-        .response_samples(4)
-        .check()
-        .unwrap();
+    let settings = InnovationSettings {
+        offset: Offset::Zero,
+        response_samples: Some(4),
+        ..InnovationSettings::new([1])
+    };
     let fit = identify(&[Segment::whole(&record)], clock, &settings, &[]).unwrap();
     let model = fit.chosen().model.model();
     assert!((model.a()[0] - 0.5).abs() < 1e-8, "{}", model.a());
@@ -36,7 +36,10 @@ fn two_runs_with_states_of_their_own() {
     let (first, second) = (run(300, 0.0, 1), run(200, 0.0, 2));
     let segments = [Segment::new(&first, 20..300), Segment::whole(&second)];
     let truth = plant();
-    let settings = InnovationSettings::new([4]).offset(Offset::Zero).check().unwrap();
+    let settings = InnovationSettings {
+        offset: Offset::Zero,
+        ..InnovationSettings::new([4])
+    };
     let fit = identify(&segments, truth.clock(), &settings, &[]).unwrap();
     let entry = fit.chosen();
     let error = response_error(entry.model.model(), &truth);
@@ -57,7 +60,7 @@ fn offsets_are_estimated_exactly() {
     y.row_mut(0).add_scalar_mut(100.0);
     let shifted = u.map(|v| v + 20.0);
     let record = record(&shifted, &y);
-    let settings = InnovationSettings::new([4]).check().unwrap();
+    let settings = InnovationSettings::new([4]);
     let fit = identify(&[Segment::whole(&record)], truth.clock(), &settings, &[]).unwrap();
     let entry = fit.chosen();
     let simulated = entry
@@ -82,11 +85,11 @@ fn an_integrator_is_found_with_the_focus_on_prediction() {
     let u = normal(1, 400, 5);
     let y = truth.simulate(&DVector::zeros(2), &u).unwrap().outputs + normal(1, 400, 6) * 1e-4;
     let record = record(&u, &y);
-    let settings = InnovationSettings::new([2])
-        .focus(Focus::Prediction)
-        .offset(Offset::Zero)
-        .check()
-        .unwrap();
+    let settings = InnovationSettings {
+        focus: Focus::Prediction,
+        offset: Offset::Zero,
+        ..InnovationSettings::new([2])
+    };
     let fit = identify(&[Segment::whole(&record)], clock, &settings, &[]).unwrap();
     let poles = fit.chosen().model.model().poles().unwrap();
     assert!(
@@ -104,10 +107,10 @@ fn a_plant_with_an_integrator_rests_under_the_input_that_is_estimated() {
     let drive = normal(1, 400, 5).add_scalar(0.2);
     let y = truth.simulate(&DVector::zeros(2), &drive).unwrap().outputs + normal(1, 400, 6) * 1e-4;
     let record = record(&drive.add_scalar(3.0), &y);
-    let settings = InnovationSettings::new([2])
-        .focus(Focus::Prediction)
-        .check()
-        .unwrap();
+    let settings = InnovationSettings {
+        focus: Focus::Prediction,
+        ..InnovationSettings::new([2])
+    };
     let fit = identify(&[Segment::whole(&record)], clock, &settings, &[]).unwrap();
     let model = &fit.chosen().model;
     assert!(
@@ -121,7 +124,7 @@ fn a_plant_with_an_integrator_rests_under_the_input_that_is_estimated() {
 #[test]
 fn the_number_of_threads_changes_no_bit() {
     let record = run(400, 0.1, 7);
-    let settings = InnovationSettings::new([2, 4]).check().unwrap();
+    let settings = InnovationSettings::new([2, 4]);
     let fit = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -137,7 +140,7 @@ fn the_number_of_threads_changes_no_bit() {
 fn a_given_start_is_tried_and_a_useless_one_does_no_harm() {
     let record = run(400, 0.05, 8);
     let truth = plant();
-    let settings = InnovationSettings::new([4]).check().unwrap();
+    let settings = InnovationSettings::new([4]);
     let a = DMatrix::identity(4, 4) * 1.5;
     let bad = StateSpace::new(
         a,

@@ -37,7 +37,10 @@ fn both_halves(
         Segment::new(&record, 0..half),
         Segment::new(&record, half..record.len()),
     );
-    let settings = InnovationSettings::new(orders).focus(focus).check().unwrap();
+    let settings = InnovationSettings {
+        focus,
+        ..InnovationSettings::new(orders)
+    };
     let start = std::time::Instant::now();
     let fit = identify(
         std::slice::from_ref(&first),

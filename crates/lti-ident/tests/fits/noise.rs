@@ -26,7 +26,10 @@ fn innovations(samples: usize, seed: u64) -> (InnovationModel, Record) {
 fn costs_do_not_increase_with_the_order_and_the_true_one_is_chosen() {
     let record = run(600, 0.5, 11);
     for focus in [Focus::Simulation, Focus::Prediction] {
-        let settings = InnovationSettings::new(1..=8).focus(focus).check().unwrap();
+        let settings = InnovationSettings {
+            focus,
+            ..InnovationSettings::new(1..=8)
+        };
         let fit = identify(&[Segment::whole(&record)], plant().clock(), &settings, &[]).unwrap();
         assert_eq!(fit.entries.len(), 8, "{:?}", fit.failures);
         for pair in fit.entries.windows(2) {
@@ -43,10 +46,10 @@ fn costs_do_not_increase_with_the_order_and_the_true_one_is_chosen() {
 #[test]
 fn the_focus_on_prediction_finds_the_gain_and_the_covariance() {
     let (truth, record) = innovations(6000, 21);
-    let settings = InnovationSettings::new([4])
-        .focus(Focus::Prediction)
-        .check()
-        .unwrap();
+    let settings = InnovationSettings {
+        focus: Focus::Prediction,
+        ..InnovationSettings::new([4])
+    };
     let fit = identify(&[Segment::whole(&record)], plant().clock(), &settings, &[]).unwrap();
     let model = &fit.chosen().model;
     assert!(response_error(model.model(), &plant()) < 0.03);
@@ -65,7 +68,10 @@ fn the_focus_on_prediction_finds_the_gain_and_the_covariance() {
 fn the_focus_on_simulation_adds_a_gain_that_predicts_as_well() {
     let (truth, record) = innovations(3000, 31);
     let fit = |focus| {
-        let settings = InnovationSettings::new([4]).focus(focus).check().unwrap();
+        let settings = InnovationSettings {
+            focus,
+            ..InnovationSettings::new([4])
+        };
         identify(&[Segment::whole(&record)], plant().clock(), &settings, &[]).unwrap()
     };
     let (simulation, prediction) = (fit(Focus::Simulation), fit(Focus::Prediction));

@@ -35,7 +35,10 @@ fn fit(system: &StateSpace<Discrete>, pole: f64, size: f64, focus: Focus, seed: 
     let x = DVector::zeros(system.states());
     let y = system.simulate(&x, &u).unwrap().outputs + noise(ny, samples, pole, size, seed + 500);
     let record = record(&u, &y.add_scalar(7.0));
-    let settings = InnovationSettings::new(1..=8).focus(focus).check().unwrap();
+    let settings = InnovationSettings {
+        focus,
+        ..InnovationSettings::new(1..=8)
+    };
     identify(&[Segment::whole(&record)], system.clock(), &settings, &[]).unwrap()
 }
 
@@ -74,7 +77,7 @@ fn a_long_record_is_scanned_in_part_and_fitted_whole() {
     let u = normal(1, samples, 21);
     let clean = system.simulate(&DVector::zeros(2), &u).unwrap().outputs;
     let record = record(&u, &(clean + noise(1, samples, 0.0, 0.02, 22)));
-    let settings = InnovationSettings::new(1..=3).check().unwrap();
+    let settings = InnovationSettings::new(1..=3);
     let fit = identify(&[Segment::whole(&record)], system.clock(), &settings, &[]).unwrap();
     assert!(fit.scanned_samples <= 10_000, "{}", fit.scanned_samples);
     let chosen = fit.chosen();

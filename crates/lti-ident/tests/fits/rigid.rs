@@ -36,7 +36,7 @@ fn two_axes_without_noise() {
         truth[i][0] * sign * middle[k][2] + truth[i][1] * sign * middle[k][1] + truth[i][2]
     });
     let record = record(&u, &q);
-    let settings = RigidBodySettings::new().check().unwrap();
+    let settings = RigidBodySettings::default();
     let fit = identify(&[Segment::whole(&record)], Discrete::new(T).unwrap(), &settings).unwrap();
     for ((axis, account), truth) in fit.model.axes().iter().zip(&fit.axes).zip(truth) {
         assert!(
@@ -63,10 +63,10 @@ fn dry_friction_is_told_apart() {
     });
     let record = record(&u, &q);
     let fit = |is_estimated: bool| {
-        let settings = RigidBodySettings::new()
-            .dry_friction(is_estimated)
-            .check()
-            .unwrap();
+        let settings = RigidBodySettings {
+            dry_friction: is_estimated,
+            ..RigidBodySettings::default()
+        };
         let fit = identify(&[Segment::whole(&record)], Discrete::new(T).unwrap(), &settings).unwrap();
         fit.model.axes()[0]
     };
@@ -108,7 +108,10 @@ fn servo(seed: u64, disturbance_n: f64) -> Record {
 fn in_a_noisy_loop_the_bias_is_below_the_stated_deviation() {
     // The noise of the sensor alone, and forces that the motion answers: only instruments stand these.
     for (estimator, disturbance_n) in [(Estimator::LeastSquares, 0.0), (Estimator::Automatic, 2.0)] {
-        let settings = RigidBodySettings::new().estimator(estimator).check().unwrap();
+        let settings = RigidBodySettings {
+            estimator,
+            ..RigidBodySettings::default()
+        };
         let runs = 24;
         let (mut errors, mut stated) = ([0.0; 2], [0.0; 2]);
         for seed in 0..runs {
@@ -142,7 +145,7 @@ fn in_a_noisy_loop_the_bias_is_below_the_stated_deviation() {
 #[test]
 fn refusals_name_the_facts() {
     let clock = Discrete::new(T).unwrap();
-    let settings = RigidBodySettings::new().check().unwrap();
+    let settings = RigidBodySettings::default();
     let two = DMatrix::from_fn(2, 2000, |_, k| waves(k as f64)[0]);
     let one = two.rows(0, 1).into_owned();
     let unequal = record(&two, &one);
@@ -151,10 +154,10 @@ fn refusals_name_the_facts() {
         Err(LtiIdentError::Axes { inputs, outputs }) if inputs.len() == 2 && outputs.len() == 1
     ));
     let plain = record(&one, &one);
-    let instruments = RigidBodySettings::new()
-        .estimator(Estimator::ReferenceInstruments)
-        .check()
-        .unwrap();
+    let instruments = RigidBodySettings {
+        estimator: Estimator::ReferenceInstruments,
+        ..RigidBodySettings::default()
+    };
     assert!(matches!(
         identify(&[Segment::whole(&plain)], clock, &instruments),
         Err(LtiIdentError::Channels {
@@ -172,10 +175,10 @@ fn refusals_name_the_facts() {
         identify(&[Segment::whole(&still)], clock, &settings),
         Err(LtiIdentError::Singular { .. })
     ));
-    let fast = RigidBodySettings::new()
-        .position_cutoff_hz(600.0)
-        .check()
-        .unwrap();
+    let fast = RigidBodySettings {
+        position_cutoff_hz: Some(600.0),
+        ..RigidBodySettings::default()
+    };
     assert!(matches!(
         identify(&[Segment::whole(&plain)], clock, &fast),
         Err(LtiIdentError::Setting {
@@ -186,10 +189,12 @@ fn refusals_name_the_facts() {
     let short = Segment::new(&plain, 0..5);
     assert!(identify(&[short], clock, &settings).is_err());
     assert!(
-        RigidBodySettings::new()
-            .regression_cutoff_hz(f64::NAN)
-            .check()
-            .is_err()
+        RigidBodySettings {
+            regression_cutoff_hz: Some(f64::NAN),
+            ..RigidBodySettings::default()
+        }
+        .check()
+        .is_err()
     );
 }
 
@@ -209,7 +214,7 @@ fn axis(k: u32) -> (Record, f64) {
 #[test]
 fn what_is_wrong_with_the_channels_is_named() {
     let clock = Discrete::new(T).unwrap();
-    let settings = RigidBodySettings::new().check().unwrap();
+    let settings = RigidBodySettings::default();
     let of = |r: &Record| identify(&[Segment::whole(r)], clock, &settings);
     for k in 0..5 {
         let (right, inertia) = axis(k);

@@ -28,19 +28,19 @@ proptest! {
         let y = DMatrix::from_fn(ny, samples, |i, k| at(i + 2, k));
         let record = record(&u, &y);
         let clock = Discrete::new(0.01).unwrap();
-        let settings = InnovationSettings::new([order, 2]).focus(focus).offset(offset).max_iterations(5).response_samples(4);
+        let settings = InnovationSettings { focus, offset, max_iterations: 5, response_samples: Some(4), ..InnovationSettings::new([order, 2]) };
         let segment = Segment::new(&record, from..samples);
-        if let Ok(fit) = identify(std::slice::from_ref(&segment), clock, &settings.check().unwrap(), &[]) {
+        if let Ok(fit) = identify(std::slice::from_ref(&segment), clock, &settings, &[]) {
             prop_assert!(fit.entries.iter().all(|e| e.cost.is_finite()));
         }
-        let _ = rigid_body::identify(&[segment], clock, &RigidBodySettings::new().check().unwrap());
+        let _ = rigid_body::identify(&[segment], clock, &RigidBodySettings::default());
     }
 }
 
 #[test]
 fn refusals_name_the_facts() {
     let clock = Discrete::new(0.1).unwrap();
-    let settings = InnovationSettings::new([3]).check().unwrap();
+    let settings = InnovationSettings::new([3]);
     let good = run(200, 0.1, 1);
     let refuse = |segments: &[Segment]| identify(segments, clock, &settings, &[]).unwrap_err();
     assert_eq!(refuse(&[]), LtiIdentError::Empty { what: "segments" });
@@ -84,15 +84,36 @@ fn refusals_name_the_facts() {
     for wrong in [vec![], vec![0], vec![61]] {
         assert!(InnovationSettings::new(wrong).check().is_err());
     }
-    assert!(InnovationSettings::new([1]).tolerance(0.0).check().is_err());
-    assert!(InnovationSettings::new([1]).max_iterations(0).check().is_err());
-    assert!(InnovationSettings::new([1]).response_samples(3).check().is_err());
+    assert!(
+        InnovationSettings {
+            tolerance: 0.0,
+            ..InnovationSettings::new([1])
+        }
+        .check()
+        .is_err()
+    );
+    assert!(
+        InnovationSettings {
+            max_iterations: 0,
+            ..InnovationSettings::new([1])
+        }
+        .check()
+        .is_err()
+    );
+    assert!(
+        InnovationSettings {
+            response_samples: Some(3),
+            ..InnovationSettings::new([1])
+        }
+        .check()
+        .is_err()
+    );
 }
 
 #[test]
 fn an_order_too_high_for_the_data_fails_alone() {
     let record = run(60, 0.1, 4);
-    let settings = InnovationSettings::new([2, 60]).check().unwrap();
+    let settings = InnovationSettings::new([2, 60]);
     let fit = identify(
         &[Segment::whole(&record)],
         Discrete::new(0.1).unwrap(),

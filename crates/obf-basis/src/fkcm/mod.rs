@@ -3,7 +3,7 @@
 mod centre;
 mod settings;
 
-pub use settings::{CheckedFkcm, FkcmSettings, Refinement};
+pub use settings::{FkcmSettings, Refinement};
 
 use crate::cost::{DB_PER_NEPER, kolmogorov_cost_db, log_fuzzy_cost};
 use crate::disc::{log_distance, log_kappa, to_chart};
@@ -65,15 +65,16 @@ pub struct StartAccount {
 /// lowest fuzzy cost wins. The result is the same for any number of threads.
 ///
 /// # Errors
-/// None for a checked set and checked settings, except what [`PoleSet::from_units`] may say about a pole that rounding
+/// [`BasisError::Setting`], [`BasisError::Functions`], and what [`PoleSet::from_units`] may say about a pole that rounding
 /// has carried onto the unit circle.
-pub fn fkcm(observed: &PoleSet, settings: &CheckedFkcm) -> Result<FkcmResult, BasisError> {
+pub fn fkcm(observed: &PoleSet, settings: &FkcmSettings) -> Result<FkcmResult, BasisError> {
+    settings.check()?;
     let points = distinct_upper(observed.as_slice());
     let shape = Shape {
         pairs: settings.pairs(),
-        reals: settings.real_centres(),
+        reals: settings.reals(),
     };
-    let s = settings.settings();
+    let s = settings;
     let mut runs: Vec<Run> = (0..s.starts)
         .into_par_iter()
         .map(|index| {

@@ -14,7 +14,7 @@ pub enum Refinement {
     None,
 }
 
-/// Unchecked settings of [`crate::fkcm`].
+/// Settings of [`crate::fkcm`], which checks them.
 ///
 /// | setting | default | meaning | range |
 /// |---|---|---|---|
@@ -28,17 +28,35 @@ pub enum Refinement {
 /// | `seed` | 1 | seed of the starts | any |
 #[derive(Debug, Clone, PartialEq)]
 pub struct FkcmSettings {
-    pub(crate) functions: usize,
-    pub(crate) real_centres: Option<usize>,
-    pub(crate) fuzziness: f64,
-    pub(crate) starts: usize,
-    pub(crate) max_iterations: usize,
-    pub(crate) tolerance: f64,
-    pub(crate) refinement: Refinement,
-    pub(crate) seed: u64,
+    /// Number of basis functions n_g; a pair counts two.
+    pub functions: usize,
+    /// Real poles among them.
+    pub real_centres: Option<usize>,
+    /// Exponent m.
+    pub fuzziness: f64,
+    /// Leja starts.
+    pub starts: usize,
+    /// Alternations of one start.
+    pub max_iterations: usize,
+    /// Change of the logarithmic fuzzy cost that ends the alternation.
+    pub tolerance: f64,
+    /// What follows the alternation.
+    pub refinement: Refinement,
+    /// Seed of the starts.
+    pub seed: u64,
 }
 
 impl FkcmSettings {
+    /// Number of real poles.
+    pub(crate) fn reals(&self) -> usize {
+        self.real_centres.unwrap_or(self.functions % 2)
+    }
+
+    /// Number of conjugate pairs.
+    pub(crate) fn pairs(&self) -> usize {
+        (self.functions - self.reals()) / 2
+    }
+
     /// Defaults for `functions` basis functions.
     pub fn new(functions: usize) -> Self {
         Self {
@@ -53,74 +71,18 @@ impl FkcmSettings {
         }
     }
 
-    /// Number of basis functions.
-    #[must_use]
-    pub fn functions(mut self, functions: usize) -> Self {
-        self.functions = functions;
-        self
-    }
-
-    /// Real poles among the functions.
-    #[must_use]
-    pub fn real_centres(mut self, real_centres: usize) -> Self {
-        self.real_centres = Some(real_centres);
-        self
-    }
-
-    /// Exponent m.
-    #[must_use]
-    pub fn fuzziness(mut self, fuzziness: f64) -> Self {
-        self.fuzziness = fuzziness;
-        self
-    }
-
-    /// Number of starts.
-    #[must_use]
-    pub fn starts(mut self, starts: usize) -> Self {
-        self.starts = starts;
-        self
-    }
-
-    /// Alternations of one start.
-    #[must_use]
-    pub fn max_iterations(mut self, max_iterations: usize) -> Self {
-        self.max_iterations = max_iterations;
-        self
-    }
-
-    /// Change of the logarithmic fuzzy cost that ends the alternation.
-    #[must_use]
-    pub fn tolerance(mut self, tolerance: f64) -> Self {
-        self.tolerance = tolerance;
-        self
-    }
-
-    /// What follows the alternation.
-    #[must_use]
-    pub fn refinement(mut self, refinement: Refinement) -> Self {
-        self.refinement = refinement;
-        self
-    }
-
-    /// Seed of the starts.
-    #[must_use]
-    pub fn seed(mut self, seed: u64) -> Self {
-        self.seed = seed;
-        self
-    }
-
     /// Settings that the search accepts.
     ///
     /// # Errors
     /// [`BasisError::Setting`], [`BasisError::Functions`].
-    pub fn check(self) -> Result<CheckedFkcm, BasisError> {
+    pub fn check(&self) -> Result<(), BasisError> {
         if self.functions == 0 || self.functions > MAX_FUNCTIONS {
             return Err(BasisError::Functions {
                 functions: self.functions,
                 limit: MAX_FUNCTIONS,
             });
         }
-        let reals = self.real_centres.unwrap_or(self.functions % 2);
+        let reals = self.reals();
         if reals > self.functions || !(self.functions - reals).is_multiple_of(2) {
             return Err(BasisError::Setting {
                 name: "real_centres",
@@ -145,33 +107,6 @@ impl FkcmSettings {
         }
         within("starts", self.starts, 1, 10_000, "1..=10000")?;
         within("max_iterations", self.max_iterations, 1, 100_000, "1..=100000")?;
-        Ok(CheckedFkcm {
-            reals,
-            settings: self,
-        })
-    }
-}
-
-/// Settings within their ranges.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CheckedFkcm {
-    settings: FkcmSettings,
-    reals: usize,
-}
-
-impl CheckedFkcm {
-    /// The settings.
-    pub fn settings(&self) -> &FkcmSettings {
-        &self.settings
-    }
-
-    /// Number of real poles.
-    pub fn real_centres(&self) -> usize {
-        self.reals
-    }
-
-    /// Number of conjugate pairs.
-    pub fn pairs(&self) -> usize {
-        (self.settings.functions - self.reals) / 2
+        Ok(())
     }
 }

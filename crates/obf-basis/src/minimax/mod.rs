@@ -3,8 +3,8 @@
 pub(crate) mod newton;
 mod settings;
 
+pub use settings::MinimaxSettings;
 pub(crate) use settings::within;
-pub use settings::{CheckedMinimax, MinimaxSettings};
 
 use crate::cost::{DB_PER_NEPER, kolmogorov_cost_db};
 use crate::poles::check_inside;
@@ -55,17 +55,18 @@ pub struct MinimaxResult {
 /// that the sample missed, repeat.
 ///
 /// # Errors
-/// [`BasisError::Empty`], [`BasisError::NotFinite`], [`BasisError::NotInside`] for the observed poles.
+/// [`BasisError::Setting`]; [`BasisError::Empty`], [`BasisError::NotFinite`], [`BasisError::NotInside`] for the observed poles.
 pub fn polish_minimax(
     start: &PoleSet,
     observed: &[Complex<f64>],
-    settings: &CheckedMinimax,
+    settings: &MinimaxSettings,
 ) -> Result<MinimaxResult, BasisError> {
+    settings.check()?;
     check_inside("observed poles", observed)?;
     let start_cost_db = kolmogorov_cost_db(start, observed)?;
     let points = distinct_upper(observed);
     let shape = Shape::of(start.units());
-    let s = settings.settings();
+    let s = settings;
     let runs: Vec<Descent> = (0..=s.extra_starts)
         .into_par_iter()
         .map(|index| {

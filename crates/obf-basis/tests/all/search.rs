@@ -15,8 +15,8 @@ fn grid() -> PoleSet {
     PoleSet::new(&machine::sampled_poles(21)).unwrap()
 }
 
-fn minimax() -> obf_basis::CheckedMinimax {
-    MinimaxSettings::default().check().unwrap()
+fn minimax() -> obf_basis::MinimaxSettings {
+    MinimaxSettings::default()
 }
 
 #[test]
@@ -53,7 +53,7 @@ fn the_machine_poles_are_roots() {
 fn fuzzy_search_on_the_grid_is_within_1_db_of_the_best_on_the_continuum() {
     let dense = machine::sampled_poles(2001);
     for (functions, best) in BEST {
-        let found = fkcm(&grid(), &FkcmSettings::new(functions).check().unwrap()).unwrap();
+        let found = fkcm(&grid(), &FkcmSettings::new(functions)).unwrap();
         let cost = kolmogorov_cost_db(&found.poles, &dense).unwrap();
         assert!(cost <= best + 1.0, "{functions}: {cost}");
         assert_eq!(found.poles.len(), functions);
@@ -63,10 +63,10 @@ fn fuzzy_search_on_the_grid_is_within_1_db_of_the_best_on_the_continuum() {
         assert!(columns.iter().all(|s| (s - 1.0).abs() < 1e-12));
         // Work, not time: a start that needs many more Newton steps than today is a defect.
         assert!(found.refinement_steps < 250);
-        let raw = FkcmSettings::new(functions)
-            .refinement(Refinement::None)
-            .check()
-            .unwrap();
+        let raw = FkcmSettings {
+            refinement: Refinement::None,
+            ..FkcmSettings::new(functions)
+        };
         assert!(fkcm(&grid(), &raw).unwrap().log_fuzzy_cost >= found.log_fuzzy_cost);
     }
 }
@@ -76,7 +76,7 @@ fn minimax_on_the_continuum_reaches_the_best_known() {
     let dense = machine::sampled_poles(2001);
     for (functions, best) in BEST {
         // From the fuzzy search, and from a single poor start without extra ones.
-        let found = fkcm(&grid(), &FkcmSettings::new(functions).check().unwrap()).unwrap();
+        let found = fkcm(&grid(), &FkcmSettings::new(functions)).unwrap();
         let polished = polish_minimax(&found.poles, &dense, &minimax()).unwrap();
         assert!(
             polished.cost_db <= best + 0.01,
@@ -104,7 +104,7 @@ fn noise_of_1e_5_on_the_poles_costs_little() {
             .collect();
         let noisy = PoleSet::from_upper_half(&noisy).unwrap();
         for (functions, best) in BEST {
-            let found = fkcm(&noisy, &FkcmSettings::new(functions).check().unwrap()).unwrap();
+            let found = fkcm(&noisy, &FkcmSettings::new(functions)).unwrap();
             let cost = kolmogorov_cost_db(&found.poles, &dense).unwrap();
             assert!(cost <= best + 1.0, "{seed}, {functions}: {cost}");
         }
@@ -114,7 +114,10 @@ fn noise_of_1e_5_on_the_poles_costs_little() {
 #[test]
 fn one_pair_needs_no_refinement() {
     // With one centre the memberships are one, and the centre step solves the whole problem but for the lagged factor.
-    let raw = FkcmSettings::new(2).refinement(Refinement::None).check().unwrap();
+    let raw = FkcmSettings {
+        refinement: Refinement::None,
+        ..FkcmSettings::new(2)
+    };
     let alternation = fkcm(&grid(), &raw).unwrap();
     let polished = polish_minimax(&alternation.poles, grid().as_slice(), &minimax()).unwrap();
     assert!(
@@ -128,7 +131,14 @@ fn one_pair_needs_no_refinement() {
 #[test]
 fn the_number_of_threads_changes_nothing() {
     let run = || {
-        let found = fkcm(&grid(), &FkcmSettings::new(12).seed(5).check().unwrap()).unwrap();
+        let found = fkcm(
+            &grid(),
+            &FkcmSettings {
+                seed: 5,
+                ..FkcmSettings::new(12)
+            },
+        )
+        .unwrap();
         let polished = polish_minimax(&found.poles, grid().as_slice(), &minimax()).unwrap();
         (found, polished)
     };
@@ -138,7 +148,7 @@ fn the_number_of_threads_changes_nothing() {
 
 #[test]
 fn the_smallest_size_that_reaches_the_target_is_chosen() {
-    let settings = FkcmSettings::new(2).check().unwrap();
+    let settings = FkcmSettings::new(2);
     let choice = choose_functions(&grid(), 2..=16, -12.0, &settings).unwrap();
     assert_eq!(
         (choice.verdict, choice.result.poles.len()),
@@ -164,7 +174,14 @@ fn real_observations_get_real_poles_and_enough_poles_are_exact() {
         .map(|k| PoleUnit::Real(0.5 + 0.04 * f64::from(k)))
         .collect();
     let set = PoleSet::from_units(reals).unwrap();
-    let found = fkcm(&set, &FkcmSettings::new(3).real_centres(3).check().unwrap()).unwrap();
+    let found = fkcm(
+        &set,
+        &FkcmSettings {
+            real_centres: Some(3),
+            ..FkcmSettings::new(3)
+        },
+    )
+    .unwrap();
     assert!(
         found
             .poles
@@ -174,7 +191,14 @@ fn real_observations_get_real_poles_and_enough_poles_are_exact() {
     );
     let polished = polish_minimax(&found.poles, set.as_slice(), &minimax()).unwrap();
     assert!(polished.cost_db <= found.cost_db && found.cost_db < -20.0);
-    let exact = fkcm(&set, &FkcmSettings::new(9).real_centres(9).check().unwrap()).unwrap();
+    let exact = fkcm(
+        &set,
+        &FkcmSettings {
+            real_centres: Some(9),
+            ..FkcmSettings::new(9)
+        },
+    )
+    .unwrap();
     assert_eq!((exact.cost_db, exact.stop), (f64::NEG_INFINITY, Stop::Exact));
 }
 
@@ -223,14 +247,15 @@ proptest! {
     #[test]
     fn wild_input_never_panics(poles in wild(), observed in wild(), n in 0usize..7, m in any::<f64>(), reals in 0usize..4) {
         let _ = PoleSet::new(&poles);
-        let settings = FkcmSettings::new(n).fuzziness(m).starts(2).max_iterations(20);
-        let _ = settings.clone().real_centres(reals).tolerance(m).check();
-        let settings = settings.check().or_else(|_| FkcmSettings::new(n.max(1)).starts(2).check()).unwrap();
-        let quick = MinimaxSettings::default().extra_starts(1).max_iterations(40).check().unwrap();
+        let settings = FkcmSettings { fuzziness: m, starts: 2, max_iterations: 20, ..FkcmSettings::new(n) };
+        let _ = FkcmSettings { real_centres: Some(reals), tolerance: m, ..settings.clone() }.check();
+        let tame = FkcmSettings { starts: 2, ..FkcmSettings::new(n.max(1)) };
+        let settings = if settings.check().is_ok() { settings } else { tame };
+        let quick = MinimaxSettings { extra_starts: 1, max_iterations: 40, ..MinimaxSettings::default() };
         if let Ok(set) = PoleSet::from_upper_half(&poles) {
             let found = fkcm(&set, &settings).unwrap();
             prop_assert!(!found.cost_db.is_nan() && found.cost_db <= 0.0);
-            prop_assert_eq!(found.poles.len(), settings.settings().clone().check().unwrap().pairs() * 2 + settings.real_centres());
+            prop_assert_eq!(found.poles.len(), settings.functions);
             let cost = kolmogorov_cost_db(&set, &observed);
             let polished = polish_minimax(&set, &observed, &quick);
             prop_assert_eq!(cost.is_ok(), polished.is_ok());

@@ -33,10 +33,10 @@ fn estimate(m: usize, error: f64) -> FrfEstimate {
 }
 
 fn with_setup(m: usize, error: f64, check: impl Fn(&Setup<'_>, &Basis)) {
-    let settings = PoleFitSettings::new(4 + m)
-        .integrators(Integrators::Fixed(m))
-        .check()
-        .unwrap();
+    let settings = PoleFitSettings {
+        integrators: Integrators::Fixed(m),
+        ..PoleFitSettings::new(4 + m)
+    };
     let clock = Discrete::new(1.0).unwrap();
     let lines = Lines::new(&estimate(m, error), clock, &settings).unwrap();
     assert_eq!(lines.diagonal_fallbacks, 0);

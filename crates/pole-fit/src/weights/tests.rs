@@ -26,7 +26,7 @@ fn whitened_errors_have_unit_covariance() {
     let c_v = (&root * root.adjoint()).iter().copied().collect();
     let s = (g.adjoint() * &g).iter().copied().collect();
     let estimate = FrfEstimate::new(frf, c_v, s, f64::INFINITY, None).unwrap();
-    let settings = PoleFitSettings::new(1).check().unwrap();
+    let settings = PoleFitSettings::new(1);
     let lines = Lines::new(&estimate, Discrete::new(1.0).unwrap(), &settings).unwrap();
     // K = L L^H: the whitened error is L^H vec(dF).
     let weight = DMatrix::from_fn(n * m, n * m, |c, d| {
@@ -63,7 +63,10 @@ fn smoothing_averages_the_covariance_and_multiplies_the_degrees_of_freedom() {
     let c_v = [1.0, 2.0, 6.0].map(|v| C64::new(v, 0.0)).to_vec();
     let s = vec![C64::new(1.0, 0.0); 3];
     let estimate = FrfEstimate::new(frf, c_v, s, 10.0, None).unwrap();
-    let settings = PoleFitSettings::new(1).smoothing_lines(1).check().unwrap();
+    let settings = PoleFitSettings {
+        smoothing_lines: 1,
+        ..PoleFitSettings::new(1)
+    };
     let lines = Lines::new(&estimate, Discrete::new(1.0).unwrap(), &settings).unwrap();
     for (k, mean) in [1.5, 3.0, 4.0].into_iter().enumerate() {
         assert!((lines.weight(k, 0) * mean - 1.0).abs() < 1e-9);

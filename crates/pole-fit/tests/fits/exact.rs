@@ -29,10 +29,12 @@ fn machine_with_fixed_integrators() {
         let unit = FrfEstimate::with_unit_covariance(frf, Some(p.into())).unwrap();
         for weighting in WEIGHTINGS {
             for (name, estimate) in [("zero", &nothing), ("unit", &unit)] {
-                let settings = PoleFitSettings::new(6)
-                    .integrators(Integrators::Fixed(2))
-                    .weighting(weighting);
-                let result = fit(estimate, clock(), &settings.check().unwrap()).unwrap();
+                let settings = PoleFitSettings {
+                    integrators: Integrators::Fixed(2),
+                    weighting,
+                    ..PoleFitSettings::new(6)
+                };
+                let result = fit(estimate, clock(), &settings).unwrap();
                 let error = worst(&result.flexible_poles(), &flexible_poles(p));
                 assert!(error < 1e-12, "p {p} {weighting:?} {name}: {error:e}");
                 assert_eq!(result.poles[..2], [C64::new(1.0, 0.0); 2]);
@@ -50,10 +52,10 @@ fn machine_with_free_integrators() {
     let frequencies = lines(16);
     for p in POSITIONS {
         let estimate = FrfEstimate::with_unit_covariance(response(p, &frequencies), None).unwrap();
-        let settings = PoleFitSettings::new(6)
-            .weighting(Weighting::Relative)
-            .check()
-            .unwrap();
+        let settings = PoleFitSettings {
+            weighting: Weighting::Relative,
+            ..PoleFitSettings::new(6)
+        };
         let result = fit(&estimate, clock(), &settings).unwrap();
         assert_eq!(result.flexible_poles().len(), 4);
         assert!(worst(&result.flexible_poles(), &flexible_poles(p)) < 1e-12);
@@ -71,10 +73,12 @@ fn too_high_an_order_keeps_the_true_poles() {
         (8, Integrators::Free),
     ] {
         for weighting in WEIGHTINGS {
-            let settings = PoleFitSettings::new(order)
-                .integrators(integrators)
-                .weighting(weighting);
-            let result = fit(&estimate, clock(), &settings.check().unwrap()).unwrap();
+            let settings = PoleFitSettings {
+                integrators,
+                weighting,
+                ..PoleFitSettings::new(order)
+            };
+            let result = fit(&estimate, clock(), &settings).unwrap();
             let error = worst(&result.poles, &flexible_poles(0.3));
             assert!(error < 1e-7, "{order} {integrators:?} {weighting:?}: {error:e}");
             assert!(result.account.condition > 1e10, "{:?}", result.account);
@@ -93,10 +97,12 @@ fn what_needs_no_free_pole_is_fitted_all_the_same() {
         let frf = Frf::new(frequencies.clone(), 1, 1, values).unwrap();
         let estimate = FrfEstimate::with_unit_covariance(frf, None).unwrap();
         for weighting in WEIGHTINGS {
-            let settings = PoleFitSettings::new(order)
-                .integrators(integrators)
-                .weighting(weighting);
-            let result = fit(&estimate, clock(), &settings.check().unwrap()).unwrap();
+            let settings = PoleFitSettings {
+                integrators,
+                weighting,
+                ..PoleFitSettings::new(order)
+            };
+            let result = fit(&estimate, clock(), &settings).unwrap();
             let largest = result.poles.iter().map(|p| p.norm()).fold(0.0, f64::max);
             let error = result.account.relative_error_max;
             assert!(largest < 1e6, "{order} {weighting:?}: {largest:e}");
@@ -127,11 +133,13 @@ fn response_and_state_space_agree() {
             }
             let frf = Frf::new(frequencies.clone(), n_y, n_u, values).unwrap();
             let estimate = FrfEstimate::with_unit_covariance(frf.clone(), None).unwrap();
-            let settings = PoleFitSettings::new(order)
-                .integrators(integrators)
-                .numerator(numerator)
-                .weighting(Weighting::Relative);
-            let result = fit(&estimate, clock, &settings.check().unwrap()).unwrap();
+            let settings = PoleFitSettings {
+                integrators,
+                numerator,
+                weighting: Weighting::Relative,
+                ..PoleFitSettings::new(order)
+            };
+            let result = fit(&estimate, clock, &settings).unwrap();
             let system = result.state_space().unwrap();
             assert_eq!(system.states(), order * n_y.min(n_u));
             let model = result.response(&frequencies).unwrap();
@@ -172,10 +180,12 @@ fn known_delay_is_taken_out_and_put_back() {
         .collect();
     let frf = Frf::new(frequencies.clone(), 1, 1, values).unwrap();
     let estimate = FrfEstimate::with_unit_covariance(frf.clone(), None).unwrap();
-    let settings = PoleFitSettings::new(2)
-        .delay_samples(3)
-        .numerator(NumeratorDegree::StrictlyProper);
-    let result = fit(&estimate, clock, &settings.check().unwrap()).unwrap();
+    let settings = PoleFitSettings {
+        delay_samples: 3,
+        numerator: NumeratorDegree::StrictlyProper,
+        ..PoleFitSettings::new(2)
+    };
+    let result = fit(&estimate, clock, &settings).unwrap();
     // z^2 - z + 0.8 by hand: 0.5 +- j sqrt(0.55).
     assert!((result.poles[0] - C64::new(0.5, 0.55f64.sqrt())).norm() < 1e-13);
     assert_eq!(result.poles[1], result.poles[0].conj());
@@ -204,7 +214,7 @@ fn unstable_poles_are_reported_not_forced() {
         .collect();
     let frf = Frf::new(frequencies, 1, 1, values).unwrap();
     let estimate = FrfEstimate::with_unit_covariance(frf, None).unwrap();
-    let result = fit(&estimate, clock, &PoleFitSettings::new(2).check().unwrap()).unwrap();
+    let result = fit(&estimate, clock, &PoleFitSettings::new(2)).unwrap();
     assert_eq!(result.account.unstable_poles.len(), 1);
     let unstable = result.poles[result.account.unstable_poles[0]];
     assert!((unstable - 1.25).norm() < 1e-12);

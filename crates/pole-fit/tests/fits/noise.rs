@@ -25,8 +25,11 @@ fn poles_lie_within_stated_deviations() {
         let truth = response(p, &lines(4));
         for known in [Known::Exactly, Known::From(28)] {
             let estimate = noisy(&truth, known, 1.0, 11);
-            let settings = PoleFitSettings::new(6).integrators(Integrators::Fixed(2));
-            let result = fit(&estimate, clock(), &settings.check().unwrap()).unwrap();
+            let settings = PoleFitSettings {
+                integrators: Integrators::Fixed(2),
+                ..PoleFitSettings::new(6)
+            };
+            let result = fit(&estimate, clock(), &settings).unwrap();
             let distances = squared_distances(&result, p);
             // 18.4 is exceeded once in ten thousand draws.
             assert!(distances.iter().all(|&d| d < 18.4), "p {p}: {distances:?}");
@@ -41,8 +44,14 @@ fn poles_lie_within_stated_deviations() {
 fn stated_deviations_are_right() {
     let p = -0.13;
     let truth = response(p, &lines(8));
-    let base = PoleFitSettings::new(6).integrators(Integrators::Fixed(2));
-    let uniform = base.weighting(Weighting::Uniform);
+    let base = PoleFitSettings {
+        integrators: Integrators::Fixed(2),
+        ..PoleFitSettings::new(6)
+    };
+    let uniform = PoleFitSettings {
+        weighting: Weighting::Uniform,
+        ..base
+    };
     let cases = [
         ("exact", Known::Exactly, base),
         ("28 degrees of freedom", Known::From(28), base),
@@ -50,17 +59,22 @@ fn stated_deviations_are_right() {
         (
             "6 degrees of freedom, smoothed",
             Known::From(6),
-            base.smoothing_lines(5),
+            PoleFitSettings {
+                smoothing_lines: 5,
+                ..base
+            },
         ),
         (
             "diagonal",
             Known::From(28),
-            base.weighting(Weighting::DiagonalCovariance),
+            PoleFitSettings {
+                weighting: Weighting::DiagonalCovariance,
+                ..base
+            },
         ),
         ("uniform", Known::Exactly, uniform),
     ];
     for (name, known, settings) in cases {
-        let settings = settings.check().unwrap();
         let runs = 120;
         let (mut sum, mut excess, mut square) = (0.0, 0.0, 0.0);
         for seed in 0..runs {
@@ -89,7 +103,7 @@ fn free_integrators_and_order_eight() {
     let p = 0.2;
     let estimate = noisy(&response(p, &lines(4)), Known::From(28), 1.0, 5);
     for order in [6, 8] {
-        let settings = PoleFitSettings::new(order).check().unwrap();
+        let settings = PoleFitSettings::new(order);
         let result = fit(&estimate, clock(), &settings).unwrap();
         for (truth, name) in flexible_poles(p).into_iter().zip(["first", "", "second"]) {
             if name.is_empty() {
@@ -113,14 +127,11 @@ fn free_integrators_and_order_eight() {
 #[test]
 fn scan_finds_the_order() {
     let estimate = noisy(&response(-0.3, &lines(8)), Known::From(28), 1.0, 5);
-    let settings = PoleFitSettings::new(2).integrators(Integrators::Fixed(2));
-    let result = scan(
-        &estimate,
-        clock(),
-        &settings.check().unwrap(),
-        &[8, 2, 3, 4, 5, 6, 7, 9, 10],
-    )
-    .unwrap();
+    let settings = PoleFitSettings {
+        integrators: Integrators::Fixed(2),
+        ..PoleFitSettings::new(2)
+    };
+    let result = scan(&estimate, clock(), &settings, &[8, 2, 3, 4, 5, 6, 7, 9, 10]).unwrap();
     assert!(result.failures.is_empty(), "{:?}", result.failures);
     assert_eq!(result.entries[result.chosen].order, 6);
     assert_eq!(result.chosen().unwrap().account.order, 6);

@@ -27,8 +27,10 @@ fn report(name: &str, run: impl Fn() -> PoleFit) {
 fn thousands_of_lines() {
     let truth = response(-0.13, &lines(1)).select(|k, _| k < 5000);
     let estimate = noisy(&truth, Known::From(28), 1.0, 1);
-    let settings = PoleFitSettings::new(6).integrators(Integrators::Fixed(2));
-    let settings = settings.check().unwrap();
+    let settings = PoleFitSettings {
+        integrators: Integrators::Fixed(2),
+        ..PoleFitSettings::new(6)
+    };
     report("5000 lines, order 6, 2 x 2", || {
         fit(&estimate, clock(), &settings).unwrap()
     });
@@ -55,7 +57,7 @@ fn twelve_poles() {
     }
     let truth = Frf::new(frequencies, 2, 2, values).unwrap();
     let estimate = noisy(&truth, Known::From(28), 0.1, 1);
-    let settings = PoleFitSettings::new(12).check().unwrap();
+    let settings = PoleFitSettings::new(12);
     let one = Discrete::new(1.0).unwrap();
     report("401 lines, order 12, 2 x 2", || {
         fit(&estimate, one, &settings).unwrap()

@@ -35,14 +35,9 @@ proptest! {
         k in prop_oneof![0usize..4, Just(usize::MAX)],
         lower in wild(), upper in wild(), floor in wild(), tolerance in wild(), rigid in wild(),
     ) {
-        let settings = PoleFitSettings::new(order)
-            .integrators(Integrators::Fixed(k))
-            .band(lower, upper)
-            .relative_floor(floor)
-            .tolerance(tolerance)
-            .rigid_body_hz(rigid);
-        if let Ok(checked) = settings.check() {
-            prop_assert!(checked.get().order >= k.max(1));
+        let settings = PoleFitSettings { integrators: Integrators::Fixed(k), band: Some((lower, upper)), relative_floor: floor, tolerance, rigid_body_hz: Some(rigid), ..PoleFitSettings::new(order) };
+        if settings.check().is_ok() {
+            prop_assert!(settings.order >= k.max(1));
             prop_assert!(lower < upper);
         }
     }
@@ -74,12 +69,7 @@ proptest! {
         let s = take(lines * n_u * n_u);
         let Ok(frf) = Frf::new(frequencies, n_y, n_u, values) else { return Ok(()) };
         let Ok(estimate) = FrfEstimate::new(frf, c_v, s, degrees, None) else { return Ok(()) };
-        let settings = PoleFitSettings::new(order)
-            .integrators(Integrators::Fixed(k))
-            .numerator(strict)
-            .weighting(weighting)
-            .smoothing_lines(smoothing);
-        let Ok(settings) = settings.check() else { return Ok(()) };
+        let settings = PoleFitSettings { integrators: Integrators::Fixed(k), numerator: strict, weighting, smoothing_lines: smoothing, ..PoleFitSettings::new(order) };
         let clock = Discrete::new(1.0).unwrap();
         if let Ok(result) = fit(&estimate, clock, &settings) {
             prop_assert_eq!(result.poles.len(), order);
@@ -101,7 +91,7 @@ fn refusals_name_the_facts() {
         Frf::new(frequencies, 1, 1, values).unwrap()
     };
     let unit = |frf| FrfEstimate::with_unit_covariance(frf, None).unwrap();
-    let settings = PoleFitSettings::new(3).check().unwrap();
+    let settings = PoleFitSettings::new(3);
     let few = unit(frf(vec![0.1, 0.2, 0.3], 1.0));
     assert!(matches!(
         fit(&few, clock, &settings),
@@ -124,7 +114,10 @@ fn refusals_name_the_facts() {
         fit(&unit(frf(lines.clone(), 1.0)), slow, &settings),
         Err(PoleFitError::Core(_))
     ));
-    let band = PoleFitSettings::new(3).band(0.41, 0.42).check().unwrap();
+    let band = PoleFitSettings {
+        band: Some((0.41, 0.42)),
+        ..PoleFitSettings::new(3)
+    };
     assert!(matches!(
         fit(&unit(frf(lines.clone(), 1.0)), clock, &band),
         Err(PoleFitError::EmptyBand { lines: 9, .. })

@@ -6,7 +6,7 @@ use crate::moving::data::MovingData;
 use crate::moving::flow::Want;
 use crate::problem::{Cost, Linear};
 use crate::search::{Limits, Objective, search};
-use crate::{CheckedRefineSettings, MechanicalForm, RealizeError, StopReason};
+use crate::{MechanicalForm, RealizeError, RefineSettings, StopReason};
 use lpv_numerics::dense::triangle_beside;
 use nalgebra::{DMatrix, DVector};
 
@@ -44,8 +44,9 @@ pub fn turn(
     form: &MechanicalForm,
     data: &MovingData,
     degree: usize,
-    settings: &CheckedRefineSettings,
+    settings: &RefineSettings,
 ) -> Result<TurningFit, RealizeError> {
+    settings.check()?;
     if form.range().parameters() != 1 {
         return Err(RealizeError::Moving {
             problem: "state coordinates are turned for one scheduling parameter only; measure along one at a time",
@@ -62,7 +63,7 @@ pub fn turn(
     let first = whole.cost(&zero).ok_or_else(|| whole.no_start())?;
     // The way is long at first, and short records show it.
     let beginnings = data.beginnings(BEGINNING);
-    let set = settings.get();
+    let set = settings;
     let limits = Limits {
         max_iterations: set.max_iterations,
         tolerance: set.tolerance,

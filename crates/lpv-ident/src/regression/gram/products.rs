@@ -74,7 +74,7 @@ impl Products {
         let ng = equations.regressors.functions().len();
         let ny = equations.estimate.frf().outputs();
         let coefficients = (0..self.channels).flat_map(|s| (0..ng).map(move |n| (s, n)));
-        let rigid = equations.settings.rigid_body().iter();
+        let rigid = equations.settings.rigid_body.iter();
         let gains = rigid.map(|t| (t.input * ny + t.output, ng));
         let columns: Vec<(usize, usize)> = coefficients.chain(gains).collect();
         let mut matrix = DMatrix::zeros(columns.len(), columns.len());

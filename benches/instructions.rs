@@ -4,7 +4,7 @@
 
 use frf_estimation::PeriodicAccumulator;
 use gungraun::{Callgrind, LibraryBenchmarkConfig, library_benchmark, library_benchmark_group, main};
-use lfr_realize::{RefineSettings, refine};
+use lfr_fit::{RefineSettings, refine};
 use lpv_benches::refinement::Case;
 use lpv_benches::{Bench, accumulator, twelve_poles};
 use lpv_core::nalgebra::{DMatrix, DVector};

@@ -37,7 +37,7 @@ pub enum InputError {
     Basis(#[from] BasisError),
     /// From the LFR.
     #[error(transparent)]
-    Realize(#[from] lfr_realize::RealizeError),
+    Fit(#[from] lfr_fit::FitError),
     /// From the accumulator.
     #[error(transparent)]
     Frf(#[from] FrfError),

@@ -1,7 +1,7 @@
 //! A refinement of an LFR on frozen responses: four modes whose couplings depend on p, and a start near the truth.
 
 use crate::{C64, InputError};
-use lfr_realize::{Candidate, FrozenData};
+use lfr_fit::{Candidate, FrozenData};
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{DeltaBlock, Discrete, Frf, Lfr, LfrBlocks, SchedulingRange};
 use rand::SeedableRng;

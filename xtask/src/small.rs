@@ -5,11 +5,12 @@ use crate::experiment::{Bench, median};
 use crate::identification::{self, BAND_HZ, TestGrid};
 use crate::size::{NOISE, Size};
 use indicatif::ProgressBar;
-use lfr_realize::moving::{MovingData, Standing, StandingSettings, simulate_errors, stand_still};
-use lfr_realize::{
-    DeltaSplit, FrozenData, GainFit, GrowSettings, Grown, LocalModel, LocalSettings, ReduceSettings,
-    RefineSettings, Refined, condense, grow, local_model, reduce_to_continuous, refine,
+use lfr_fit::moving::{MovingData, Standing, StandingSettings, simulate_errors, stand_still};
+use lfr_fit::{
+    DeltaSplit, FrozenData, GainFit, GrowSettings, Grown, LocalModel, LocalSettings, RefineSettings, Refined,
+    condense, grow, local_model, refine,
 };
+use lfr_realize::{ReduceSettings, reduce_to_continuous};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Continuous, DeltaBlock, Discrete, Frf, Lfr, Purpose, Record, StateSpace};

@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use frf_estimation::PeriodicAccumulator;
-use lfr_realize::{RefineSettings, refine};
+use lfr_fit::{RefineSettings, refine};
 use lpv_benches::refinement::Case;
 use lpv_benches::{Bench, accumulator, median, twelve_poles};
 use lpv_core::nalgebra::{Complex, DMatrix, DVector};

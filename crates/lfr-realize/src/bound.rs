@@ -8,6 +8,7 @@ mod settings;
 use crate::RealizeError;
 pub use between::{Between, BetweenWarning, Interval, bound_between};
 use cells::{Cell, Line};
+use lfr_fit::FitError;
 use lpv_core::{Clock, Lfr};
 pub use settings::BoundSettings;
 
@@ -34,7 +35,7 @@ pub struct DifferenceBound {
 /// those of the LFRs themselves, for continuous time those at `s = 2 pi i f` and not behind a hold.
 ///
 /// # Errors
-/// [`RealizeError::Empty`] without lines, [`RealizeError::Core`] for models whose sizes, clocks or ranges differ, or a line
+/// [`FitError::Empty`] without lines, [`FitError::Core`] for models whose sizes, clocks or ranges differ, or a line
 /// on a pole.
 pub fn difference_bound<K: Clock>(
     model: &Lfr<K>,
@@ -66,9 +67,7 @@ fn over_cell<K: Clock>(
         largest: 0.0,
         bound: 0.0,
         at: model.range().centre(),
-        frequency_hz: *frequencies_hz
-            .first()
-            .ok_or(RealizeError::Empty { what: "lines" })?,
+        frequency_hz: *frequencies_hz.first().ok_or(FitError::Empty { what: "lines" })?,
         cells: 0,
     };
     let place = |delta: &[f64]| -> Vec<f64> {

@@ -1,6 +1,8 @@
 //! The direct realisation of an LPV-OBF model, paper Sec. V-C.
 
 use crate::RealizeError;
+use crate::exact::exact_lfr;
+use lfr_fit::FitError;
 use lpv_core::{Discrete, Lfr, LpvStateSpace, SeriesExpansion, WellPosedness};
 use nalgebra::{DMatrix, DVector};
 
@@ -64,7 +66,7 @@ fn in_size(model: &LpvStateSpace<Discrete>) -> Result<Lfr<Discrete>, RealizeErro
         model.range().clone(),
         model.clock(),
     )?;
-    let lfr = scaled.to_lfr()?;
+    let lfr = exact_lfr(&scaled)?;
     let mut blocks = lfr.blocks().clone();
     for block in [&mut blocks.c2, &mut blocks.d21, &mut blocks.d22] {
         *block = &grow * &*block;
@@ -82,16 +84,17 @@ impl Realization {
     /// frequencies.
     ///
     /// # Errors
-    /// [`RealizeError::Empty`]; positions outside the range, frequencies on a pole or above Nyquist.
+    /// [`FitError::Empty`]; positions outside the range, frequencies on a pole or above Nyquist.
     pub fn largest_difference(&self, positions: &[f64], frequencies_hz: &[f64]) -> Result<f64, RealizeError> {
         if positions.is_empty() || frequencies_hz.is_empty() {
-            return Err(RealizeError::Empty {
+            return Err(FitError::Empty {
                 what: if positions.is_empty() {
                     "positions"
                 } else {
                     "frequencies"
                 },
-            });
+            }
+            .into());
         }
         let mut largest = 0.0_f64;
         for &p in positions {

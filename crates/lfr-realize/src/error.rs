@@ -1,5 +1,6 @@
-//! What can be wrong with a realisation or a fit.
+//! What can be wrong with a realisation, a reduction or a bound.
 
+use lfr_fit::FitError;
 use lpv_core::CoreError;
 
 /// Every refusal of this crate.
@@ -14,70 +15,6 @@ pub enum RealizeError {
         /// Name of the function basis.
         basis: &'static str,
     },
-    /// Nothing to compare with, or nothing to fit.
-    #[error("no {what}; give at least one")]
-    Empty {
-        /// What is missing.
-        what: &'static str,
-    },
-    /// A setting outside its range.
-    #[error("setting `{name}` = {value}: {allowed}")]
-    Setting {
-        /// Name of the field.
-        name: &'static str,
-        /// The value given.
-        value: f64,
-        /// What is allowed.
-        allowed: &'static str,
-    },
-    /// Positions of one data set, or a model and its data, that do not fit together.
-    #[error("position {index} of the data, {what}: expected {expected}, found {found}")]
-    Data {
-        /// Index of the position, from 0.
-        index: usize,
-        /// The quantity.
-        what: &'static str,
-        /// What the model or the first position asks for.
-        expected: usize,
-        /// What was given.
-        found: usize,
-    },
-    /// A line that cannot be weighted.
-    #[error("position {index} of the data, line {line} ({frequency_hz}): {problem}")]
-    Line {
-        /// Index of the position, from 0.
-        index: usize,
-        /// Index of the line, from 0.
-        line: usize,
-        /// Frequency, Hz.
-        frequency_hz: f64,
-        /// What is wrong with it.
-        problem: &'static str,
-    },
-    /// Fewer real equations than unknowns.
-    #[error(
-        "{equations} real equations for {unknowns} unknowns; give more lines or positions, or free fewer entries"
-    )]
-    TooFewEquations {
-        /// Two a line and channel.
-        equations: usize,
-        /// Free entries that no change of coordinates accounts for.
-        unknowns: usize,
-    },
-    /// The model that a fit is to start from has no response at a position of the data.
-    #[error("the start of the fit has no response at p = {p:?}: {problem}")]
-    Start {
-        /// Scheduling value.
-        p: Vec<f64>,
-        /// Why.
-        problem: &'static str,
-    },
-    /// Records along a moving p that a model cannot be fitted to.
-    #[error("moving records: {problem}")]
-    Moving {
-        /// What is wrong.
-        problem: &'static str,
-    },
     /// An LFR that cannot be reduced.
     #[error("no reduction, at p = {p:?}: {problem}")]
     Reduction {
@@ -86,32 +23,16 @@ pub enum RealizeError {
         /// Why.
         problem: &'static str,
     },
-    /// Poles that a local model cannot have.
-    #[error("pole {index} = {pole}: {problem}")]
-    Pole {
-        /// Index in the list given, from 0.
-        index: usize,
-        /// The pole.
-        pole: String,
-        /// What is wrong with it.
-        problem: &'static str,
-    },
-    /// A factorisation that did not converge; only numbers near overflow do this.
-    #[error("{operation} did not converge; rescale the responses")]
-    NoConvergence {
-        /// The operation.
-        operation: &'static str,
-    },
-    /// From the models.
+    /// From the fit to frozen responses.
     #[error(transparent)]
-    Core(CoreError),
+    Fit(#[from] FitError),
 }
 
 impl From<CoreError> for RealizeError {
     fn from(e: CoreError) -> Self {
         match e {
             CoreError::NotRational { basis } => Self::NotPolynomial { basis },
-            other => Self::Core(other),
+            other => Self::Fit(FitError::Core(other)),
         }
     }
 }

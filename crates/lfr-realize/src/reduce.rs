@@ -4,16 +4,12 @@ mod balance;
 mod rigid;
 mod settings;
 
-use crate::grow::Field;
-use crate::sampling::Sampling;
-use crate::sampling::hold::Derivative;
-use crate::shape::Shape;
-use crate::{
-    Candidate, DeltaReach, FrozenData, GrowSettings, Grown, LocalSettings, RealizeError, Refined, RigidGain,
-    StartAccount, local_model,
-};
+use crate::RealizeError;
 use balance::{dominant_poles, truncated};
-use lpv_core::linalg::from_blocks;
+use lfr_fit::{
+    Candidate, DeltaReach, FitError, FrozenData, GrowSettings, Grown, LocalSettings, Refined, RigidGain,
+    Sampling, StartAccount, grow, grow_from, local_model, sampled,
+};
 use lpv_core::{Clock, Continuous, DeltaBlock, Discrete, Frf, Lfr, StateSpace};
 use nalgebra::DMatrix;
 use rigid::Split;
@@ -42,17 +38,24 @@ pub struct Reduced<K: Sampling> {
 
 impl<K: Sampling> Reduced<K> {
     /// The reduced model fitted to data in the place of the LFR that it came from, by the stages and the stopping rules of
-    /// [`crate::grow`]: the first start is the reduced model itself, the others begin at its centre.
+    /// [`grow`]: the first start is the reduced model itself, the others begin at its centre.
     ///
     /// # Errors
-    /// Those of [`crate::grow`].
+    /// Those of [`grow`].
     pub fn grow(&self, data: &FrozenData, settings: &GrowSettings) -> Result<Grown<K>, RealizeError> {
         let (local, model) = (self.local()?, &self.refined.candidate);
-        let field = Field::new(&local, self.gamma.as_ref(), data, model.range(), settings)?;
-        field.grow(model.to_lfr()?.deltas(), Some(model))
+        let deltas = model.to_lfr()?.deltas().to_vec();
+        Ok(grow_from(
+            model,
+            &local,
+            self.gamma.as_ref(),
+            data,
+            &deltas,
+            settings,
+        )?)
     }
 
-    /// The flexible part at the centre of the range: a local model from which [`crate::grow`] can begin on the data
+    /// The flexible part at the centre of the range: a local model from which [`grow`] can begin on the data
     /// themselves, with `gamma` as the gain of the rigid body.
     ///
     /// # Errors
@@ -82,8 +85,8 @@ impl<K: Sampling> Reduced<K> {
 ///
 /// # Errors
 /// [`RealizeError::Reduction`] for unstable parts and for integrators that are not those of a rigid body or depend on p;
-/// [`RealizeError::Setting`] for fewer states than the rigid body has, [`RealizeError::Empty`] without deltas, and those
-/// of [`crate::refine`]. A large error is a result.
+/// [`FitError::Setting`] for fewer states than the rigid body has, [`FitError::Empty`] without deltas, and those
+/// of [`lfr_fit::refine`]. A large error is a result.
 pub fn reduce<K: Sampling>(
     lfr: &Lfr<K>,
     clock: Discrete,
@@ -107,7 +110,7 @@ pub fn reduce<K: Sampling>(
 /// fewer deltas there than in discrete time.
 ///
 /// # Errors
-/// Those of [`reduce`]; [`RealizeError::Pole`] if a pole that matters is real and negative at the centre.
+/// Those of [`reduce`]; [`FitError::Pole`] if a pole that matters is real and negative at the centre.
 pub fn reduce_to_continuous(
     lfr: &Lfr<Discrete>,
     states: usize,
@@ -140,14 +143,13 @@ impl<'a, K: Sampling> Large<'a, K> {
         states: usize,
         settings: &ReduceSettings,
     ) -> Result<Self, RealizeError> {
-        lfr.clock().agrees(clock)?;
         let at = lfr.range().centre();
         let centre = Split::new(&frozen(lfr, clock, &at)?, &at)?;
         let gamma = centre.gamma.clone();
         let rigid = gamma.as_ref().map_or(0, |_| 2 * lfr.outputs());
         let allowed = "give more states than the rigid body has, two an output, and no more than the LFR has";
         let good = (rigid + 1..=lfr.states().max(rigid)).contains(&states);
-        crate::settings::range("states", states as f64, good, allowed)?;
+        FitError::unless(good, "states", states as f64, allowed)?;
         let mut direct = false;
         let mut responses = Vec::new();
         for p in lfr.range().grid(settings.positions(lfr.range().parameters())) {
@@ -185,7 +187,7 @@ impl<'a, K: Sampling> Large<'a, K> {
         settings: &ReduceSettings,
     ) -> Result<Reduced<T>, RealizeError> {
         if deltas.iter().all(|d| d.repetitions == 0) {
-            return Err(RealizeError::Empty { what: "deltas" });
+            return Err(FitError::Empty { what: "deltas" }.into());
         }
         let data = FrozenData::relative(self.clock, &self.responses)?;
         let range = self.lfr.range();
@@ -195,7 +197,7 @@ impl<'a, K: Sampling> Large<'a, K> {
             DeltaReach::States
         };
         // Random channels are for targets that can be reached; here a residual is the rule.
-        let grow = GrowSettings {
+        let settings_of_growth = GrowSettings {
             reach,
             restarts: 0,
             target: Some(REACHED),
@@ -203,8 +205,11 @@ impl<'a, K: Sampling> Large<'a, K> {
             ..GrowSettings::default()
         };
         let local = self.local(target)?;
-        let field = Field::new(&local, self.gamma.as_ref(), &data, range, &grow)?;
-        let grown = field.grow(deltas, balanced.as_ref())?;
+        let gamma = self.gamma.as_ref();
+        let grown = match &balanced {
+            Some(balanced) => grow_from(balanced, &local, gamma, &data, deltas, &settings_of_growth)?,
+            None => grow(&local, gamma, &data, deltas, range, &settings_of_growth)?,
+        };
         let mut reduced = Reduced {
             refined: grown.refined,
             gamma: self.gamma.clone(),
@@ -266,7 +271,7 @@ impl<'a, K: Sampling> Large<'a, K> {
             let truth = frozen(self.lfr, self.clock, &p)?;
             let lines = lines(&Split::new(&truth, &p)?.flexible, settings.lines)?;
             let own =
-                sampled(&reduced.refined.candidate.frozen(&p)?, self.clock).ok_or_else(|| too_fast(&p))?;
+                sampled(&reduced.refined.candidate.frozen(&p)?, self.clock)?.ok_or_else(|| too_fast(&p))?;
             let relative = own
                 .frequency_response(&lines)?
                 .relative_error(&truth.frequency_response(&lines)?)?;
@@ -291,8 +296,8 @@ const REACHED: f64 = 1e-9;
 
 /// Whether the deltas of a candidate reach its outputs.
 fn has_direct_channels<K: Clock>(candidate: &Candidate<K>) -> bool {
-    let Shape { states, .. } = candidate.shape();
-    let first = candidate.shape().columns();
+    let states = candidate.states();
+    let first = states + candidate.inputs();
     let m = candidate.matrix();
     m.view((states, first), (candidate.outputs(), m.ncols() - first))
         .iter()
@@ -311,19 +316,7 @@ fn frozen<K: Sampling>(
     clock: Discrete,
     p: &[f64],
 ) -> Result<StateSpace<Discrete>, RealizeError> {
-    sampled(&lfr.frozen(p)?, clock).ok_or_else(|| too_fast(p))
-}
-
-/// The model as the data see it.
-fn sampled<K: Sampling>(model: &StateSpace<K>, clock: Discrete) -> Option<StateSpace<Discrete>> {
-    let shape = Shape {
-        states: model.states(),
-        outputs: model.outputs(),
-        inputs: model.inputs(),
-    };
-    let s = from_blocks(&[&[model.a(), model.b()], &[model.c(), model.d()]]).ok()?;
-    let s = model.clock().sample(&s, shape.states, clock, Derivative::Skip)?.s;
-    shape.system(&s, clock).ok()
+    sampled(&lfr.frozen(p)?, clock)?.ok_or_else(|| too_fast(p))
 }
 
 /// Frequencies that show a model: equidistant up to Nyquist, and some around each pole, as far apart as it is wide.

@@ -15,10 +15,8 @@
 //!
 //! `y = R(q) u + W_0(p) u + sum_i W_i(p) phi_i(q) u`.
 //!
-//! [`SeriesExpansion::to_state_space`], [`LpvStateSpace::to_lfr`] and [`Lfr::to_state_space`] go from one to the next.
-//! The way to the LFR is exact for polynomials: Clenshaw's recurrence
-//! `b_k = M_k + 2 delta b_(k+1) - b_(k+2)` in Chebyshev polynomials for one parameter, Horner's rule in monomials for
-//! several. At constant p all three are a [`StateSpace`], whose response `C (zI - A)^-1 B + D` on thousands of lines
+//! [`SeriesExpansion::to_state_space`] and [`Lfr::to_state_space`] go from one to the next; the crate lfr-realize makes the exact LFR of
+//! an LPV state space. At constant p all three are a [`StateSpace`], whose response `C (zI - A)^-1 B + D` on thousands of lines
 //! costs one Schur form of A and `O(n^2)` a line, see [`ResponseKernel`].
 //!
 //! # Glossary
@@ -42,7 +40,7 @@
 //!
 //! ```
 //! use lpv_core::nalgebra::{self, DMatrix, DVector, dmatrix};
-//! use lpv_core::{Discrete, LpvStateSpace, MatrixFunction, SchedulingRange, WellPosedness};
+//! use lpv_core::{Discrete, LpvStateSpace, MatrixFunction, SchedulingRange};
 //!
 //! // x(k+1) = (0.8 + 0.1 p) x + u, y = (1 + p^2) x on p in [-1, 1].
 //! let a = MatrixFunction::polynomial(vec![dmatrix![0.8], dmatrix![0.1]])?;
@@ -50,12 +48,10 @@
 //! let constant = |v: f64| MatrixFunction::constant(dmatrix![v]);
 //! let range = SchedulingRange::interval(-1.0, 1.0)?;
 //! let model = LpvStateSpace::new(a, constant(1.0)?, c, constant(0.0)?, range, Discrete::new(0.05)?)?;
-//! let lfr = model.to_lfr()?;
-//! assert!(matches!(lfr.well_posedness()?, WellPosedness::Proven { .. }));
 //! // At p = 0.5 and frequency zero: (1 + 0.25) / (1 - 0.85).
-//! let response = lfr.frozen(&[0.5])?.frequency_response(&[0.0])?;
+//! let response = model.frozen(&[0.5])?.frequency_response(&[0.0])?;
 //! assert!((response.line(0)[(0, 0)].re - 1.25 / 0.15).abs() < 1e-12);
-//! let y = lfr.simulate(&DVector::zeros(1), &dmatrix![1.0, 0.0], &dmatrix![0.0, 1.0])?.outputs;
+//! let y = model.simulate(&DVector::zeros(1), &dmatrix![1.0, 0.0], &dmatrix![0.0, 1.0])?.outputs;
 //! assert_eq!(y, DMatrix::from_row_slice(1, 2, &[0.0, 2.0]));
 //! # Ok::<(), lpv_core::CoreError>(())
 //! ```
@@ -80,7 +76,6 @@ mod model;
 mod polynomial;
 mod position;
 mod range;
-mod realise;
 mod record;
 mod recursion;
 mod response;

@@ -153,7 +153,7 @@ pub(crate) fn square(what: &'static str, matrix: &DMatrix<f64>) -> Result<(), Co
 }
 
 /// Orthonormal basis of the column space, up to a relative tolerance on the singular values.
-pub(crate) fn column_space(matrix: &DMatrix<f64>, relative_tolerance: f64) -> DMatrix<f64> {
+pub fn column_space(matrix: &DMatrix<f64>, relative_tolerance: f64) -> DMatrix<f64> {
     if matrix.is_empty() || matrix.amax() == 0.0 {
         return DMatrix::zeros(matrix.nrows(), 0);
     }

@@ -1,7 +1,7 @@
 //! How well the frozen response of a small LFR is known.
 
 use crate::{Identified, PipelineError};
-use lfr_realize::{Refined, ResidualUnit};
+use lfr_fit::{Refined, ResidualUnit};
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Continuous, Discrete, Frf, FrfEstimate};

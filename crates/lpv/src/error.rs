@@ -45,6 +45,9 @@ pub enum PipelineError {
     /// The model cannot be realised.
     #[error(transparent)]
     Realize(#[from] lfr_realize::RealizeError),
+    /// Of lfr-fit.
+    #[error(transparent)]
+    Fit(#[from] lfr_fit::FitError),
     /// A model or signal is inconsistent.
     #[error(transparent)]
     Core(#[from] lpv_core::CoreError),

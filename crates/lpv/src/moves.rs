@@ -5,7 +5,7 @@ use crate::progress::Progress;
 use crate::responses::{Responses, load_records, rests};
 use crate::{IdentifyConfig, PipelineError};
 use experiment_data::Bundle;
-use lfr_realize::moving::MovingData;
+use lfr_fit::moving::MovingData;
 use lpv_core::{Purpose, Record};
 use lpv_numerics::statistics::range;
 

@@ -10,11 +10,12 @@ use crate::poles::PoleStage;
 use crate::progress::{Progress, begin};
 use between::between;
 use data::{expected_residuals, frozen_data};
-use lfr_realize::moving::{MovingData, Standing, StandingSettings, stand_still};
-use lfr_realize::{
-    FrozenData, GainFit, GrowSettings, Grown, LocalSettings, RealizeError, RefineSettings, Refined,
-    ResidualUnit, RigidGain, StartKind, Units, condense, grow_sizes, local_model, refine,
+use lfr_fit::moving::{MovingData, Standing, StandingSettings, stand_still};
+use lfr_fit::{
+    FitError, FrozenData, GainFit, GrowSettings, Grown, LocalSettings, RefineSettings, Refined, ResidualUnit,
+    RigidGain, StartKind, Units, condense, grow_sizes, local_model, refine,
 };
+use lfr_realize::RealizeError;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Continuous, DeltaBlock, Discrete, Frf, FrfEstimate, Lfr, SchedulingRange};
 use pole_fit::PoleFit;
@@ -94,7 +95,7 @@ pub fn small_lfr(
     let units = Units::of(clock, &SchedulingRange::interval(low, high)?, estimates)?;
     match attempt(estimates, poles, (clock, &units), moves, config, progress) {
         Ok(stage) => Ok(Ok(stage)),
-        Err(PipelineError::Realize(refused)) => {
+        Err(PipelineError::Fit(refused) | PipelineError::Realize(RealizeError::Fit(refused))) => {
             let refused = units.undo_error(refused);
             Ok(Err(format!("no small LFR: {refused}")))
         }
@@ -130,7 +131,7 @@ fn attempt(
     let middle = data.subset(|p| p[0] == positions[nearest])?;
     let modes = modes_of(&poles.fits[nearest]);
     if modes.is_empty() {
-        return Err(RealizeError::Empty {
+        return Err(FitError::Empty {
             what: "lightly damped modes at the middle position",
         }
         .into());
@@ -277,7 +278,7 @@ fn attempt(
 }
 
 /// The fit where another search would end too: what noise hides is large against rounding, and rounding may choose the way there.
-fn to_the_end(fit: &Refined<Continuous>, data: &FrozenData) -> Result<Refined<Continuous>, RealizeError> {
+fn to_the_end(fit: &Refined<Continuous>, data: &FrozenData) -> Result<Refined<Continuous>, FitError> {
     /// Relative decrease of the cost that counts as none.
     const NOTHING: f64 = 1e-10;
     /// Most iterations; a few do where the model fits.
@@ -306,7 +307,7 @@ fn standing(
     few: &FrozenData,
     moves: &MovingData,
     seed: u64,
-) -> Result<Option<Standing>, RealizeError> {
+) -> Result<Option<Standing>, FitError> {
     let settings = StandingSettings {
         seed,
         ..StandingSettings::default()

@@ -1,7 +1,7 @@
 //! The refinement of an LFR on frozen responses, to the same cost.
 
 use super::{Failure, Run, parts, write};
-use lfr_realize::{RefineSettings, StopReason, refine};
+use lfr_fit::{RefineSettings, StopReason, refine};
 use lpv_benches::refinement::{Case, LINES, lines};
 use lpv_core::nalgebra::DMatrix;
 use std::path::Path;

@@ -2,8 +2,8 @@
 
 use super::cells::Cell;
 use super::{BoundSettings, over_cell};
-use crate::sampling::Sampling;
-use crate::{Candidate, FrozenData, RealizeError, RefineSettings, ResidualUnit, refine};
+use crate::RealizeError;
+use lfr_fit::{Candidate, FitError, FrozenData, RefineSettings, ResidualUnit, Sampling, refine};
 use lpv_core::{Clock, Lfr};
 use num_complex::Complex;
 
@@ -82,7 +82,7 @@ const SMALL: [f64; 2] = [1e-3, 1.5];
 /// Neighbours are consecutive positions for one parameter, and a position with its nearest one for several.
 ///
 /// # Errors
-/// [`RealizeError::Empty`] for fewer than four positions, and those of [`refine`].
+/// [`FitError::Empty`] for fewer than four positions, and those of [`refine`].
 pub fn bound_between<K: Sampling>(
     candidate: &Candidate<K>,
     data: &FrozenData,
@@ -90,9 +90,10 @@ pub fn bound_between<K: Sampling>(
 ) -> Result<Between, RealizeError> {
     settings.check()?;
     if data.len() < 4 {
-        return Err(RealizeError::Empty {
+        return Err(FitError::Empty {
             what: "positions to leave out; a statement between positions needs four of them",
-        });
+        }
+        .into());
     }
     let set = settings;
     let thinned = data.thinned(set.lines);

@@ -1,7 +1,6 @@
 //! Settings of a bound.
 
-use crate::RealizeError;
-use crate::settings::range;
+use lfr_fit::FitError;
 
 /// How to bound. What takes them checks every field against this table.
 ///
@@ -42,20 +41,20 @@ impl BoundSettings {
     /// Checks every field against the table above.
     ///
     /// # Errors
-    /// [`RealizeError::Setting`].
-    pub fn check(&self) -> Result<(), RealizeError> {
+    /// [`FitError::Setting`].
+    pub fn check(&self) -> Result<(), FitError> {
         let tolerance = self.tolerance;
         let good = tolerance > 0.0 && tolerance <= 10.0;
-        range("tolerance", tolerance, good, "give above 0, at most 10")?;
+        FitError::unless(good, "tolerance", tolerance, "give above 0, at most 10")?;
         let good = self.floor.is_finite() && self.floor >= 0.0;
-        range("floor", self.floor, good, "give a finite number, not negative")?;
+        FitError::unless(good, "floor", self.floor, "give a finite number, not negative")?;
         let cells = self.max_cells;
         let good = (1..=1_000_000).contains(&cells);
-        range("max_cells", cells as f64, good, "give 1 to 1000000")?;
-        range("lines", self.lines as f64, self.lines > 0, "give 1 or more")?;
+        FitError::unless(good, "max_cells", cells as f64, "give 1 to 1000000")?;
+        FitError::unless(self.lines > 0, "lines", self.lines as f64, "give 1 or more")?;
         let iterations = self.iterations;
         let good = (1..=1000).contains(&iterations);
-        range("iterations", iterations as f64, good, "give 1 to 1000")?;
+        FitError::unless(good, "iterations", iterations as f64, "give 1 to 1000")?;
         Ok(())
     }
 }

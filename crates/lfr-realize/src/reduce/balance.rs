@@ -1,8 +1,8 @@
 //! Balanced truncation: of one frozen model, and of states and deltas of an LFR by averaged Gramians.
 
 use super::rigid::Split;
-use crate::sampling::Sampling;
-use crate::{Candidate, RandomChannels, RealizeError};
+use crate::RealizeError;
+use lfr_fit::{Candidate, FitError, RandomChannels, Sampling, sampled};
 use lpv_core::linalg::{discrete_gramian, eigenvalues, svd, symmetric_eigen};
 use lpv_core::{DeltaBlock, Discrete, Lfr, LfrBlocks, StateSpace};
 use nalgebra::DMatrix;
@@ -49,7 +49,7 @@ fn factor(m: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 pub(crate) fn dominant_poles(model: &StateSpace<Discrete>, order: usize) -> Result<Vec<C64>, RealizeError> {
     let reachable = discrete_gramian(model.a(), model.b())?;
     let observable = discrete_gramian(&model.a().transpose(), &model.c().transpose())?;
-    let projection = Projection::new(&reachable, &observable, order).ok_or(RealizeError::NoConvergence {
+    let projection = Projection::new(&reachable, &observable, order).ok_or(FitError::NoConvergence {
         operation: "the balancing of the model at the centre",
     })?;
     Ok(eigenvalues(
@@ -167,7 +167,7 @@ pub(crate) fn truncated<K: Sampling>(
             .copy_from(&d12.row(j));
     }
     whole.view_mut((first_z, first_w), d11.shape()).copy_from(&d11);
-    Some(start.with_matrix(whole))
+    start.with_entries(whole).ok()
 }
 
 /// The nine matrices without integrators; none if a delta touches one.
@@ -185,7 +185,7 @@ fn flexible_blocks<K: Sampling>(lfr: &Lfr<K>, clock: Discrete, has_rigid: bool) 
         lfr.clock(),
     )
     .ok()?;
-    let bases = Split::bases(&super::sampled(&nominal, clock)?)?;
+    let bases = Split::bases(&sampled(&nominal, clock).ok()??)?;
     // A B1 or C1 of rounding alone touches nothing.
     let small =
         |part: DMatrix<f64>, of: &DMatrix<f64>| part.amax() <= 1e-9 * of.amax().max(1e-6 * m.a.amax());

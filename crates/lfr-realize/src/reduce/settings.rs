@@ -1,7 +1,6 @@
 //! Settings of a reduction.
 
-use crate::settings::range;
-use crate::{RealizeError, RefineSettings};
+use lfr_fit::{FitError, RefineSettings};
 
 /// How to reduce. What takes them checks every field against this table.
 ///
@@ -43,13 +42,13 @@ impl ReduceSettings {
     /// Checks every field against the table above.
     ///
     /// # Errors
-    /// [`RealizeError::Setting`].
-    pub fn check(&self) -> Result<(), RealizeError> {
+    /// [`FitError::Setting`].
+    pub fn check(&self) -> Result<(), FitError> {
         if let Some(positions) = self.positions {
             let good = (2..=1001).contains(&positions);
-            range("positions", positions as f64, good, "give 2 to 1001")?;
+            FitError::unless(good, "positions", positions as f64, "give 2 to 1001")?;
         }
-        range("lines", self.lines as f64, self.lines > 0, "give 1 or more")?;
+        FitError::unless(self.lines > 0, "lines", self.lines as f64, "give 1 or more")?;
         self.refine.check()?;
         Ok(())
     }

@@ -1,10 +1,8 @@
 //! Bounds between positions.
 
 use crate::common::*;
-use lfr_realize::{
-    BetweenWarning, BoundSettings, Candidate, FrozenData, RandomChannels, RealizeError, RefineSettings,
-    bound_between, difference_bound, refine,
-};
+use lfr_fit::{Candidate, FitError, FrozenData, RandomChannels, RefineSettings, refine};
+use lfr_realize::{BetweenWarning, BoundSettings, RealizeError, bound_between, difference_bound};
 use lpv_core::nalgebra::{DMatrix, dmatrix};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Clock, Continuous, CoreError, DeltaBlock, Frf, Lfr, LfrBlocks, SchedulingRange, StateSpace};
@@ -208,17 +206,17 @@ fn what_does_not_fit_is_refused() {
     let data = relative(&truth, &[1.0, 2.0, 3.0], 20);
     assert!(matches!(
         bound_between(&truth, &data, &settings()),
-        Err(RealizeError::Empty { .. })
+        Err(RealizeError::Fit(FitError::Empty { .. }))
     ));
     let lfr = truth.to_lfr().unwrap();
     assert!(matches!(
         difference_bound(&lfr, &lfr, &[], &settings()),
-        Err(RealizeError::Empty { what: "lines" })
+        Err(RealizeError::Fit(FitError::Empty { what: "lines" }))
     ));
     let other = continuous(1, 1).to_lfr().unwrap();
     assert!(matches!(
         difference_bound(&lfr, &other, &[0.1], &settings()),
-        Err(RealizeError::Core(CoreError::Dimension { .. }))
+        Err(RealizeError::Fit(FitError::Core(CoreError::Dimension { .. })))
     ));
     let narrow = Lfr::new(
         lfr.blocks().clone(),
@@ -229,7 +227,7 @@ fn what_does_not_fit_is_refused() {
     .unwrap();
     assert!(matches!(
         difference_bound(&lfr, &narrow, &[0.1], &settings()),
-        Err(RealizeError::Core(CoreError::OutsideRange { .. }))
+        Err(RealizeError::Fit(FitError::Core(CoreError::OutsideRange { .. })))
     ));
     for (name, settings) in [
         (
@@ -268,6 +266,6 @@ fn what_does_not_fit_is_refused() {
             },
         ),
     ] {
-        assert!(matches!(settings.check(), Err(RealizeError::Setting { name: n, .. }) if n == name));
+        assert!(matches!(settings.check(), Err(FitError::Setting { name: n, .. }) if n == name));
     }
 }

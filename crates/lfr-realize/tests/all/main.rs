@@ -3,12 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up must fail")]
 
 mod bound;
+#[path = "../../../lfr-fit/tests/all/common/mod.rs"]
 mod common;
 mod direct;
-mod grow;
-mod local;
-mod machine;
-mod moving;
-mod plate;
+mod exact;
 mod reduce;
-mod refine;

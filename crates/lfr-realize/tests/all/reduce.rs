@@ -1,10 +1,11 @@
 //! Joint reduction of states and deltas.
 
 use crate::common::*;
-use lfr_realize::{
-    Candidate, FrozenData, GainFit, GrowSettings, LocalSettings, RealizeError, ReduceSettings, StartKind,
-    StartSearch, grow, local_model, realize, reduce, reduce_to_continuous,
+use lfr_fit::{
+    Candidate, FitError, FrozenData, GainFit, GrowSettings, LocalSettings, StartKind, StartSearch, grow,
+    local_model,
 };
+use lfr_realize::{RealizeError, ReduceSettings, realize, reduce, reduce_to_continuous};
 use lpv_core::nalgebra::{DMatrix, dmatrix};
 use lpv_core::{Clock, Continuous, Discrete, Frf, FrfEstimate, Lfr, LfrBlocks, StateSpace};
 use lpv_ident::{Interpolation, RegressionSettings, RigidTerm, Weighting, regress};
@@ -266,10 +267,10 @@ fn what_cannot_be_reduced_is_refused() {
     let held = one(chain, dmatrix![0.0; 1.0; 1.0], dmatrix![t2, 0.5 * t2, 1.0], 0.0);
     assert!(matches!(
         refused(&held, 2),
-        RealizeError::Setting { name: "states", .. }
+        RealizeError::Fit(FitError::Setting { name: "states", .. })
     ));
     let nothing = reduce(&held, clock(), 3, &one_parameter(0), &settings).unwrap_err();
-    assert_eq!(nothing, RealizeError::Empty { what: "deltas" });
+    assert_eq!(nothing, RealizeError::Fit(FitError::Empty { what: "deltas" }));
     for (name, settings) in [
         (
             "positions",
@@ -286,6 +287,6 @@ fn what_cannot_be_reduced_is_refused() {
             },
         ),
     ] {
-        assert!(matches!(settings.check(), Err(RealizeError::Setting { name: n, .. }) if n == name));
+        assert!(matches!(settings.check(), Err(FitError::Setting { name: n, .. }) if n == name));
     }
 }

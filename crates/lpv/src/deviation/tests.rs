@@ -1,5 +1,5 @@
 use super::{FrozenDeviation, spread};
-use lfr_realize::{Candidate, FrozenData, RefineSettings, Refined, refine};
+use lfr_fit::{Candidate, FrozenData, RefineSettings, Refined, refine};
 use lpv_core::nalgebra::{DMatrix, dmatrix};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Continuous, DeltaBlock, Discrete, Frf, FrfEstimate, Lfr, LfrBlocks, SchedulingRange};

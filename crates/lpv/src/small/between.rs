@@ -1,6 +1,7 @@
 //! What a small LFR says between the measured positions.
 
-use lfr_realize::{BetweenWarning, BoundSettings, Candidate, FrozenData, RealizeError, Units, bound_between};
+use lfr_fit::{Candidate, FrozenData, Units};
+use lfr_realize::{BetweenWarning, BoundSettings, RealizeError, bound_between};
 use lpv_core::Continuous;
 
 /// What the positions support between them. Model and data are in these units.

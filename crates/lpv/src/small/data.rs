@@ -1,6 +1,6 @@
 //! Responses as the data of a fit, and what their noise leaves of it.
 
-use lfr_realize::{FrozenData, RealizeError};
+use lfr_fit::{FitError, FrozenData};
 use lpv_core::{Discrete, FrfEstimate};
 
 /// Rms residuals that noise alone leaves, where its covariance is estimated with `nu` degrees of freedom: on single lines
@@ -40,7 +40,7 @@ pub(super) fn frozen_data(
     positions: &[f64],
     clock: Discrete,
     relative_error: f64,
-) -> Result<FrozenData, RealizeError> {
+) -> Result<FrozenData, FitError> {
     let at = |i: usize| vec![positions[i]];
     let weighted: Vec<_> = estimates
         .iter()
@@ -48,7 +48,7 @@ pub(super) fn frozen_data(
         .map(|(i, e)| (at(i), e.clone()))
         .collect();
     match FrozenData::weighted(clock, &weighted, relative_error) {
-        Err(RealizeError::Line { .. }) => {
+        Err(FitError::Line { .. }) => {
             let plain: Vec<_> = estimates
                 .iter()
                 .enumerate()

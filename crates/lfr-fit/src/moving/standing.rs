@@ -1,0 +1,163 @@
+//! From a frozen model and moving records to an LFR that explains both.
+
+use super::{MovingData, refine_with_moves, settle, turn};
+use crate::{
+    Candidate, DeltaSplit, FitError, FrozenData, MechanicalForm, RefineSettings, Refined, ResidualUnit,
+};
+use lpv_core::Continuous;
+
+/// How to find parameter-independent coordinates. What takes them checks every field against this table.
+///
+/// | field | default | meaning | range |
+/// |---|---|---|---|
+/// | `splits` | 1+0+1, 1+1+1, 1+0+2, 1+1+2, 2+1+2 | where the deltas stand, tried in this order | not empty |
+/// | `degree` | 5 | of the polynomials in which the state basis turns; too low a degree leaves an error that no LFR explains | 1 to 12 |
+/// | `starts` | 2 | starts of each split | 1 to 1000 |
+/// | `seed` | 0 | of the starts | |
+/// | `iterations` | 2 | joint iterations on responses and records; more without noise | 1 to 1000 |
+#[derive(Debug, Clone, PartialEq)]
+pub struct StandingSettings {
+    /// Where the deltas stand.
+    pub splits: Vec<DeltaSplit>,
+    /// Degree of the polynomials in which the state basis turns.
+    pub degree: usize,
+    /// Starts of each split.
+    pub starts: usize,
+    /// Seed of the starts.
+    pub seed: u64,
+    /// Joint iterations.
+    pub iterations: usize,
+}
+
+/// Forces, outputs and accelerations.
+const SPLITS: [[usize; 3]; 5] = [[1, 0, 1], [1, 1, 1], [1, 0, 2], [1, 1, 2], [2, 1, 2]];
+
+impl Default for StandingSettings {
+    fn default() -> Self {
+        let split = |[forces, outputs, accelerations]: [usize; 3]| DeltaSplit {
+            forces,
+            outputs,
+            accelerations,
+        };
+        Self {
+            splits: SPLITS.map(split).to_vec(),
+            degree: 5,
+            starts: 2,
+            seed: 0,
+            iterations: 2,
+        }
+    }
+}
+
+impl StandingSettings {
+    /// Checks every field against the table above.
+    ///
+    /// # Errors
+    /// [`FitError::Setting`]; [`FitError::Empty`] without splits.
+    pub fn check(&self) -> Result<(), FitError> {
+        if self.splits.is_empty() {
+            return Err(FitError::Empty { what: "splits" });
+        }
+        let within = |name, value: usize, most: usize, allowed| {
+            FitError::unless((1..=most).contains(&value), name, value as f64, allowed)
+        };
+        within("degree", self.degree, 12, "give 1 to 12")?;
+        within("starts", self.starts, 1000, "give 1 to 1000")?;
+        within("iterations", self.iterations, 1000, "give 1 to 1000")?;
+        Ok(())
+    }
+}
+
+/// An LFR whose state coordinates are the machine's, as far as responses and records show.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Standing {
+    /// The LFR.
+    pub candidate: Candidate<Continuous>,
+    /// Where its deltas stand.
+    pub split: DeltaSplit,
+    /// Rms error along the records in units of the noise: of the frozen model, of the frozen model with a basis that
+    /// turns, and of the LFR.
+    pub moving_rms: [f64; 3],
+    /// Rms residual of the frozen responses, in their unit.
+    pub frozen_rms: f64,
+}
+
+/// A split whose frozen responses miss by more than this many times what the free model leaves is too small.
+const NEAR: f64 = 2.0;
+
+/// An error within this factor of what a basis that turns freely leaves has nothing left to explain.
+const EXPLAINED: f64 = 1.05;
+
+/// Relative errors that count beside the noise: a model that is not near yet must not be decided by lines that are known
+/// very well.
+const TOLERANT: [f64; 3] = [0.05, 0.005, 5e-4];
+
+/// [`turn`], [`settle`] and [`refine_with_moves`] for one split after the other, until one explains the records; none
+/// explains the responses: no result. `fit` and `data`: the frozen model and the responses, best in few lines (see
+/// [`crate::condense`]), since they are gone over many times.
+///
+/// # Errors
+/// Those of [`MechanicalForm::new`] and of the three.
+pub fn stand_still(
+    fit: &Refined<Continuous>,
+    data: &FrozenData,
+    moves: &MovingData,
+    settings: &StandingSettings,
+) -> Result<Option<Standing>, FitError> {
+    settings.check()?;
+    let set = settings;
+    let (mut stages, enough) = match data.unit() {
+        ResidualUnit::StandardDeviation => {
+            let tolerant = TOLERANT.map(|part| data.blunted(part)).to_vec();
+            (tolerant, NEAR * fit.account.rms)
+        }
+        ResidualUnit::Relative => (Vec::new(), f64::INFINITY),
+    };
+    stages.push(data.clone());
+    let form = MechanicalForm::new(&fit.candidate, data)?;
+    let nearly = RefineSettings {
+        max_iterations: 12,
+        tolerance: 0.1,
+        ..RefineSettings::default()
+    };
+    let turned = turn(&form, moves, set.degree, &nearly)?;
+    let [first, _, least] = turned.account.rms;
+    let joint = RefineSettings {
+        max_iterations: set.iterations,
+        tolerance: 1e-3,
+        ..RefineSettings::default()
+    };
+    let mut best: Option<Standing> = None;
+    for &split in &set.splits {
+        // With fewer deltas than the free model needs no structure can do.
+        if split.total() < fit.candidate.delta_count() && split != set.splits[set.splits.len() - 1] {
+            continue;
+        }
+        let settled = match settle(&form, &turned, &stages, split, set.starts, set.seed) {
+            Ok(settled) => settled,
+            Err(FitError::Start { .. }) => continue,
+            Err(other) => return Err(other),
+        };
+        if settled.frozen_rms > enough {
+            continue;
+        }
+        let refined = match refine_with_moves(&settled.candidate, data, moves, &joint) {
+            Ok(refined) => refined,
+            Err(FitError::Moving { .. }) => continue,
+            Err(other) => return Err(other),
+        };
+        let error = refined.account.moving_rms[1];
+        if best.as_ref().is_none_or(|b| error < b.moving_rms[2]) {
+            best = Some(Standing {
+                candidate: refined.candidate,
+                split,
+                moving_rms: [first, least, error],
+                frozen_rms: refined.account.frozen_rms[1],
+            });
+        }
+        if error <= EXPLAINED * least {
+            break;
+        }
+    }
+    Ok(best)
+}

@@ -43,7 +43,7 @@
 //!
 //! let settings = PeriodicSettings { skip: SkipRule::Fixed(1), ..PeriodicSettings::default() };
 //! let layout = Layout { period: 32, outputs: 1, inputs: 1, references: 0, experiments: 1, sample_rate_hz: 1.0 };
-//! let mut accumulator = PeriodicAccumulator::new(layout, &settings, Some(0.2))?;
+//! let mut accumulator = PeriodicAccumulator::new(layout, &settings, Some(0.2.into()))?;
 //! let u: Vec<f64> = (0..32).map(|t| if t == 0 { 1.0 } else { 0.0 }).collect();
 //! for period in 0..5 {
 //!     // A delay of one sample, with an error that alternates between periods.

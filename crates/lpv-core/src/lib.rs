@@ -83,7 +83,6 @@ mod rigid_body;
 mod sampled;
 mod series;
 mod spline;
-mod star;
 
 pub use clock::{Clock, Continuous, Discrete, same_clock};
 pub use controller::{Controller, ControllerFault, ControllerProblem, ControllerState};
@@ -108,4 +107,3 @@ pub use response::ResponseKernel;
 pub use rigid_body::{RigidBody, RigidBodyAxis};
 pub use sampled::SchedulingNodes;
 pub use series::SeriesExpansion;
-pub use star::Partitioned;

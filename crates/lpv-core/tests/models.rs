@@ -6,7 +6,7 @@ use lpv_core::nalgebra::{DMatrix, DVector, dmatrix};
 use lpv_core::num_complex::Complex;
 use lpv_core::{
     BasisKind, Clock, Continuous, CoreError, Discrete, Frf, FunctionBasis, Lfr, LpvStateSpace,
-    MatrixFunction, Model, Partitioned, SchedulingRange, SeriesExpansion, StateSpace, WellPosedness,
+    MatrixFunction, Model, SchedulingRange, SeriesExpansion, StateSpace, WellPosedness,
 };
 use proptest::prelude::*;
 
@@ -184,39 +184,6 @@ fn ill_posed_at_a_known_position() {
     );
     assert!((lfr.frozen(&[0.25]).unwrap().d()[(0, 0)] - 2.0).abs() < 1e-14);
     assert_eq!(lfr.to_state_space().unwrap_err(), CoreError::NotPolynomial);
-}
-
-#[test]
-fn star_product_of_static_gains_is_their_product() {
-    let z = |r, c| DMatrix::zeros(r, c);
-    let (a, b) = (matrix(2, 2, 1), matrix(2, 2, 2));
-    // [0 I; A 0] * [0 B; I 0]: A w enters below, B u2 comes back up.
-    let upper = Partitioned {
-        m11: z(2, 2),
-        m12: DMatrix::identity(2, 2),
-        m21: a.clone(),
-        m22: z(2, 2),
-    };
-    let lower = Partitioned {
-        m11: z(2, 2),
-        m12: b.clone(),
-        m21: DMatrix::identity(2, 2),
-        m22: z(2, 2),
-    };
-    let star = upper.star(&lower).unwrap();
-    assert!((star.m12 - &b).norm() < 1e-15 && (star.m21 - &a).norm() < 1e-15);
-    // The star product is associative.
-    let p = |s: u64| Partitioned {
-        m11: matrix(2, 2, s) * 0.3,
-        m12: matrix(2, 2, s + 1),
-        m21: matrix(2, 2, s + 2),
-        m22: matrix(2, 2, s + 3) * 0.3,
-    };
-    let left = p(1).star(&p(5)).unwrap().star(&p(9)).unwrap();
-    let right = p(1).star(&p(5).star(&p(9)).unwrap()).unwrap();
-    assert!(
-        (left.m11 - right.m11).norm() + (left.m22 - right.m22).norm() + (left.m12 - right.m12).norm() < 1e-12
-    );
 }
 
 #[test]

@@ -230,7 +230,7 @@ fn monomials(parameters: usize, order: usize) -> Vec<Vec<u32>> {
 const MOST_SEVERAL: usize = 30;
 
 /// Part of the values that may be lost where powers of p stand for those of its distance from the middle.
-const MOST_LOST: f64 = 1e-9;
+const MOST_LOST: f64 = 1e-7;
 
 /// Least squares in powers of the distance from the middle over the half width, which is well conditioned, written in powers of p.
 fn polynomial_of_several(order: usize, positions: &[Position]) -> Result<InterpolationOperator, IdentError> {

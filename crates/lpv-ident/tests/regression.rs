@@ -283,7 +283,7 @@ fn polynomials_of_two_scheduling_signals_reproduce_themselves_in_any_unit() {
             let cardinals = operator.cardinals(&p);
             let found: f64 = cardinals.iter().zip(&positions).map(|(l, q)| l * value(q)).sum();
             assert!(
-                (found - value(&p)).abs() < 1e-8,
+                (found - value(&p)).abs() < 1e-7,
                 "{offset:?} {unit:?}: {found} {}",
                 value(&p)
             );

@@ -186,7 +186,7 @@ fn two_scheduling_signals_are_refused() {
         .text("bundle/experiment.toml")
         .replace("columns = [\"p\"]", "columns = [\"p\", \"q\"]");
     desk.write("bundle/experiment.toml", toml);
-    for (i, q) in ["0.1", "0.2", "0.1"].iter().enumerate() {
+    for (i, q) in ["0.1", "0.2", "0.3"].iter().enumerate() {
         let file = format!("bundle/r{i}.csv");
         let two = |(k, line): (usize, &str)| {
             let signals = &line[..line.rfind(',').unwrap()];
@@ -206,16 +206,16 @@ fn two_scheduling_signals_are_refused() {
     ] {
         assert!(message.contains(part), "{message}");
     }
-    // Each place has a response of its own, and the records of one place are joined.
+    // Each place has a response of its own.
     let json = desk.json("inspect bundle --json");
     let experiments = json["experiments"].as_array().unwrap();
     let places: Vec<_> = experiments
         .iter()
         .map(|e| (&e["position"], &e["records"]))
         .collect();
-    let [a, b] = [serde_json::json!([0.0, 0.1]), serde_json::json!([0.0, 0.2])];
-    let [first, second] = [serde_json::json!(["r0", "r2"]), serde_json::json!(["r1"])];
-    assert_eq!(places, [(&a, &first), (&b, &second)]);
+    let at = [0.1, 0.2, 0.3].map(|q| serde_json::json!([0.0, q]));
+    let named = ["r0", "r1", "r2"].map(|r| serde_json::json!([r]));
+    assert_eq!(places, at.iter().zip(&named).collect::<Vec<_>>());
 }
 
 /// One record whose p is in other units makes no place of two.

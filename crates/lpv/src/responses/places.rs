@@ -219,6 +219,38 @@ mod tests {
     }
 
     #[test]
+    fn places_in_the_plane_are_one_where_both_signals_agree() {
+        let at = |index: usize, p: [f64; 2], spread: f64| Placed {
+            place: Some(RestingPlace::measured(
+                &p.map(|p| Travel::of(&[p - spread, p + spread])),
+            )),
+            name: format!("r{index}"),
+            index,
+        };
+        for unit in [1e-6, 1.0, 1e6] {
+            let all = [
+                [0.0, 0.0],
+                [0.0, 1.0],
+                [1e-4, 0.0],
+                [1.0, 1.0],
+                [0.0, 1.0001],
+                [0.0, 0.5],
+            ];
+            let mut records: Vec<Placed> = all
+                .iter()
+                .enumerate()
+                .map(|(i, p)| at(i, p.map(|p| unit * p), unit * 1e-3))
+                .collect();
+            let runs = runs(&mut records).unwrap();
+            let found: Vec<Vec<usize>> = runs
+                .into_iter()
+                .map(|run| records[run].iter().map(|r| r.index).collect())
+                .collect();
+            assert_eq!(found, [vec![0, 2], vec![1, 4], vec![3], vec![5]]);
+        }
+    }
+
+    #[test]
     fn zero_and_unit_of_p_do_not_merge_places() {
         for (zero, unit) in [(0.0, 1.0), (6e4, 1.0), (2e6, 1.0), (-5.0, 1e-9), (1e9, 1e3)] {
             let at = |p: &[f64]| of(&p.iter().map(|p| zero + unit * p).collect::<Vec<_>>());

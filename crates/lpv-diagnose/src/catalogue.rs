@@ -1,6 +1,6 @@
 //! The effects that are tried, one file each.
 //!
-//! To add one: write a file with a `static EFFECT: Effect`, or `EFFECTS` by channel, and its [`Block`](crate::effect::Block), and
+//! To add one: write a file with a `static EFFECT: Effect`, or `EFFECTS` by place, and its [`Block`](crate::effect::Block), and
 //! name it in [`KINDS`].
 
 mod abbe_offset;
@@ -28,7 +28,7 @@ mod stribeck_friction;
 mod viscous_friction;
 
 use crate::base::{Base, Pair};
-use crate::effect::{ALL, Effect, EffectParameter, Scale};
+use crate::effect::{Effect, EffectParameter, Place, Scale};
 use crate::screen::{Screen, Trial};
 use std::slice::from_ref;
 
@@ -85,11 +85,11 @@ pub(crate) fn as_seen(
     if !hysteresis::EFFECTS.iter().any(|e| e.is(effect)) {
         return effect;
     }
-    let channel = effect.channel.min(1);
+    let channel = effect.place.first();
     if values[1] >= UNSEEN * noise[channel] && turns(channel) {
         return effect;
     }
-    coulomb_friction::at_rest(effect.channel).unwrap_or(effect)
+    coulomb_friction::at_rest(effect.place).unwrap_or(effect)
 }
 
 /// Ties with the best candidate of a list, the best first, are broken in the order of the catalogue.
@@ -127,12 +127,12 @@ fn motor_forces(machine: &Base, channel: usize, input: f64) -> Pair {
     machine.commanded(0.0, inputs)
 }
 
-/// A value for the motors that belong to a channel, and zero for others.
-fn of_motors(machine: &Base, channel: usize, value: f64) -> Pair {
-    if channel == ALL {
+/// A value for the motors of a place, and zero for others.
+fn of_motors(machine: &Base, place: Place, value: f64) -> Pair {
+    if place == Place::AllMotors {
         return [value; 2];
     }
-    motor_forces(machine, channel, 1.0).map(|f| if f == 0.0 { 0.0 } else { value })
+    motor_forces(machine, place.first(), 1.0).map(|f| if f == 0.0 { 0.0 } else { value })
 }
 
 /// Pitches worth a start, with amplitudes: those that a travel resolves, down to the least.

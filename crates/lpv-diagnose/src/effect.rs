@@ -90,7 +90,7 @@ pub struct Extends {
     /// The simpler effect.
     pub name: &'static str,
     /// Starts from the fitted values of the simpler one.
-    pub starts: fn(&[f64], &Screen<'_>) -> Vec<Vec<f64>>,
+    pub starts: fn(&[f64], &Screen<'_>, Place) -> Vec<Vec<f64>>,
 }
 
 /// What an effect sees of a frequency response of a rigid axis.
@@ -114,8 +114,27 @@ impl Lines {
 /// Starts of an effect on a frequency response.
 pub type StartsOnLines = fn(&Lines) -> Vec<Vec<f64>>;
 
-/// The channel of what acts at all inputs alike, though each drives a motor of its own.
-pub const ALL: usize = 2;
+/// Where an effect acts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// At what the input of this index drives; where the motors are coupled, the first stands for all.
+    Motor(usize),
+    /// At what every input drives, all alike, though each drives a motor of its own.
+    AllMotors,
+    /// At the sensor of the output of this index.
+    Output(usize),
+}
+
+impl Place {
+    /// Index of its channel, or of the first of several.
+    #[must_use]
+    pub const fn first(self) -> usize {
+        match self {
+            Self::Motor(i) | Self::Output(i) => i,
+            Self::AllMotors => 0,
+        }
+    }
+}
 
 /// What a machine must have for an effect to be there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -152,20 +171,13 @@ impl Needs {
             Self::Table => base.is_table(),
         }
     }
-    /// Of what acts at the motors of a channel: where they are coupled, those of the first channel are all.
-    pub(crate) const fn motor(channel: usize) -> Self {
-        match channel {
-            0 => Self::Nothing,
-            ALL => Self::TwoMotors,
-            _ => Self::OwnMotor(channel),
-        }
-    }
-
-    /// Of what acts at the sensor of a channel.
-    pub(crate) const fn sensor(channel: usize) -> Self {
-        match channel {
-            0 => Self::Nothing,
-            _ => Self::TwoChannels,
+    /// Of what acts at a place and needs no more: where the motors are coupled, those of the first input are all.
+    pub(crate) const fn of(place: Place) -> Self {
+        match place {
+            Place::Motor(0) | Place::Output(0) => Self::Nothing,
+            Place::Motor(i) => Self::OwnMotor(i),
+            Place::Output(_) => Self::TwoChannels,
+            Place::AllMotors => Self::TwoMotors,
         }
     }
 }
@@ -177,9 +189,8 @@ pub struct Effect {
     pub name: &'static str,
     /// Family.
     pub family: Family,
-    /// Channel at which it acts, counted from zero, or [`ALL`]; of the inputs, for sensors of the outputs. Where the motors are
-    /// coupled, the first stands for all.
-    pub channel: usize,
+    /// Where it acts.
+    pub place: Place,
     /// What the machine must have.
     pub needs: Needs,
     /// What it is, in a sentence.
@@ -190,22 +201,22 @@ pub struct Effect {
     /// rough part is fitted.
     pub extends: Option<Extends>,
     /// Points from which to start, in the order of the parameters; none where the base or the data do not know it.
-    pub starts: fn(&Screen<'_>) -> Vec<Vec<f64>>,
+    pub starts: fn(&Screen<'_>, Place) -> Vec<Vec<f64>>,
     /// The same on a frequency response; none of what a response does not show.
     pub on_response: Option<StartsOnLines>,
     /// The block at given values, on a machine.
-    pub block: fn(&[f64], &Base) -> Box<dyn Block>,
+    pub block: fn(&[f64], &Base, Place) -> Box<dyn Block>,
 }
 
 impl Effect {
     /// Whether it is the same effect at the same place.
     pub fn is(&self, other: &Self) -> bool {
-        self.name == other.name && self.channel == other.channel
+        self.name == other.name && self.place == other.place
     }
     /// Whether it refines another.
     pub fn refines(&self, other: &Self) -> bool {
         let extends = |e: Extends| e.name == other.name;
-        self.channel == other.channel && self.extends.is_some_and(extends)
+        self.place == other.place && self.extends.is_some_and(extends)
     }
     /// Whether a machine has what the effect acts on.
     pub fn suits(&self, base: &Base) -> bool {

@@ -1,12 +1,12 @@
 //! The sensor reads a point away from the assumed one.
 
 use crate::base::Pair;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "abbe-offset",
     family: Family::Sensor,
-    channel: 0,
+    place: Place::Output(0),
     needs: Needs::TwoChannels,
     meaning: "sensor of the translation that reads a point away from the assumed one",
     parameters: &[EffectParameter {
@@ -15,9 +15,9 @@ pub(super) static EFFECT: Effect = Effect {
         scale: Scale::Linear,
     }],
     extends: None,
-    starts: |_| vec![vec![0.0]],
+    starts: |_, _| vec![vec![0.0]],
     on_response: None,
-    block: |v, _| Box::new(Abbe(v[0])),
+    block: |v, _, _| Box::new(Abbe(v[0])),
 };
 
 #[derive(Debug)]

@@ -1,16 +1,16 @@
 //! Force that grows less than proportionally.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
 
-pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+pub(super) static EFFECTS: [Effect; 2] = [at(Place::Motor(0)), at(Place::Motor(1))];
 
-const fn at<const CHANNEL: usize>() -> Effect {
+const fn at(place: Place) -> Effect {
     Effect {
         name: "actuator-saturation",
         family: Family::Actuator,
-        channel: CHANNEL,
-        needs: Needs::motor(CHANNEL),
+        place,
+        needs: Needs::of(place),
         meaning: "force that grows less than proportionally with the command",
         parameters: &[EffectParameter {
             name: "softness",
@@ -18,12 +18,12 @@ const fn at<const CHANNEL: usize>() -> Effect {
             scale: Scale::NotNegative,
         }],
         extends: None,
-        starts: |_| vec![vec![0.0]],
+        starts: |_, _| vec![vec![0.0]],
         on_response: None,
-        block: |v, machine| {
+        block: |v, machine, place| {
             Box::new(Saturation {
                 root: v[0].sqrt(),
-                unit: super::motor_forces(machine, CHANNEL, 1.0),
+                unit: super::motor_forces(machine, place.first(), 1.0),
             })
         },
     }

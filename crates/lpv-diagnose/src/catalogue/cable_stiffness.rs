@@ -2,7 +2,7 @@
 
 use super::parameter;
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, Family, Moment, Needs, Place, Scale};
 
 /// Motors that are coupled are the ends of one beam.
 pub(super) static EFFECTS: [Effect; 3] = [
@@ -15,27 +15,27 @@ pub(super) static EFFECTS: [Effect; 3] = [
             parameter("left_cubic", "u/y^3", Scale::Linear),
             parameter("right_cubic", "u/y^3", Scale::Linear),
         ],
-        starts: |_| vec![vec![0.0; 4]],
+        starts: |_, _| vec![vec![0.0; 4]],
         on_response: None,
-        block: |v, machine| {
+        block: |v, machine, _| {
             let unit = super::motor_forces(machine, 0, 1.0);
             Box::new(Cable {
                 linear: [unit[0] * v[0], unit[1] * v[1]],
                 cubic: [unit[0] * v[2], unit[1] * v[3]],
             })
         },
-        ..at::<0>()
+        ..at(Place::Motor(0))
     },
-    at::<0>(),
-    at::<1>(),
+    at(Place::Motor(0)),
+    at(Place::Motor(1)),
 ];
 
-const fn at<const CHANNEL: usize>() -> Effect {
+const fn at(place: Place) -> Effect {
     Effect {
         name: "cable-stiffness",
         family: Family::PositionForce,
-        channel: CHANNEL,
-        needs: Needs::FreeMotor(CHANNEL),
+        place,
+        needs: Needs::FreeMotor(place.first()),
         meaning: "spring to ground, from a cable or hose",
         parameters: const {
             &[
@@ -44,10 +44,10 @@ const fn at<const CHANNEL: usize>() -> Effect {
             ]
         },
         extends: None,
-        starts: |_| vec![vec![0.0; 2]],
+        starts: |_, _| vec![vec![0.0; 2]],
         on_response: None,
-        block: |v, machine| {
-            let unit = super::motor_forces(machine, CHANNEL, 1.0);
+        block: |v, machine, place| {
+            let unit = super::motor_forces(machine, place.first(), 1.0);
             Box::new(Cable {
                 linear: unit.map(|u| u * v[0]),
                 cubic: unit.map(|u| u * v[1]),

@@ -2,7 +2,7 @@
 
 use super::parameter;
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
 use crate::screen::{Screen, Trial};
 use std::f64::consts::TAU;
 
@@ -18,9 +18,9 @@ pub(super) static EFFECTS: [Effect; 3] = [
             parameter("right_cosine", "u", Scale::Linear),
             PITCH,
         ],
-        starts: |screen| waves(screen, 0, &[0, 1]),
+        starts: |screen, _| waves(screen, 0, &[0, 1]),
         on_response: None,
-        block: |v, machine| {
+        block: |v, machine, _| {
             let unit = super::motor_forces(machine, 0, 1.0);
             Box::new(Cogging {
                 sine: [unit[0] * v[0], unit[1] * v[2]],
@@ -28,20 +28,20 @@ pub(super) static EFFECTS: [Effect; 3] = [
                 turn: TAU / v[4],
             })
         },
-        ..at::<0>()
+        ..at(Place::Motor(0))
     },
-    at::<0>(),
-    at::<1>(),
+    at(Place::Motor(0)),
+    at(Place::Motor(1)),
 ];
 
 const PITCH: EffectParameter = parameter("pitch", "y", Scale::Wavelength);
 
-const fn at<const CHANNEL: usize>() -> Effect {
+const fn at(place: Place) -> Effect {
     Effect {
         name: "cogging",
         family: Family::PositionForce,
-        channel: CHANNEL,
-        needs: Needs::OwnMotor(CHANNEL),
+        place,
+        needs: Needs::OwnMotor(place.first()),
         meaning: "force periodic in the position of the motor",
         parameters: const {
             &[
@@ -51,10 +51,10 @@ const fn at<const CHANNEL: usize>() -> Effect {
             ]
         },
         extends: None,
-        starts: |screen| waves(screen, CHANNEL, &[CHANNEL]),
+        starts: |screen, place| waves(screen, place.first(), &[place.first()]),
         on_response: None,
-        block: |v, machine| {
-            let unit = super::motor_forces(machine, CHANNEL, 1.0);
+        block: |v, machine, place| {
+            let unit = super::motor_forces(machine, place.first(), 1.0);
             Box::new(Cogging {
                 sine: unit.map(|u| u * v[0]),
                 cosine: unit.map(|u| u * v[1]),

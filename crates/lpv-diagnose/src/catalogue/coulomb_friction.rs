@@ -1,16 +1,21 @@
 //! Constant force against the direction of motion.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
 
-pub(super) static EFFECTS: [Effect; 4] = [at::<0>(), at::<1>(), sticking::<0>(), sticking::<1>()];
+pub(super) static EFFECTS: [Effect; 4] = [
+    at(Place::Motor(0)),
+    at(Place::Motor(1)),
+    sticking(Place::Motor(0)),
+    sticking(Place::Motor(1)),
+];
 
-const fn at<const CHANNEL: usize>() -> Effect {
+const fn at(place: Place) -> Effect {
     Effect {
         name: "coulomb-friction",
         family: Family::Friction,
-        channel: CHANNEL,
-        needs: Needs::motor(CHANNEL),
+        place,
+        needs: Needs::of(place),
         meaning: "constant force of the guides against the direction of motion",
         parameters: &[
             EffectParameter {
@@ -25,11 +30,11 @@ const fn at<const CHANNEL: usize>() -> Effect {
             },
         ],
         extends: None,
-        starts: |screen| vec![vec![0.0, screen.top_speed(CHANNEL) / 300.0]],
+        starts: |screen, place| vec![vec![0.0, screen.top_speed(place.first()) / 300.0]],
         on_response: None,
-        block: |v, machine| {
+        block: |v, machine, place| {
             Box::new(Coulomb {
-                force: super::motor_forces(machine, CHANNEL, v[0]),
+                force: super::motor_forces(machine, place.first(), v[0]),
                 creep: v[1],
             })
         },
@@ -37,12 +42,12 @@ const fn at<const CHANNEL: usize>() -> Effect {
 }
 
 /// The form in which a machine rests, at a channel.
-pub(super) fn at_rest(channel: usize) -> Option<&'static Effect> {
-    EFFECTS[2..].iter().find(|e| e.channel == channel)
+pub(super) fn at_rest(place: Place) -> Option<&'static Effect> {
+    EFFECTS[2..].iter().find(|e| e.place == place)
 }
 
 /// The same where the machine rests in it: what presliding friction is called whose distance no reading resolves.
-const fn sticking<const CHANNEL: usize>() -> Effect {
+const fn sticking(place: Place) -> Effect {
     Effect {
         parameters: &[
             EffectParameter {
@@ -56,10 +61,12 @@ const fn sticking<const CHANNEL: usize>() -> Effect {
                 scale: Scale::Logarithmic,
             },
         ],
-        starts: |_| Vec::new(),
+        starts: |_, _| Vec::new(),
         on_response: None,
-        block: |v, machine| super::hysteresis::builds_up(super::motor_forces(machine, CHANNEL, v[0]), v[1]),
-        ..at::<CHANNEL>()
+        block: |v, machine, place| {
+            super::hysteresis::builds_up(super::motor_forces(machine, place.first(), v[0]), v[1])
+        },
+        ..at(place)
     }
 }
 

@@ -1,13 +1,13 @@
 //! A coupling or spring that stiffens with deflection.
 
 use crate::base::Forces;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
 
 pub(super) static EFFECTS: [Effect; 2] = [
     Effect {
         name: "cubic-stiffness",
         family: Family::Structure,
-        channel: 0,
+        place: Place::Motor(0),
         needs: Needs::Table,
         meaning: "coupling between beam and carriage that stiffens with its deflection",
         parameters: &[EffectParameter {
@@ -16,14 +16,14 @@ pub(super) static EFFECTS: [Effect; 2] = [
             scale: Scale::Linear,
         }],
         extends: None,
-        starts: |_| vec![vec![0.0]],
+        starts: |_, _| vec![vec![0.0]],
         on_response: None,
-        block: |v, _| Box::new(Cubic(v[0])),
+        block: |v, _, _| Box::new(Cubic(v[0])),
     },
     Effect {
         name: "cubic-stiffness",
         family: Family::Structure,
-        channel: 0,
+        place: Place::Motor(0),
         needs: Needs::Spring,
         meaning: "spring to ground whose force is not proportional to its deflection",
         parameters: &[
@@ -39,9 +39,9 @@ pub(super) static EFFECTS: [Effect; 2] = [
             },
         ],
         extends: None,
-        starts: |_| vec![vec![0.0; 2]],
+        starts: |_, _| vec![vec![0.0; 2]],
         on_response: None,
-        block: |v, _| {
+        block: |v, _, _| {
             Box::new(Spring {
                 square: v[0],
                 cube: v[1],

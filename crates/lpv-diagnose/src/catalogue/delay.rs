@@ -1,17 +1,17 @@
 //! Commands that come late.
 
 use crate::base::Pair;
-use crate::effect::{ALL, Block, Effect, EffectParameter, Family, Lines, Needs, Path, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Lines, Needs, Path, Place, Scale};
 use num_complex::Complex64 as C64;
 
-pub(super) static EFFECTS: [Effect; 3] = [at::<0>(), at::<1>(), at::<ALL>()];
+pub(super) static EFFECTS: [Effect; 3] = [at(Place::Motor(0)), at(Place::Motor(1)), at(Place::AllMotors)];
 
-const fn at<const CHANNEL: usize>() -> Effect {
+const fn at(place: Place) -> Effect {
     Effect {
         name: "delay",
         family: Family::Timing,
-        channel: CHANNEL,
-        needs: Needs::motor(CHANNEL),
+        place,
+        needs: Needs::of(place),
         meaning: "pure delay of the commands, of any part of a sample",
         parameters: &[EffectParameter {
             name: "time",
@@ -19,9 +19,9 @@ const fn at<const CHANNEL: usize>() -> Effect {
             scale: Scale::NotNegative,
         }],
         extends: None,
-        starts: |screen| vec![vec![1e-4 * screen.step()], vec![0.3 * screen.step()]],
+        starts: |screen, _| vec![vec![1e-4 * screen.step()], vec![0.3 * screen.step()]],
         on_response: Some(Lines::short_times),
-        block: |v, machine| Box::new(Late(super::of_motors(machine, CHANNEL, v[0]))),
+        block: |v, machine, place| Box::new(Late(super::of_motors(machine, place, v[0]))),
     }
 }
 

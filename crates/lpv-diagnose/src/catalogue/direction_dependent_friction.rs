@@ -1,16 +1,16 @@
 //! Viscous friction that differs by direction.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
 
-pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+pub(super) static EFFECTS: [Effect; 2] = [at(Place::Motor(0)), at(Place::Motor(1))];
 
-const fn at<const CHANNEL: usize>() -> Effect {
+const fn at(place: Place) -> Effect {
     Effect {
         name: "direction-dependent-friction",
         family: Family::Friction,
-        channel: CHANNEL,
-        needs: Needs::motor(CHANNEL),
+        place,
+        needs: Needs::of(place),
         meaning: "viscous friction of the guides that is so much more forward, and so much less backward",
         parameters: &[EffectParameter {
             name: "viscous_forward_more",
@@ -18,9 +18,9 @@ const fn at<const CHANNEL: usize>() -> Effect {
             scale: Scale::Linear,
         }],
         extends: None,
-        starts: |_| vec![vec![0.0]],
+        starts: |_, _| vec![vec![0.0]],
         on_response: None,
-        block: |v, machine| Box::new(Directed(super::motor_forces(machine, CHANNEL, v[0]))),
+        block: |v, machine, place| Box::new(Directed(super::motor_forces(machine, place.first(), v[0]))),
     }
 }
 

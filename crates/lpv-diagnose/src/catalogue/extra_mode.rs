@@ -2,7 +2,9 @@
 
 use super::parameter;
 use crate::base::Forces;
-use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Lines, Moment, Needs, Path, Scale};
+use crate::effect::{
+    Block, Effect, EffectParameter, Extends, Family, Lines, Moment, Needs, Path, Place, Scale,
+};
 use crate::screen::Screen;
 use num_complex::Complex64 as C64;
 use std::f64::consts::TAU;
@@ -12,21 +14,21 @@ pub(super) static EFFECTS: [Effect; 3] = [
     Effect {
         needs: Needs::CoupledMotors,
         parameters: &[parameter("mass", "kg", Scale::NotNegative), FREQUENCY, DAMPING],
-        ..at::<0>()
+        ..at(Place::Motor(0))
     },
-    at::<0>(),
-    at::<1>(),
+    at(Place::Motor(0)),
+    at(Place::Motor(1)),
 ];
 
 const FREQUENCY: EffectParameter = parameter("frequency", "Hz", Scale::Frequency);
 const DAMPING: EffectParameter = parameter("damping", "", Scale::Logarithmic);
 
-const fn at<const CHANNEL: usize>() -> Effect {
+const fn at(place: Place) -> Effect {
     Effect {
         name: "extra-mode",
         family: Family::Structure,
-        channel: CHANNEL,
-        needs: Needs::OwnMotor(CHANNEL),
+        place,
+        needs: Needs::OwnMotor(place.first()),
         meaning: "mass on the load that swings on a spring",
         parameters: const {
             &[
@@ -38,7 +40,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
         extends: Some(Extends {
             name: "payload",
             // Far below its resonance a mass on a spring is a mass.
-            starts: |v, screen| match v[0] {
+            starts: |v, screen, _| match v[0] {
                 mass if mass > 0.0 => frequencies(screen, 30.0)
                     .into_iter()
                     .map(|f| vec![mass, f, 0.02])
@@ -46,15 +48,16 @@ const fn at<const CHANNEL: usize>() -> Effect {
                 _ => Vec::new(),
             },
         }),
-        starts: |screen| {
+        starts: |screen, _| {
             frequencies(screen, 2.0)
                 .into_iter()
                 .map(|f| vec![0.0, f, 0.02])
                 .collect()
         },
         on_response: Some(swinging_halves),
-        block: |v, _| {
-            Box::new(Swing::<CHANNEL> {
+        block: |v, _, place| {
+            Box::new(Swing {
+                channel: place.first(),
                 mass: v[0],
                 rate: TAU * v[1],
                 damping: v[2],
@@ -84,27 +87,31 @@ fn frequencies(screen: &Screen<'_>, density: f64) -> Vec<f64> {
 }
 
 #[derive(Debug)]
-struct Swing<const CHANNEL: usize> {
+struct Swing {
+    channel: usize,
     mass: f64,
     rate: f64,
     damping: f64,
 }
 
-impl<const CHANNEL: usize> Block for Swing<CHANNEL> {
+impl Block for Swing {
     fn states(&self) -> usize {
         2
     }
 
     fn start(&self, at: &Moment<'_>, own: &mut [f64]) {
-        own.copy_from_slice(&[at.motion.load_position[CHANNEL], at.motion.load_speed[CHANNEL]]);
+        own.copy_from_slice(&[
+            at.motion.load_position[self.channel],
+            at.motion.load_speed[self.channel],
+        ]);
     }
 
     fn act(&self, at: &Moment<'_>, own: &[f64], rates: &mut [f64], forces: &mut Forces) {
-        let stretch = own[0] - at.motion.load_position[CHANNEL];
-        let speed = own[1] - at.motion.load_speed[CHANNEL];
+        let stretch = own[0] - at.motion.load_position[self.channel];
+        let speed = own[1] - at.motion.load_speed[self.channel];
         let pull = self.rate * (self.rate * stretch + 2.0 * self.damping * speed);
         rates.copy_from_slice(&[own[1], -pull]);
-        forces.load[CHANNEL] += self.mass * pull;
+        forces.load[self.channel] += self.mass * pull;
     }
 
     fn respond(&self, s: C64, path: &mut Path) {

@@ -1,16 +1,16 @@
 //! Presliding friction.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Needs, Place, Scale};
 
-pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+pub(super) static EFFECTS: [Effect; 2] = [at(Place::Motor(0)), at(Place::Motor(1))];
 
-const fn at<const CHANNEL: usize>() -> Effect {
+const fn at(place: Place) -> Effect {
     Effect {
         name: "hysteresis",
         family: Family::Friction,
-        channel: CHANNEL,
-        needs: Needs::motor(CHANNEL),
+        place,
+        needs: Needs::of(place),
         meaning: "friction that builds up over a presliding distance (Dahl)",
         parameters: &[
             EffectParameter {
@@ -26,19 +26,19 @@ const fn at<const CHANNEL: usize>() -> Effect {
         ],
         extends: Some(Extends {
             name: "coulomb-friction",
-            starts: |v, screen| {
-                let travel = screen.travel(CHANNEL);
+            starts: |v, screen, place| {
+                let travel = screen.travel(place.first());
                 [1e-4, 1e-3, 1e-2, 0.1]
                     .map(|part| vec![v[0], part * travel])
                     .to_vec()
             },
         }),
-        starts: |screen| {
-            let travel = screen.travel(CHANNEL);
+        starts: |screen, place| {
+            let travel = screen.travel(place.first());
             [0.002, 0.02, 0.1].map(|part| vec![0.0, part * travel]).to_vec()
         },
         on_response: None,
-        block: |v, machine| builds_up(super::motor_forces(machine, CHANNEL, v[0]), v[1]),
+        block: |v, machine, place| builds_up(super::motor_forces(machine, place.first(), v[0]), v[1]),
     }
 }
 

@@ -1,12 +1,12 @@
 //! Left and right motors with different force constants.
 
 use crate::base::Forces;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "motor-asymmetry",
     family: Family::Actuator,
-    channel: 0,
+    place: Place::Motor(0),
     needs: Needs::CoupledMotors,
     meaning: "left and right motors with different force constants",
     parameters: &[EffectParameter {
@@ -15,9 +15,9 @@ pub(super) static EFFECT: Effect = Effect {
         scale: Scale::Linear,
     }],
     extends: None,
-    starts: |_| vec![vec![0.0]],
+    starts: |_, _| vec![vec![0.0]],
     on_response: None,
-    block: |v, _| Box::new(Asymmetry(v[0])),
+    block: |v, _, _| Box::new(Asymmetry(v[0])),
 };
 
 /// The left one stronger by half of the difference, the right one weaker.

@@ -1,12 +1,12 @@
 //! A mass or inertia that differs from the one identified.
 
 use crate::base::Base;
-use crate::effect::{Block, Effect, EffectParameter, Family, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Needs, Place, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "payload",
     family: Family::Structure,
-    channel: 0,
+    place: Place::Motor(0),
     needs: Needs::Table,
     meaning: "mass and inertia of the load that differ from those identified",
     parameters: &[
@@ -22,9 +22,9 @@ pub(super) static EFFECT: Effect = Effect {
         },
     ],
     extends: None,
-    starts: |_| vec![vec![0.0; 2]],
+    starts: |_, _| vec![vec![0.0; 2]],
     on_response: None,
-    block: |v, _| {
+    block: |v, _, _| {
         Box::new(Payload {
             mass: v[0],
             inertia: v[1],

@@ -1,18 +1,18 @@
 //! Force at a fixed frequency in time.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
 use crate::screen::Trial;
 use std::f64::consts::TAU;
 
-pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+pub(super) static EFFECTS: [Effect; 2] = [at(Place::Motor(0)), at(Place::Motor(1))];
 
-const fn at<const CHANNEL: usize>() -> Effect {
+const fn at(place: Place) -> Effect {
     Effect {
         name: "periodic-disturbance",
         family: Family::Disturbance,
-        channel: CHANNEL,
-        needs: Needs::motor(CHANNEL),
+        place,
+        needs: Needs::of(place),
         meaning: "force at a fixed frequency in time, counted from the start of a record",
         parameters: &[
             EffectParameter {
@@ -32,8 +32,8 @@ const fn at<const CHANNEL: usize>() -> Effect {
             },
         ],
         extends: None,
-        starts: |screen| {
-            let unit = super::motor_forces(screen.base, CHANNEL, 1.0);
+        starts: |screen, place| {
+            let unit = super::motor_forces(screen.base, place.first(), 1.0);
             let width = 0.25 / screen.duration();
             let mut found = Vec::new();
             for peak in screen.peaks(2) {
@@ -52,8 +52,8 @@ const fn at<const CHANNEL: usize>() -> Effect {
             found
         },
         on_response: None,
-        block: |v, machine| {
-            let unit = super::motor_forces(machine, CHANNEL, 1.0);
+        block: |v, machine, place| {
+            let unit = super::motor_forces(machine, place.first(), 1.0);
             Box::new(Periodic {
                 sine: unit.map(|f| f * v[0]),
                 cosine: unit.map(|f| f * v[1]),

@@ -1,16 +1,16 @@
 //! Force constant that varies along the stroke.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
 
-pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+pub(super) static EFFECTS: [Effect; 2] = [at(Place::Motor(0)), at(Place::Motor(1))];
 
-const fn at<const CHANNEL: usize>() -> Effect {
+const fn at(place: Place) -> Effect {
     Effect {
         name: "position-dependent-gain",
         family: Family::Actuator,
-        channel: CHANNEL,
-        needs: Needs::motor(CHANNEL),
+        place,
+        needs: Needs::of(place),
         meaning: "force constant of the motors that varies along the stroke",
         parameters: &[
             EffectParameter {
@@ -25,12 +25,12 @@ const fn at<const CHANNEL: usize>() -> Effect {
             },
         ],
         extends: None,
-        starts: |_| vec![vec![0.0; 2]],
+        starts: |_, _| vec![vec![0.0; 2]],
         on_response: None,
-        block: |v, machine| {
+        block: |v, machine, place| {
             Box::new(Gain {
-                slope: super::of_motors(machine, CHANNEL, v[0]),
-                curvature: super::of_motors(machine, CHANNEL, v[1]),
+                slope: super::of_motors(machine, place, v[0]),
+                curvature: super::of_motors(machine, place, v[1]),
             })
         },
     }

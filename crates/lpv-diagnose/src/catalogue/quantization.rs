@@ -1,12 +1,12 @@
 //! Finite resolution.
 
-use crate::effect::{Block, Effect, EffectParameter, Family, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Needs, Place, Scale};
 use crate::track::Track;
 
 pub(crate) static EFFECT: Effect = Effect {
     name: "quantization",
     family: Family::Sensor,
-    channel: 0,
+    place: Place::Output(0),
     needs: Needs::Nothing,
     meaning: "finite resolution of the sensors",
     parameters: &[
@@ -23,9 +23,9 @@ pub(crate) static EFFECT: Effect = Effect {
     ],
     extends: None,
     // It is read off the values, not fitted.
-    starts: |_| Vec::new(),
+    starts: |_, _| Vec::new(),
     on_response: None,
-    block: |_, _| Box::new(Steps),
+    block: |_, _, _| Box::new(Steps),
 };
 
 /// In a simulation nothing: which way a reading is rounded depends on the noise. It adds to the noise of the sensors.

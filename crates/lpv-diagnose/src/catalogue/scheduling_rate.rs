@@ -1,12 +1,12 @@
 //! Forces that depend on how fast the scheduling moves.
 
 use crate::base::Forces;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "scheduling-rate",
     family: Family::Scheduling,
-    channel: 0,
+    place: Place::Motor(0),
     needs: Needs::TwoChannels,
     meaning: "forces on the load from the rate of the scheduling times its own motion (Coriolis)",
     parameters: &[
@@ -22,9 +22,9 @@ pub(super) static EFFECT: Effect = Effect {
         },
     ],
     extends: None,
-    starts: |_| vec![vec![0.0; 2]],
+    starts: |_, _| vec![vec![0.0; 2]],
     on_response: None,
-    block: |v, _| {
+    block: |v, _, _| {
         Box::new(Rate {
             force: v[0],
             torque: v[1],

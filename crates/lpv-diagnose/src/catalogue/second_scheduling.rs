@@ -1,12 +1,12 @@
 //! Dynamics that also vary with another measured signal.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
 
 pub(super) static EFFECT: Effect = Effect {
     name: "second-scheduling",
     family: Family::Scheduling,
-    channel: 0,
+    place: Place::Motor(0),
     needs: Needs::Table,
     meaning: "couplings whose stiffness follows a second measured signal",
     parameters: &[
@@ -22,7 +22,7 @@ pub(super) static EFFECT: Effect = Effect {
         },
     ],
     extends: None,
-    starts: |screen| {
+    starts: |screen, _| {
         if screen.auxiliaries() > 0 {
             vec![vec![0.0; 2]]
         } else {
@@ -30,7 +30,7 @@ pub(super) static EFFECT: Effect = Effect {
         }
     },
     on_response: None,
-    block: |v, _| Box::new(Second([v[0], v[1]])),
+    block: |v, _, _| Box::new(Second([v[0], v[1]])),
 };
 
 /// `k e (1 + c q)`, q the first further signal.

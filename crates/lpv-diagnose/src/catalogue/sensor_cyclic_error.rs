@@ -1,18 +1,18 @@
 //! Interferometer error periodic in the measured position.
 
 use crate::base::Pair;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
 use crate::screen::Trial;
 use std::f64::consts::TAU;
 
-pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+pub(super) static EFFECTS: [Effect; 2] = [at(Place::Output(0)), at(Place::Output(1))];
 
-const fn at<const CHANNEL: usize>() -> Effect {
+const fn at(place: Place) -> Effect {
     Effect {
         name: "sensor-cyclic-error",
         family: Family::Sensor,
-        channel: CHANNEL,
-        needs: Needs::sensor(CHANNEL),
+        place,
+        needs: Needs::of(place),
         meaning: "error of a sensor that is periodic in the measured position",
         parameters: &[
             EffectParameter {
@@ -32,13 +32,13 @@ const fn at<const CHANNEL: usize>() -> Effect {
             },
         ],
         extends: None,
-        starts: |screen| {
-            let (shortest, travel) = screen.periods(CHANNEL);
+        starts: |screen, place| {
+            let (shortest, travel) = screen.periods(place.first());
             super::pitches(screen, (travel, f64::max(1e-3 * travel, shortest)), |pitch| {
                 let waves = screen.waves(|track, k, _| {
                     let mut gains = [0.0; 2];
-                    gains[CHANNEL] = 1.0;
-                    (TAU / pitch * track.outputs[k][CHANNEL], gains)
+                    gains[place.first()] = 1.0;
+                    (TAU / pitch * track.outputs[k][place.first()], gains)
                 });
                 waves.map(Trial::Outputs).into()
             })
@@ -47,8 +47,9 @@ const fn at<const CHANNEL: usize>() -> Effect {
             .collect()
         },
         on_response: None,
-        block: |v, _| {
-            Box::new(Cyclic::<CHANNEL> {
+        block: |v, _, place| {
+            Box::new(Cyclic {
+                channel: place.first(),
                 sine: v[0],
                 cosine: v[1],
                 turn: TAU / v[2],
@@ -58,15 +59,16 @@ const fn at<const CHANNEL: usize>() -> Effect {
 }
 
 #[derive(Debug)]
-struct Cyclic<const CHANNEL: usize> {
+struct Cyclic {
+    channel: usize,
     sine: f64,
     cosine: f64,
     turn: f64,
 }
 
-impl<const CHANNEL: usize> Block for Cyclic<CHANNEL> {
+impl Block for Cyclic {
     fn sense(&self, _at: &Moment<'_>, outputs: &mut Pair) {
-        let (s, c) = (self.turn * outputs[CHANNEL]).sin_cos();
-        outputs[CHANNEL] += self.sine * s + self.cosine * c;
+        let (s, c) = (self.turn * outputs[self.channel]).sin_cos();
+        outputs[self.channel] += self.sine * s + self.cosine * c;
     }
 }

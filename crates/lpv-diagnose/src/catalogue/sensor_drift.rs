@@ -1,16 +1,16 @@
 //! Slow change in time.
 
 use crate::base::Pair;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
 
-pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+pub(super) static EFFECTS: [Effect; 2] = [at(Place::Output(0)), at(Place::Output(1))];
 
-const fn at<const CHANNEL: usize>() -> Effect {
+const fn at(place: Place) -> Effect {
     Effect {
         name: "sensor-drift",
         family: Family::Sensor,
-        channel: CHANNEL,
-        needs: Needs::sensor(CHANNEL),
+        place,
+        needs: Needs::of(place),
         meaning: "slow change of a sensor in time, from the start of a record",
         parameters: &[
             EffectParameter {
@@ -25,14 +25,15 @@ const fn at<const CHANNEL: usize>() -> Effect {
             },
         ],
         extends: None,
-        starts: |screen| {
+        starts: |screen, _| {
             [0.05, 0.2, 1.0]
                 .map(|part| vec![0.0, part * screen.duration()])
                 .to_vec()
         },
         on_response: None,
-        block: |v, _| {
-            Box::new(Drift::<CHANNEL> {
+        block: |v, _, place| {
+            Box::new(Drift {
+                channel: place.first(),
                 drift: v[0],
                 rate: v[1].recip(),
             })
@@ -41,13 +42,14 @@ const fn at<const CHANNEL: usize>() -> Effect {
 }
 
 #[derive(Debug)]
-struct Drift<const CHANNEL: usize> {
+struct Drift {
+    channel: usize,
     drift: f64,
     rate: f64,
 }
 
-impl<const CHANNEL: usize> Block for Drift<CHANNEL> {
+impl Block for Drift {
     fn sense(&self, at: &Moment<'_>, outputs: &mut Pair) {
-        outputs[CHANNEL] -= self.drift * (-at.time * self.rate).exp_m1();
+        outputs[self.channel] -= self.drift * (-at.time * self.rate).exp_m1();
     }
 }

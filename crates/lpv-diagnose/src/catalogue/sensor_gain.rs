@@ -1,17 +1,17 @@
 //! Scale error.
 
 use crate::base::Pair;
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Path, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Path, Place, Scale};
 use num_complex::Complex64 as C64;
 
-pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+pub(super) static EFFECTS: [Effect; 2] = [at(Place::Output(0)), at(Place::Output(1))];
 
-const fn at<const CHANNEL: usize>() -> Effect {
+const fn at(place: Place) -> Effect {
     Effect {
         name: "sensor-gain",
         family: Family::Sensor,
-        channel: CHANNEL,
-        needs: Needs::sensor(CHANNEL),
+        place,
+        needs: Needs::of(place),
         meaning: "scale error of a sensor",
         parameters: &[EffectParameter {
             name: "gain",
@@ -20,7 +20,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
         }],
         extends: None,
         // A scale of the only sensor is one of mass and friction.
-        starts: |screen| {
+        starts: |screen, _| {
             if screen.base.is_table() {
                 vec![vec![0.0]]
             } else {
@@ -34,19 +34,27 @@ const fn at<const CHANNEL: usize>() -> Effect {
                 Vec::new()
             }
         }),
-        block: |v, _| Box::new(Gain::<CHANNEL>(v[0])),
+        block: |v, _, place| {
+            Box::new(Gain {
+                channel: place.first(),
+                gain: v[0],
+            })
+        },
     }
 }
 
 #[derive(Debug)]
-struct Gain<const CHANNEL: usize>(f64);
+struct Gain {
+    channel: usize,
+    gain: f64,
+}
 
-impl<const CHANNEL: usize> Block for Gain<CHANNEL> {
+impl Block for Gain {
     fn sense(&self, _at: &Moment<'_>, outputs: &mut Pair) {
-        outputs[CHANNEL] *= 1.0 + self.0;
+        outputs[self.channel] *= 1.0 + self.gain;
     }
 
     fn respond(&self, _s: C64, path: &mut Path) {
-        path.sensor *= 1.0 + self.0;
+        path.sensor *= 1.0 + self.gain;
     }
 }

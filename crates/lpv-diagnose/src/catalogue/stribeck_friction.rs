@@ -1,16 +1,16 @@
 //! Coulomb friction that is larger near zero speed.
 
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Needs, Place, Scale};
 
-pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+pub(super) static EFFECTS: [Effect; 2] = [at(Place::Motor(0)), at(Place::Motor(1))];
 
-const fn at<const CHANNEL: usize>() -> Effect {
+const fn at(place: Place) -> Effect {
     Effect {
         name: "stribeck-friction",
         family: Family::Friction,
-        channel: CHANNEL,
-        needs: Needs::motor(CHANNEL),
+        place,
+        needs: Needs::of(place),
         meaning: "friction of the guides that is larger near zero speed",
         parameters: &[
             EffectParameter {
@@ -36,8 +36,8 @@ const fn at<const CHANNEL: usize>() -> Effect {
         ],
         extends: Some(Extends {
             name: "coulomb-friction",
-            starts: |v, screen| {
-                let top = screen.top_speed(CHANNEL);
+            starts: |v, screen, place| {
+                let top = screen.top_speed(place.first());
                 // A peak near zero speed may pass for a sign that changes at once.
                 let creep = if v[1] < 1e-3 * top {
                     vec![v[1], 1e-2 * top]
@@ -49,18 +49,18 @@ const fn at<const CHANNEL: usize>() -> Effect {
                 creep.into_iter().flat_map(starts).collect()
             },
         }),
-        starts: |screen| {
-            let top = screen.top_speed(CHANNEL);
+        starts: |screen, place| {
+            let top = screen.top_speed(place.first());
             vec![
                 vec![0.0, 0.0, top / 300.0, top / 10.0],
                 vec![0.0, 0.0, top / 300.0, top / 40.0],
             ]
         },
         on_response: None,
-        block: |v, machine| {
+        block: |v, machine, place| {
             Box::new(Stribeck {
-                level: super::motor_forces(machine, CHANNEL, v[0]),
-                more: super::motor_forces(machine, CHANNEL, v[1]),
+                level: super::motor_forces(machine, place.first(), v[0]),
+                more: super::motor_forces(machine, place.first(), v[1]),
                 creep: v[2],
                 fall: v[3],
             })

@@ -1,16 +1,16 @@
 //! Force proportional to speed.
 
 use crate::base::{Base, Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
 
-pub(super) static EFFECTS: [Effect; 2] = [at::<0>(), at::<1>()];
+pub(super) static EFFECTS: [Effect; 2] = [at(Place::Motor(0)), at(Place::Motor(1))];
 
-const fn at<const CHANNEL: usize>() -> Effect {
+const fn at(place: Place) -> Effect {
     Effect {
         name: "viscous-friction",
         family: Family::Friction,
-        channel: CHANNEL,
-        needs: Needs::motor(CHANNEL),
+        place,
+        needs: Needs::of(place),
         meaning: "force of the guides proportional to speed",
         parameters: &[EffectParameter {
             name: "coefficient",
@@ -19,7 +19,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
         }],
         extends: None,
         // An axis has viscous friction of its own.
-        starts: |screen| {
+        starts: |screen, _| {
             if !matches!(screen.base, Base::Axis(_)) {
                 vec![vec![0.0]]
             } else {
@@ -27,7 +27,7 @@ const fn at<const CHANNEL: usize>() -> Effect {
             }
         },
         on_response: None,
-        block: |v, machine| Box::new(Viscous(super::motor_forces(machine, CHANNEL, v[0]))),
+        block: |v, machine, place| Box::new(Viscous(super::motor_forces(machine, place.first(), v[0]))),
     }
 }
 

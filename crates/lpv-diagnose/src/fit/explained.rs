@@ -16,7 +16,7 @@ impl Explained {
     pub(crate) fn blocks(&self) -> Vec<Box<dyn Block>> {
         self.effects
             .iter()
-            .map(|(e, v)| (e.block)(v, &self.base))
+            .map(|(e, v)| (e.block)(v, &self.base, e.place))
             .collect()
     }
 

@@ -25,7 +25,7 @@ pub(super) fn refined(
             if !finer.refines(effect) {
                 continue;
             }
-            let best = (extends.starts)(&values, screen)
+            let best = (extends.starts)(&values, screen, finer.place)
                 .into_par_iter()
                 .filter_map(|v| {
                     let mut start = rest.clone();

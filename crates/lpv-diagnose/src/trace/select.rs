@@ -36,7 +36,7 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
     let taken = |e: &Effect| now.model.effects.iter().any(|(t, _)| t.is(e));
     let mut found: Vec<Candidate> = catalogue::all()
         .filter(|e| e.suits(base) && !taken(e))
-        .flat_map(|e| (e.starts)(&screen).into_iter().map(move |v| (e, v)))
+        .flat_map(|e| (e.starts)(&screen, e.place).into_iter().map(move |v| (e, v)))
         .collect::<Vec<_>>()
         .into_par_iter()
         .filter_map(|(e, v)| bench.candidate(e, v, now, &screen))
@@ -148,15 +148,15 @@ fn is_possible(bench: &Bench<'_>, model: &Explained, screen: &Screen<'_>) -> boo
     };
     let is_seen = |(v, p): (&f64, &EffectParameter)| {
         let (shortest, longest) = match (p.scale, effect.family) {
-            (Scale::Wavelength, Family::Sensor) => screen.periods(effect.channel),
-            (Scale::Wavelength, _) => (0.0, screen.travel(effect.channel)),
+            (Scale::Wavelength, Family::Sensor) => screen.periods(effect.place.first()),
+            (Scale::Wavelength, _) => (0.0, screen.travel(effect.place.first())),
             // One period of a record is any slow change.
             (Scale::Frequency, Family::Disturbance) => (PERIODS / screen.shortest(), f64::INFINITY),
             _ => return true,
         };
         *v >= shortest && *v <= longest
     };
-    let is_trend = catalogue::changes_with_position(effect) && screen.grows_with_time(effect.channel.min(1));
+    let is_trend = catalogue::changes_with_position(effect) && screen.grows_with_time(effect.place.first());
     effect.allows(values)
         && !is_trend
         && values.iter().zip(effect.parameters).all(is_seen)

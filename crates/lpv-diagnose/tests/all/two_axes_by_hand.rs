@@ -2,7 +2,7 @@
 //! where it is.
 
 use lpv_core::{Continuous, Controller, Purpose, Record, RecordKind, Signals, StateSpace};
-use lpv_diagnose::effect::ALL;
+use lpv_diagnose::effect::Place;
 use lpv_diagnose::{Base, Case, Lpv, Trace, Track, Verdict, trace};
 use nalgebra::{DMatrix, dmatrix};
 use rand::SeedableRng;
@@ -121,15 +121,15 @@ fn find(wrong: &Wrong) -> Trace {
     .unwrap()
 }
 
-/// Finds one effect, at this channel, whose first parameter is this.
-fn finds(wrong: &Wrong, (name, channel): (&str, usize), truth: f64) {
+/// Finds one effect, at this place, whose first parameter is this.
+fn finds(wrong: &Wrong, (name, place): (&str, Place), truth: f64) {
     let found = find(wrong);
     let names: Vec<_> = found
         .added
         .iter()
-        .map(|a| (a.effect.name, a.effect.channel))
+        .map(|a| (a.effect.name, a.effect.place))
         .collect();
-    assert_eq!(names, [(name, channel)], "{:?}", found.verdict);
+    assert_eq!(names, [(name, place)], "{:?}", found.verdict);
     assert_eq!(found.verdict, Verdict::Explained);
     let (value, deviation) = found.added[0].values[0];
     assert!(
@@ -173,7 +173,7 @@ fn friction_of_the_second_axis() {
         friction: 1.0,
         ..Wrong::default()
     };
-    finds(&wrong, ("coulomb-friction", 1), 1.0);
+    finds(&wrong, ("coulomb-friction", Place::Motor(1)), 1.0);
 }
 
 #[test]
@@ -182,7 +182,7 @@ fn a_delay_of_the_second_input() {
         delay: [0.0, 0.4],
         ..Wrong::default()
     };
-    finds(&wrong, ("delay", 1), 0.4 * STEP);
+    finds(&wrong, ("delay", Place::Motor(1)), 0.4 * STEP);
 }
 
 #[test]
@@ -191,7 +191,7 @@ fn a_delay_of_both_inputs() {
         delay: [0.4; 2],
         ..Wrong::default()
     };
-    finds(&wrong, ("delay", ALL), 0.4 * STEP);
+    finds(&wrong, ("delay", Place::AllMotors), 0.4 * STEP);
 }
 
 #[test]
@@ -200,5 +200,5 @@ fn a_drift_of_the_second_sensor() {
         drift: 4e-4,
         ..Wrong::default()
     };
-    finds(&wrong, ("sensor-drift", 1), 4e-4);
+    finds(&wrong, ("sensor-drift", Place::Output(1)), 4e-4);
 }

@@ -203,7 +203,7 @@ impl Diagnosis {
                 .iter()
                 .zip(&a.values)
                 .map(|(p, (value, std))| {
-                    let value = Value::new(*value, *std, units(p.unit, bundle, a.effect.channel));
+                    let value = Value::new(*value, *std, units(p.unit, bundle, a.effect.place.first()));
                     (p.name.to_owned(), value)
                 })
                 .collect(),

@@ -20,7 +20,7 @@ pub(super) fn doubts(found: &Trace, bundle: &Bundle) -> Vec<String> {
         .filter(|(_, (_, margin))| *margin < EQUAL_DB)
         .map(|(effect, (other, margin))| {
             let records = experiment(effect);
-            let [effect_name, other_name] = if effect.channel == other.channel {
+            let [effect_name, other_name] = if effect.place == other.place {
                 [effect, other].map(|e| e.name.to_owned())
             } else {
                 [effect, other].map(|e| placed(e, bundle))

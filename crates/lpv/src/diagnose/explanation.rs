@@ -149,7 +149,7 @@ impl Explanation {
 
 /// Whether the catalogue means this by the name: some effects have two forms, with parameters of their own.
 fn is_of(effect: &Effect, found: &FoundEffect) -> bool {
-    let forms = catalogue::all().filter(|e| e.name == found.effect && e.channel == effect.channel);
+    let forms = catalogue::all().filter(|e| e.name == found.effect && e.place == effect.place);
     let has = |e: &Effect| e.parameters.iter().all(|p| found.parameters.contains_key(p.name));
     effect.name == found.effect && (has(effect) || !forms.into_iter().any(has))
 }

@@ -2,7 +2,7 @@
 
 use super::Value;
 use experiment_data::Bundle;
-use lpv_diagnose::effect::{Effect, Family};
+use lpv_diagnose::effect::{Effect, Place};
 use lpv_diagnose::{Base, BaseParameter};
 use std::collections::BTreeMap;
 
@@ -18,14 +18,13 @@ pub(super) fn base_parameters(base: &Base, deviations: &[f64], bundle: &Bundle) 
 /// The channel at which an effect acts, or all of them.
 pub(super) fn channel(effect: &Effect, bundle: &Bundle) -> String {
     let channels = &bundle.description().channels;
-    let names = match effect.family {
-        Family::Sensor => &channels.output.columns,
-        _ => &channels.input.columns,
+    let (names, index) = match effect.place {
+        Place::Motor(i) => (&channels.input.columns, Some(i)),
+        Place::AllMotors => (&channels.input.columns, None),
+        Place::Output(i) => (&channels.output.columns, Some(i)),
     };
-    names
-        .get(effect.channel)
-        .cloned()
-        .unwrap_or_else(|| names.join(" and "))
+    let one = index.and_then(|i| names.get(i).cloned());
+    one.unwrap_or_else(|| names.join(" and "))
 }
 
 /// An effect beside others at other channels, in words.

@@ -181,7 +181,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
                 channel: channel(effect, bundle),
                 parameters: parameters
                     .map(|(p, (value, std))| {
-                        let value = Value::new(*value, *std, units(p.unit, bundle, effect.channel));
+                        let value = Value::new(*value, *std, units(p.unit, bundle, effect.place.first()));
                         (p.name.to_owned(), value)
                     })
                     .collect(),

@@ -5,7 +5,7 @@ mod keys;
 
 use self::geometry::GeometryTable;
 pub(crate) use self::keys::KEYS;
-use self::keys::{OF_SECOND, UNREAD, listed};
+use self::keys::{OF_SECOND, UNREAD, listed, needs_second};
 use crate::description::{ChannelGroup, Channels, Description, RecordEntry};
 use crate::description_check::{Fault, check_entries, check_head, check_places, fault};
 use crate::key_path::{KeyPath, Step};
@@ -293,20 +293,6 @@ impl DescriptionFile {
             records: d.records.clone(),
         }
     }
-}
-
-/// Whether a description says anything that format 1 does not have.
-fn needs_second(d: &Description) -> bool {
-    let c = &d.channels;
-    let groups = [&c.output, &c.input, &c.reference, &c.scheduling, &c.auxiliary];
-    d.text.is_some()
-        || groups.iter().any(|g| !g.offset.is_empty())
-        || d.records.iter().any(|r| {
-            r.position.as_ref().is_some_and(|p| p.len() > 1)
-                || r.rows.is_some()
-                || !r.columns.is_empty()
-                || !r.injection.offset.is_empty()
-        })
 }
 
 /// The first unknown key in the order of the file: its offset, its full name, the problem.

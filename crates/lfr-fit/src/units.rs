@@ -19,7 +19,7 @@ const SAMPLE_TIME: f64 = 0.0625;
 /// use lpv_core::{Discrete, Frf, FrfEstimate, SchedulingRange};
 ///
 /// let frf = Frf::new(vec![1.0, 2.0], 1, 1, vec![Complex::new(3e-9, 0.0), Complex::new(0.0, 3e-9)])?;
-/// let nanometres = FrfEstimate::with_unit_covariance(frf, Some(0.3))?;
+/// let nanometres = FrfEstimate::with_unit_covariance(frf, Some(0.3.into()))?;
 /// let units = Units::of(Discrete::new(1e-3)?, &SchedulingRange::interval(0.0, 0.3)?, &[nanometres.clone()])?;
 /// let plain = units.scaled(&nanometres)?;
 /// assert!((plain.frf().line(1)[(0, 0)].norm() - 1.0).abs() < 1e-12);

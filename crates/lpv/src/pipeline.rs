@@ -129,10 +129,8 @@ pub fn identify(
         let model = poles.fits[0].state_space()?;
         return Ok(Identified::Lti(Box::new(LtiStage { poles, model })));
     }
-    let positions: Vec<f64> = estimates
-        .iter()
-        .map(|e| e.single_position().unwrap_or(0.0))
-        .collect();
+    let position = |e: &FrfEstimate| e.single_position().unwrap_or(0.0);
+    let positions: Vec<f64> = estimates.iter().map(position).collect();
     let mut reasons = poles.reasons.clone();
     begin(progress, "basis");
     let basis = match config.functions {

@@ -19,9 +19,11 @@ mod filter;
 mod regression;
 mod settings;
 
+pub use cutoff::Filter;
 pub use settings::{Estimator, RigidBodySettings};
 
 use crate::{LtiIdentError, Segment};
+use cutoff::ROUNDING;
 use lpv_core::{Discrete, Record, RigidBody, RigidBodyAxis, Signals};
 use nalgebra::DVector;
 use regression::{Rows, Solution, solution, stacked};
@@ -56,43 +58,6 @@ pub struct AxisAccount {
     pub force_band_hz: f64,
     /// Rows that count once the colour of the residual is taken into account.
     pub effective_rows: f64,
-}
-
-/// What both sides of the equations go through, by what the spectrum of the position tells.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Filter {
-    /// Cut-off of the filter on the position.
-    pub position_cutoff_hz: f64,
-    /// Cut-off of the filter on the equations.
-    pub regression_cutoff_hz: f64,
-    /// Samples a row of the regression.
-    pub decimation: usize,
-}
-
-/// What rounding may make of a ratio of a frequency and a rate.
-const ROUNDING: f64 = 1e-9;
-
-impl Filter {
-    /// That of the runs of one position; cut-offs of the settings go before.
-    ///
-    /// # Errors
-    /// [`LtiIdentError::Setting`].
-    pub fn new(
-        positions: &[&[f64]],
-        clock: Discrete,
-        settings: &RigidBodySettings,
-    ) -> Result<Self, LtiIdentError> {
-        settings.check()?;
-        let found = cutoff::cutoffs(positions, clock);
-        let regression_cutoff_hz = settings.regression_cutoff_hz.unwrap_or(found.regression_hz);
-        // A whole number stays one, whatever the unit of time makes of its last digit.
-        let decimation = ((1.0 + ROUNDING) / (2.5 * regression_cutoff_hz * clock.sample_time())) as usize;
-        Ok(Self {
-            position_cutoff_hz: settings.position_cutoff_hz.unwrap_or(found.position_hz),
-            regression_cutoff_hz,
-            decimation: decimation.max(1),
-        })
-    }
 }
 
 /// Position, velocity and acceleration of one axis, low-pass filtered forth and back.

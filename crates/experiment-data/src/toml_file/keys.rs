@@ -1,5 +1,7 @@
 //! The keys of a description.
 
+use crate::description::Description;
+
 /// The keys of each table; `*` stands for any index.
 pub(crate) const KEYS: [(&str, &[&str]); 12] = [
     (
@@ -80,4 +82,18 @@ pub(super) fn listed(list: &[(&str, &[&str])], pattern: &str, key: &str) -> bool
         let fits = pattern == *of || (of.ends_with('.') && pattern.starts_with(of));
         fits && keys.contains(&key)
     })
+}
+
+/// Whether a description says anything that format 1 does not have.
+pub(super) fn needs_second(d: &Description) -> bool {
+    let c = &d.channels;
+    let groups = [&c.output, &c.input, &c.reference, &c.scheduling, &c.auxiliary];
+    d.text.is_some()
+        || groups.iter().any(|g| !g.offset.is_empty())
+        || d.records.iter().any(|r| {
+            r.position.as_ref().is_some_and(|p| p.len() > 1)
+                || r.rows.is_some()
+                || !r.columns.is_empty()
+                || !r.injection.offset.is_empty()
+        })
 }

@@ -5,10 +5,10 @@ use crate::experiment::{Bench, median};
 use crate::identification::{self, BAND_HZ, TestGrid};
 use crate::size::{NOISE, Size};
 use indicatif::ProgressBar;
-use lfr_fit::moving::{MovingData, Standing, StandingSettings, simulate_errors, stand_still};
+use lfr_fit::moving::{MovingData, StaticLfr, StaticLfrSettings, fit_static, simulate_errors};
 use lfr_fit::{
     DeltaSplit, FrozenData, GainFit, GrowSettings, Grown, LocalModel, LocalSettings, RefineSettings, Refined,
-    condense, grow, local_model, refine,
+    grow, local_model, merge_lines, refine,
 };
 use lfr_realize::{ReduceSettings, reduce_to_continuous};
 use lpv_core::nalgebra::{DMatrix, DVector};
@@ -342,17 +342,17 @@ impl Subject {
         data: &FrozenData,
         moves: &MovingData,
         iterations: usize,
-    ) -> Result<Standing, TaskError> {
-        let settings = StandingSettings {
+    ) -> Result<StaticLfr, TaskError> {
+        let settings = StaticLfrSettings {
             splits: vec![DeltaSplit {
                 forces: 1,
                 outputs: 1,
                 accelerations: 2,
             }],
             iterations,
-            ..StandingSettings::default()
+            ..StaticLfrSettings::default()
         };
-        let found = stand_still(frozen, data, moves, &settings)?;
+        let found = fit_static(frozen, data, moves, &settings)?;
         Ok(found.ok_or("no LFR of four deltas explains the responses")?)
     }
 
@@ -529,7 +529,7 @@ pub(crate) fn run(size: Size, seed: u64) -> Result<SmallAccount, TaskError> {
     let local = subject.local(&measured)?;
     let range = subject.machine.scheduling_range()?;
     let gamma = local.gamma.as_ref();
-    let few = condense(&local.flexible, gamma, &measured, &range, &settings)?;
+    let few = merge_lines(&local.flexible, gamma, &measured, &range, &settings)?;
     let (moving, sweep) = subject.in_time(&data, &three.refined, Some((&few, &noisy)))?;
     Ok(SmallAccount {
         joint_reduction_loss_db: joint_reduction.reduced_db.max(EXACT_DB)

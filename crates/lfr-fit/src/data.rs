@@ -187,8 +187,8 @@ impl FrozenData {
     /// The same data, no line taken for more exact than this part of its response: tolerant weights, for a model that is
     /// not near yet.
     #[must_use]
-    pub fn blunted(&self, part: f64) -> Self {
-        let positions = self.positions.iter().cloned().map(|p| p.blunted(part));
+    pub fn with_error_floor(&self, part: f64) -> Self {
+        let positions = self.positions.iter().cloned().map(|p| p.with_error_floor(part));
         Self {
             positions: positions.collect(),
             ..*self
@@ -208,9 +208,9 @@ impl FrozenData {
 
     /// The same knowledge in few lines: neighbours that no model with poles like those of `models` (one a position, in the
     /// order of the data, near the responses there) can tell apart are merged, with their weights.
-    pub(crate) fn condensed(&self, models: &[StateSpace<Discrete>]) -> Result<Self, FitError> {
+    pub(crate) fn merged_lines(&self, models: &[StateSpace<Discrete>]) -> Result<Self, FitError> {
         let positions = self.positions.par_iter().zip(models);
-        let positions = positions.map(|(position, model)| position.condensed(self.clock, model));
+        let positions = positions.map(|(position, model)| position.merged_lines(self.clock, model));
         Ok(Self {
             positions: positions.collect::<Result<_, _>>()?,
             ..*self

@@ -85,7 +85,7 @@ pub struct Grown<K: Sampling> {
 ///
 /// # Errors
 /// As [`grow`].
-pub fn condense<K: Sampling>(
+pub fn merge_lines<K: Sampling>(
     local: &StateSpace<K>,
     gamma: Option<&DMatrix<f64>>,
     data: &FrozenData,
@@ -105,11 +105,11 @@ pub fn condense<K: Sampling>(
 ///
 /// `local` and `gamma` are the flexible part and the gain of the rigid body, as [`crate::local_model`] gives them.
 ///
-/// 1. The local model is fitted to one position after the other, outward from the centre, in coordinates that turn as
+/// 1. The local model is fitted to one position after the other, outward from the centre, in coordinates that change as
 ///    little as possible; where that misses and the data know the poles ([`FrozenData::with_poles`]), with them.
 /// 2. The LFR of the flexible part is fitted to the responses of these models with more damping: `F(s + sigma)`, sigma
 ///    as far as the poles move. A resonance that moves by many times its width would hide the way.
-/// 3. It is fitted to few lines of the data (noisy ones condensed, see [`condense`]), and then to all.
+/// 3. It is fitted to few lines of the data (noisy ones merged, see [`merge_lines`]), and then to all.
 ///
 /// The first starts are factorised polynomials through the local models, the others are small random channels: with
 /// none at all the gradient vanishes, and small ones go where the data pull them. The long fit on all lines is made for

@@ -15,7 +15,7 @@
 //! matrix M ([`Candidate`]), so `dS = [I, M_ab K] dM [I; K M_ba]`; the Fréchet derivative of the exponential carries
 //! it through the hold, and `dF = [C (zI-A)^-1, I] dS_d [(zI-A)^-1 B; I]` to every line. At each position an orthogonal
 //! factorisation leaves as many rows as the frozen system has parameters, so that thousands of lines cost no more
-//! memory than a few; noisy lines that no model near the data can tell apart are merged first ([`condense`]), so that the way
+//! memory than a few; noisy lines that no model near the data can tell apart are merged first ([`merge_lines`]), so that the way
 //! through a narrow valley goes over a hundred lines instead of thousands. Changes of coordinates (of the states, and of the deltas of one parameter) do not change a response;
 //! steps are taken in the complement of their tangents, by Levenberg-Marquardt with columns of equal length and a correction
 //! for the bend of the residuals along the step (geodesic acceleration). States that
@@ -63,16 +63,16 @@
 //! ```
 
 mod candidate;
-mod condense;
 mod covariance;
 mod data;
 mod error;
 mod frozen;
-mod gauge;
 mod grow;
+mod indistinguishable;
 mod lines;
 mod local;
 mod mechanical;
+mod merge_lines;
 mod minimax;
 pub mod moving;
 mod problem;
@@ -93,7 +93,7 @@ pub use data::{FrozenData, ResidualUnit};
 pub use error::FitError;
 pub use grow::{
     DeltaReach, GainFit, GrowSettings, Grown, SizeChoice, Sizes, StartAccount, StartKind, StartOutcome,
-    StartSearch, condense, grow, grow_from, grow_sizes,
+    StartSearch, grow, grow_from, grow_sizes, merge_lines,
 };
 pub use local::{LocalMode, LocalModel, LocalSettings, RigidGain, local_model};
 pub use lpv_core;

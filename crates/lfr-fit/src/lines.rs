@@ -88,7 +88,7 @@ impl Position {
     }
 
     /// The same lines, none of them taken for more exact than this part of its response.
-    pub(crate) fn blunted(mut self, part: f64) -> Self {
+    pub(crate) fn with_error_floor(mut self, part: f64) -> Self {
         let equations = (2 * self.frf.outputs() * self.frf.inputs()) as f64;
         let sizes: Vec<f64> = (0..self.frf.len()).map(|k| self.line_energy(k)).collect();
         for (scale, size) in self.scale.iter_mut().zip(sizes) {

@@ -9,7 +9,7 @@ mod structure;
 
 use structure::Mask;
 
-/// How many deltas of a single scheduling parameter stand where in the mechanical structure.
+/// How many deltas of a single scheduling parameter act where in the mechanical structure.
 ///
 /// With positions q (rigid coordinates first, then one a mode), the inner forces f are functions of the state and act on
 /// the accelerations:

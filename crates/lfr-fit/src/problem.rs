@@ -11,7 +11,7 @@ use crate::sampling::Sampling;
 use crate::sampling::hold::Derivative;
 use crate::shape::Shape;
 use crate::structure::{Reach, Structure};
-use crate::{FitError, gauge};
+use crate::{FitError, indistinguishable};
 use lpv_core::Frf;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
@@ -163,8 +163,8 @@ impl<'a, K: Sampling> Problem<'a, K> {
     }
 
     /// Tangents of the changes of coordinates that leave every frozen response alone, one a column.
-    pub(crate) fn gauge(&self, theta: &DVector<f64>) -> Result<DMatrix<f64>, FitError> {
-        gauge::tangents(&self.matrix(theta), self.shape, &self.channels, &self.free)
+    pub(crate) fn indistinguishable(&self, theta: &DVector<f64>) -> Result<DMatrix<f64>, FitError> {
+        indistinguishable::tangents(&self.matrix(theta), self.shape, &self.channels, &self.free)
     }
 
     /// The cost; none where a response does not exist, or a property of the start is lost.

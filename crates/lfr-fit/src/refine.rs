@@ -46,8 +46,8 @@ pub struct RefineAccount {
     /// Free entries.
     pub free: usize,
     /// Dimension of the changes of coordinates among them.
-    pub gauge: usize,
-    /// Directions of the rest that the data determine, beyond rounding. Fewer than `free - gauge`: too many deltas or
+    pub indistinguishable: usize,
+    /// Directions of the rest that the data determine, beyond rounding. Fewer than `free - indistinguishable`: too many deltas or
     /// states for what the data show.
     pub rank: usize,
     /// Largest over smallest singular value of the scaled Jacobian in the directions that are determined.
@@ -132,7 +132,11 @@ pub(crate) fn account<K: Sampling>(
     let linear = problem
         .linearise(&found.theta)
         .ok_or_else(|| problem.no_start())?;
-    let scaled = Quadratic::new(&linear.jacobian, &linear.residual, &problem.gauge(&found.theta)?);
+    let scaled = Quadratic::new(
+        &linear.jacobian,
+        &linear.residual,
+        &problem.indistinguishable(&found.theta)?,
+    );
     let (values, vectors) = right_singular(&scaled.r)?;
     let largest = values.get(0).copied().unwrap_or(0.0);
     let rank = values.iter().filter(|v| **v > UNDETERMINED * largest).count();
@@ -162,7 +166,7 @@ pub(crate) fn account<K: Sampling>(
             unit: data.unit(),
             equations,
             free: problem.free.len(),
-            gauge: problem.free.len() - scaled.map.ncols(),
+            indistinguishable: problem.free.len() - scaled.map.ncols(),
             rank,
             condition: values.iter().take(rank).next_back().map_or(1.0, |v| largest / v),
             variance,

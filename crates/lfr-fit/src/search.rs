@@ -74,7 +74,7 @@ pub(crate) trait Objective {
         None
     }
     /// Directions without effect, one a column.
-    fn gauge(&self, theta: &DVector<f64>) -> Result<DMatrix<f64>, FitError>;
+    fn indistinguishable(&self, theta: &DVector<f64>) -> Result<DMatrix<f64>, FitError>;
     /// The cost that rounding alone makes.
     fn rounding(&self) -> f64;
     /// Why a start has no cost.
@@ -112,8 +112,8 @@ impl<K: Sampling> Objective for Problem<'_, K> {
     fn curvature(&self, theta: &DVector<f64>, linear: &Linear, step: &DVector<f64>) -> Option<DVector<f64>> {
         self.curvature(theta, linear, step)
     }
-    fn gauge(&self, theta: &DVector<f64>) -> Result<DMatrix<f64>, FitError> {
-        self.gauge(theta)
+    fn indistinguishable(&self, theta: &DVector<f64>) -> Result<DMatrix<f64>, FitError> {
+        self.indistinguishable(theta)
     }
     fn rounding(&self) -> f64 {
         self.rounding()
@@ -184,7 +184,7 @@ impl<O: Objective> Search for Descent<'_, O> {
             return Ok(ControlFlow::Break(StopReason::NoDescent));
         };
         self.factorisations += linear.factorisations;
-        let tangents = self.objective.gauge(&point.theta)?;
+        let tangents = self.objective.indistinguishable(&point.theta)?;
         let quadratic = Quadratic::new(&linear.jacobian, &linear.residual, &tangents);
         let hidden = |noise: Noise| quadratic.decrease() <= noise.hidden * quadratic.b.len() as f64;
         Ok(match self.limits.noise.is_some_and(hidden) {

@@ -10,10 +10,10 @@ use crate::poles::PoleStage;
 use crate::progress::{Progress, begin};
 use between::between;
 use data::{expected_residuals, frozen_data};
-use lfr_fit::moving::{MovingData, Standing, StandingSettings, stand_still};
+use lfr_fit::moving::{MovingData, StaticLfr, StaticLfrSettings, fit_static};
 use lfr_fit::{
     FitError, FrozenData, GainFit, GrowSettings, Grown, LocalSettings, RefineSettings, Refined, ResidualUnit,
-    RigidGain, StartKind, Units, condense, grow_sizes, local_model, refine,
+    RigidGain, StartKind, Units, grow_sizes, local_model, merge_lines, refine,
 };
 use lfr_realize::RealizeError;
 use lpv_core::num_complex::Complex;
@@ -170,7 +170,7 @@ fn attempt(
         .collect();
     let gamma = local.gamma.as_ref();
     begin(progress, "small LFR: numbers of deltas");
-    let few = condense(&local.flexible, gamma, data, &range, &settings)?;
+    let few = merge_lines(&local.flexible, gamma, data, &range, &settings)?;
     let mut tried = grow_sizes(&local.flexible, gamma, &few, &deltas, &range, &settings)?;
     let sizes: Vec<SizeRow> = tried.grown.iter().map(SizeRow::new).collect();
     let best = tried.grown.swap_remove(tried.chosen);
@@ -307,12 +307,12 @@ fn standing(
     few: &FrozenData,
     moves: &MovingData,
     seed: u64,
-) -> Result<Option<Standing>, FitError> {
-    let settings = StandingSettings {
+) -> Result<Option<StaticLfr>, FitError> {
+    let settings = StaticLfrSettings {
         seed,
-        ..StandingSettings::default()
+        ..StaticLfrSettings::default()
     };
-    stand_still(fit, few, moves, &settings)
+    fit_static(fit, few, moves, &settings)
 }
 
 impl SmallStage {
@@ -335,7 +335,7 @@ impl SmallStage {
 }
 
 impl MovingStage {
-    fn new(found: &Standing) -> Self {
+    fn new(found: &StaticLfr) -> Self {
         Self {
             deltas: [found.split.forces, found.split.outputs, found.split.accelerations],
             over_noise: found.moving_rms,

@@ -1,4 +1,4 @@
-//! Frozen models at all positions in coordinates that turn as little as possible, and what a start makes of them: the
+//! Frozen models at all positions in coordinates that change as little as possible, and what a start makes of them: the
 //! same responses with more damping, and an LFR from a polynomial through them.
 
 use super::expansion::Expansion;
@@ -13,7 +13,7 @@ use lpv_core::{Continuous, CoreError, Discrete, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
 
 /// Part of its response that a line of a start counts as exact to.
-pub(super) const BLUNT: f64 = 1e-2;
+pub(super) const ERROR_FLOOR: f64 = 1e-2;
 
 /// A local fit that leaves more than this many times its target has missed.
 const MISSED: f64 = 2.0;
@@ -45,7 +45,7 @@ pub(super) struct Coherent<K: Sampling> {
 
 impl<K: Sampling> Coherent<K> {
     /// Both in few lines a position: models and the data that they were fitted to. Data without noise are exact in any of
-    /// their lines; of noisy ones each line knows a part, so that they are condensed, about models that a first round gives.
+    /// their lines; of noisy ones each line knows a part, so that they are merged, about models that a first round gives.
     pub(super) fn in_few_lines(
         local: &StateSpace<K>,
         gamma: Option<&DMatrix<f64>>,
@@ -59,8 +59,8 @@ impl<K: Sampling> Coherent<K> {
         if data.unit() == ResidualUnit::Relative {
             return Ok((rough, thinned));
         }
-        let fine = around(&data.condensed(&rough.sampled)?)?;
-        let few = data.condensed(&fine.sampled)?;
+        let fine = around(&data.merged_lines(&rough.sampled)?)?;
+        let few = data.merged_lines(&fine.sampled)?;
         Ok((fine, few))
     }
 
@@ -109,7 +109,7 @@ impl<K: Sampling> Coherent<K> {
                     ResidualUnit::Relative => refine(start, &here, &settings),
                     // Lines of a very good signal to noise ratio lead a start astray.
                     ResidualUnit::StandardDeviation => {
-                        let near = refine(start, &here.blunted(BLUNT), &settings)?;
+                        let near = refine(start, &here.with_error_floor(ERROR_FLOOR), &settings)?;
                         refine(&near.candidate, &here, &settings)
                     }
                 }

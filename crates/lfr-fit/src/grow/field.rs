@@ -1,6 +1,6 @@
 //! What all starts share, and one growth after the other.
 
-use super::coherent::{BLUNT, Coherent};
+use super::coherent::{Coherent, ERROR_FLOOR};
 use super::{DeltaReach, GainFit, GrowSettings, Grown, StartAccount, StartKind, StartOutcome, StartSearch};
 use crate::sampling::Sampling;
 use crate::{Candidate, FitError, FrozenData, RandomChannels, RefineSettings, Refined, ResidualUnit, refine};
@@ -28,7 +28,7 @@ pub(crate) struct Field<'a, K: Sampling> {
     /// The data in few lines a position.
     few: FrozenData,
     /// The same without the lines of a very good signal to noise ratio, which lead a start astray.
-    blunt: Option<FrozenData>,
+    floored: Option<FrozenData>,
 }
 
 impl<'a, K: Sampling> Field<'a, K> {
@@ -48,7 +48,8 @@ impl<'a, K: Sampling> Field<'a, K> {
             data,
             scheduling,
             settings,
-            blunt: (data.unit() == ResidualUnit::StandardDeviation).then(|| few.blunted(BLUNT)),
+            floored: (data.unit() == ResidualUnit::StandardDeviation)
+                .then(|| few.with_error_floor(ERROR_FLOOR)),
             few,
         })
     }
@@ -194,8 +195,8 @@ impl<'a, K: Sampling> Field<'a, K> {
         let part = flexible.matrix();
         m.view_mut((rigid, rigid), part.shape()).copy_from(part);
         let mut whole = whole.with_matrix(m);
-        if let Some(blunt) = &self.blunt {
-            let near = refine(&whole, blunt, &quick(1.0))?;
+        if let Some(floored) = &self.floored {
+            let near = refine(&whole, floored, &quick(1.0))?;
             account.iterations += near.account.iterations();
             whole = near.candidate;
         }

@@ -131,8 +131,8 @@ impl Objective for Joint<'_> {
         let moving = stacked(rows(&fixed, self.moving, Want::Derivative)?);
         Some(frozen.above(moving))
     }
-    fn gauge(&self, theta: &DVector<f64>) -> Result<DMatrix<f64>, FitError> {
-        self.problem.gauge(theta)
+    fn indistinguishable(&self, theta: &DVector<f64>) -> Result<DMatrix<f64>, FitError> {
+        self.problem.indistinguishable(theta)
     }
     fn rounding(&self) -> f64 {
         0.0
@@ -145,7 +145,7 @@ impl Objective for Joint<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::moving::turning::{Turned, Turning, freeze};
+    use crate::moving::transformation::{StateTransformation, Transformed, freeze};
     use crate::{DeltaSplit, MechanicalForm, RandomChannels};
     use lpv_core::{DeltaBlock, Discrete, Purpose, Record, RecordKind, SchedulingRange, Signals, StateSpace};
     use nalgebra::dmatrix;
@@ -245,10 +245,10 @@ mod tests {
     fn sensitivities_of_the_turning_basis_meet_finite_differences() {
         let (form, data) = (form(), data(0.0));
         let records = freeze(&form, &data).unwrap();
-        let zero = Turning::of_pairs(form.states(), 2);
+        let zero = StateTransformation::of_pairs(form.states(), 2);
         let theta = zero.theta().map_with_location(|i, _, _| 0.3 * (i as f64).sin());
-        let at = |theta: &DVector<f64>| Turned {
-            turning: zero.with(theta),
+        let at = |theta: &DVector<f64>| Transformed {
+            transformation: zero.with(theta),
             records: &records,
         };
         let linear = stacked(rows(&at(&theta), &data, Want::Derivative).unwrap());

@@ -78,13 +78,13 @@ fn many_lines_are_taken_in_parts() {
     check(clock(), INSIDE, &ONE, 2500);
 }
 
-fn check_gauge<K: Sampling>(own: K, poles: [f64; 3], channels: &[Channel], dimension: usize) {
+fn check_indistinguishable<K: Sampling>(own: K, poles: [f64; 3], channels: &[Channel], dimension: usize) {
     let model = candidate(own, poles, channels, 3);
     let data = responses(&candidate(own, poles, channels, 8), 15);
     let data = FrozenData::relative(clock(), &data).unwrap();
     let problem = Problem::new(&model, &data).unwrap();
     let theta = problem.theta(&model);
-    let tangents = problem.gauge(&theta).unwrap();
+    let tangents = problem.indistinguishable(&theta).unwrap();
     let linear = problem.linearise(&theta).unwrap();
     for tangent in tangents.column_iter() {
         let moved = (&linear.jacobian * tangent).norm();
@@ -104,12 +104,12 @@ fn check_gauge<K: Sampling>(own: K, poles: [f64; 3], channels: &[Channel], dimen
 #[test]
 fn changes_of_coordinates_do_nothing_and_are_all_that_does_nothing() {
     // Similarity of three states, and of the channels of one parameter.
-    check_gauge(Continuous, SLOW, &ONE, 9 + 4);
-    check_gauge(clock(), INSIDE, &ONE, 9 + 4);
-    check_gauge(clock(), INSIDE, &[], 9);
+    check_indistinguishable(Continuous, SLOW, &ONE, 9 + 4);
+    check_indistinguishable(clock(), INSIDE, &ONE, 9 + 4);
+    check_indistinguishable(clock(), INSIDE, &[], 9);
     // The row of a direct channel may be added to seven rows and its column to seven columns, its own entry being in
     // both. Of the two rows of y and the two columns of u only one combination leaves D22 alone.
-    check_gauge(
+    check_indistinguishable(
         clock(),
         INSIDE,
         &[Channel::Parameter(0), Channel::Direct],
@@ -126,7 +126,7 @@ fn fixed_entries_restrict_the_changes_of_coordinates() {
         let model = model.with_free(free).unwrap();
         let data = FrozenData::relative(clock(), &responses(&model, 15)).unwrap();
         let problem = Problem::new(&model, &data).unwrap();
-        let tangents = problem.gauge(&problem.theta(&model)).unwrap();
+        let tangents = problem.indistinguishable(&problem.theta(&model)).unwrap();
         assert_eq!(tangents.rank(1e-9), dimension);
         let linear = problem.linearise(&problem.theta(&model)).unwrap();
         assert!((linear.jacobian * tangents).norm() < 1e-10);

@@ -3,7 +3,7 @@
 use crate::common::*;
 use lfr_fit::{
     Candidate, DeltaReach, FitError, FrozenData, GainFit, GrowSettings, RandomChannels, RefineSettings,
-    StartAccount, StartKind, StartOutcome, StartSearch, condense, grow, refine,
+    StartAccount, StartKind, StartOutcome, StartSearch, grow, merge_lines, refine,
 };
 use lpv_core::nalgebra::{DMatrix, dmatrix};
 use lpv_core::num_complex::Complex;
@@ -356,7 +356,7 @@ fn condensed_lines_know_what_all_lines_know() {
         ..GrowSettings::default()
     };
     let local = centre(&truth);
-    let few = condense(&local, None, &data, &interval(), &settings).unwrap();
+    let few = merge_lines(&local, None, &data, &interval(), &settings).unwrap();
     assert!(
         few.equations() * 50 < data.equations(),
         "{} equations",

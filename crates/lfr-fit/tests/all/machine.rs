@@ -180,7 +180,7 @@ fn few_deltas_do_for_the_whole_stroke() {
             let posed = lfr.well_posedness().unwrap();
             assert!(matches!(posed, WellPosedness::Proven { .. }));
             // Changes of coordinates: similarity of four states and of the deltas.
-            assert_eq!(grown.refined.account.gauge, 16 + count * count);
+            assert_eq!(grown.refined.account.indistinguishable, 16 + count * count);
             let work: usize = grown.starts.iter().map(|s| s.iterations).sum();
             assert!(work < 600, "{case:?}, {count} deltas: {work} iterations");
         }

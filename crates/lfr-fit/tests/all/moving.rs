@@ -1,6 +1,8 @@
 //! The xy-table along a moving p: from a frozen model to one whose coordinates do not depend on p.
 
-use lfr_fit::moving::{MovingData, refine_with_moves, settle, simulate_errors, turn};
+use lfr_fit::moving::{
+    MovingData, fit_transformation, refine_with_moves, simulate_errors, static_dependence,
+};
 use lfr_fit::{
     Candidate, DeltaSplit, FrozenData, GrowSettings, LocalSettings, MechanicalForm, RefineSettings, grow,
     local_model,
@@ -133,8 +135,8 @@ fn coordinates_that_stand_still_are_found_from_records() {
         tolerance: 1e-2,
         ..RefineSettings::default()
     };
-    let turned = turn(&form, &fitted, 5, &settings).unwrap();
-    let rms = &turned.account.rms;
+    let transformed = fit_transformation(&form, &fitted, 5, &settings).unwrap();
+    let rms = &transformed.account.rms;
     assert!(rms[rms.len() - 1] < 0.02 * rms[0], "{rms:?}");
 
     let split = DeltaSplit {
@@ -142,12 +144,20 @@ fn coordinates_that_stand_still_are_found_from_records() {
         outputs: 1,
         accelerations: 2,
     };
-    let settled = settle(&form, &turned, std::slice::from_ref(&bench.data), split, 2, 0).unwrap();
+    let made_static = static_dependence(
+        &form,
+        &transformed,
+        std::slice::from_ref(&bench.data),
+        split,
+        2,
+        0,
+    )
+    .unwrap();
     let settings = RefineSettings {
         max_iterations: 30,
         ..RefineSettings::default()
     };
-    let found = refine_with_moves(&settled.candidate, &bench.data, &fitted, &settings).unwrap();
+    let found = refine_with_moves(&made_static.candidate, &bench.data, &fitted, &settings).unwrap();
     let after = worst(&simulate_errors(&found.candidate, &judged).unwrap());
     assert!(
         after[0] < 5e-8 && after[1] < 2.5e-6,

@@ -25,7 +25,11 @@ fn one_free_pole() {
     assert!((found.candidate.matrix()[(0, 0)] - 0.5).abs() < 1e-13);
     assert_eq!(found.account.stop, StopReason::ResidualAtRounding);
     assert_eq!(
-        (found.account.free, found.account.gauge, found.account.rank),
+        (
+            found.account.free,
+            found.account.indistinguishable,
+            found.account.rank
+        ),
         (1, 0, 1)
     );
     assert_eq!(found.account.equations, 18);
@@ -49,7 +53,11 @@ fn known_continuous_lfrs_are_recovered() {
         assert!(error < 1e-10, "seed {seed}: {error:e} {:?}", found.account.stop);
         // Similarity of two states and of one delta.
         assert_eq!(
-            (found.account.free, found.account.gauge, found.account.rank),
+            (
+                found.account.free,
+                found.account.indistinguishable,
+                found.account.rank
+            ),
             (21, 5, 16)
         );
         assert!(matches!(
@@ -69,7 +77,7 @@ fn known_discrete_lfrs_are_recovered() {
         let found = refine(&start, &relative(&truth, &POSITIONS, 25), &settings()).unwrap();
         let error = largest_error(&found.candidate, &truth);
         assert!(error < 1e-9, "seed {seed}: {error:e} {:?}", found.account.stop);
-        assert_eq!(found.account.gauge, 4 + 4);
+        assert_eq!(found.account.indistinguishable, 4 + 4);
     }
 }
 
@@ -108,7 +116,7 @@ fn two_scheduling_parameters() {
         assert!(error.into_iter().all(|e| e < 1e-9));
     }
     // Deltas of different parameters do not mix: one scale each.
-    assert_eq!(found.account.gauge, 4 + 2);
+    assert_eq!(found.account.indistinguishable, 4 + 2);
     assert_eq!(found.position_rms.len(), 16);
 }
 
@@ -230,7 +238,11 @@ fn covariance_is_the_scatter_of_many_fits() {
         degrees += found.account.degrees_of_freedom();
         // Two scales are changes of coordinates, and the covariance along them is zero.
         assert_eq!(
-            (found.account.gauge, found.account.rank, found.account.variance),
+            (
+                found.account.indistinguishable,
+                found.account.rank,
+                found.account.variance
+            ),
             (2, 6, 1.0)
         );
         assert_eq!(found.parameter_covariance().rank(1e-12), 6);

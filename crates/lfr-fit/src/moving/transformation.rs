@@ -1,4 +1,4 @@
-//! The rate at which the state basis of a frozen model turns with p.
+//! The parameter-dependent state transformation T(p) of a frozen model, by its rate `-T^-1 dT/dp`.
 
 use super::along::{Dynamics, Transition};
 use super::data::{MovingData, MovingRecord};
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 /// If the machine's state is `x = T(p) x~`, then `G = -T^-1 dT/dp`: what constant positions cannot show. Entries of G
 /// that are listed together share one number.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Turning {
+pub struct StateTransformation {
     /// Entries (row, column) of G that share a number.
     pub(crate) directions: Vec<Vec<(usize, usize)>>,
     /// One row a direction, one column a Chebyshev polynomial.
@@ -22,8 +22,8 @@ pub struct Turning {
     pub(crate) states: usize,
 }
 
-impl Turning {
-    /// Zero, with the positions and the rates of every second-order pair turning alike: states `[q; v]`, and
+impl StateTransformation {
+    /// Zero, with the positions and the rates of every second-order pair transformed alike: states `[q; v]`, and
     /// `G = diag(g, g)`. `degree` is that of the polynomials.
     pub(crate) fn of_pairs(states: usize, degree: usize) -> Self {
         let half = states / 2;
@@ -67,9 +67,9 @@ impl Turning {
     }
 
     pub(crate) fn with(&self, theta: &DVector<f64>) -> Self {
-        let mut turned = self.clone();
-        turned.coefficients.copy_from_slice(theta.as_slice());
-        turned
+        let mut transformed = self.clone();
+        transformed.coefficients.copy_from_slice(theta.as_slice());
+        transformed
     }
     pub(crate) fn theta(&self) -> DVector<f64> {
         DVector::from_column_slice(self.coefficients.as_slice())
@@ -97,9 +97,9 @@ pub(crate) struct Frozen {
     middles: Vec<(f64, f64)>,
 }
 
-/// A frozen model whose basis turns; the coefficients of G are its parameters.
-pub(crate) struct Turned<'a> {
-    pub(crate) turning: Turning,
+/// A frozen model with a parameter-dependent state transformation; the coefficients of G are its parameters.
+pub(crate) struct Transformed<'a> {
+    pub(crate) transformation: StateTransformation,
     pub(crate) records: &'a [Frozen],
 }
 
@@ -131,7 +131,7 @@ pub(crate) fn freeze(form: &MechanicalForm, data: &MovingData) -> Result<Vec<Fro
         .collect()
 }
 
-pub(crate) struct TurnedStep {
+pub(crate) struct TransformedStep {
     transition: Transition,
     flow: Flow,
     rows: DMatrix<f64>,
@@ -141,46 +141,46 @@ pub(crate) struct TurnedStep {
     moved: DMatrix<f64>,
 }
 
-impl AsRef<Transition> for TurnedStep {
+impl AsRef<Transition> for TransformedStep {
     fn as_ref(&self) -> &Transition {
         &self.transition
     }
 }
 
-impl Dynamics for Turned<'_> {
-    type Step = TurnedStep;
+impl Dynamics for Transformed<'_> {
+    type Step = TransformedStep;
 
     fn states(&self) -> usize {
-        self.turning.states
+        self.transformation.states
     }
     fn parameters(&self) -> usize {
-        self.turning.coefficients.len()
+        self.transformation.coefficients.len()
     }
-    fn storage(&self, record: &MovingRecord) -> TurnedStep {
+    fn storage(&self, record: &MovingRecord) -> TransformedStep {
         let (n, nu, ny) = (self.states(), record.inputs.nrows(), record.outputs.nrows());
-        TurnedStep {
+        TransformedStep {
             transition: Transition {
                 ab: DMatrix::zeros(n, n + nu),
                 c: DMatrix::zeros(ny, n),
             },
             flow: Flow::default(),
             rows: DMatrix::zeros(n, n + nu),
-            weights: DVector::zeros(self.turning.coefficients.ncols()),
+            weights: DVector::zeros(self.transformation.coefficients.ncols()),
             seen: DVector::zeros(n),
-            moved: DMatrix::zeros(n, self.turning.directions.len()),
+            moved: DMatrix::zeros(n, self.transformation.directions.len()),
         }
     }
 
-    fn step(&self, record: &MovingRecord, k: usize, want: Want, step: &mut TurnedStep) -> Option<()> {
+    fn step(&self, record: &MovingRecord, k: usize, want: Want, step: &mut TransformedStep) -> Option<()> {
         let frozen = &self.records[record.index];
         let (delta, length) = frozen.middles[k];
-        step.weights = chebyshev(delta, self.turning.coefficients.ncols()) * length;
+        step.weights = chebyshev(delta, self.transformation.coefficients.ncols()) * length;
         step.rows.copy_from(&frozen.rows[k]);
         for (entries, row) in self
-            .turning
+            .transformation
             .directions
             .iter()
-            .zip(self.turning.coefficients.row_iter())
+            .zip(self.transformation.coefficients.row_iter())
         {
             let value = row
                 .iter()
@@ -197,16 +197,16 @@ impl Dynamics for Turned<'_> {
         Some(())
     }
 
-    fn add_output(&self, _: &TurnedStep, _: &DVector<f64>, _: &mut DMatrix<f64>) {}
+    fn add_output(&self, _: &TransformedStep, _: &DVector<f64>, _: &mut DMatrix<f64>) {}
 
-    fn force(&self, step: &mut TurnedStep, signal: &DVector<f64>, sensitivity: &mut DMatrix<f64>) {
+    fn force(&self, step: &mut TransformedStep, signal: &DVector<f64>, sensitivity: &mut DMatrix<f64>) {
         let n = self.states();
         step.moved.fill(0.0);
         for product in step.flow.products() {
             step.seen.gemv(product.weight, &product.before, signal, 0.0);
             let after = product.after.as_slice();
             let columns = step.moved.as_mut_slice().chunks_exact_mut(n);
-            for (column, entries) in columns.zip(&self.turning.directions) {
+            for (column, entries) in columns.zip(&self.transformation.directions) {
                 for &(a, b) in entries {
                     let seen = step.seen[b];
                     for (out, l) in column.iter_mut().zip(&after[a * n..(a + 1) * n]) {
@@ -232,4 +232,4 @@ mod fit;
 #[cfg(test)]
 mod tests;
 
-pub use fit::{TurningAccount, TurningFit, turn};
+pub use fit::{TransformationAccount, TransformationFit, fit_transformation};

@@ -1,6 +1,6 @@
-//! The turning that records ask for.
+//! The state transformation that records ask for.
 
-use super::{Frozen, Turned, Turning, freeze};
+use super::{Frozen, StateTransformation, Transformed, freeze};
 use crate::moving::along::{rows, stacked};
 use crate::moving::data::MovingData;
 use crate::moving::flow::Want;
@@ -10,23 +10,23 @@ use crate::{FitError, MechanicalForm, RefineSettings, StopReason};
 use lpv_numerics::dense::triangle_beside;
 use nalgebra::{DMatrix, DVector};
 
-/// A [`Turning`] fitted to records.
+/// A [`StateTransformation`] fitted to records.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TurningFit {
+pub struct TransformationFit {
     /// The rate.
-    pub turning: Turning,
+    pub transformation: StateTransformation,
     /// Near it, the records cost `||residual + information dG||^2`, `dG` the change of the coefficients.
     pub(crate) information: DMatrix<f64>,
     pub(crate) residual: DVector<f64>,
     /// Samples times outputs over all records.
     pub(crate) equations: usize,
     /// How it went.
-    pub account: TurningAccount,
+    pub account: TransformationAccount,
 }
 
-/// How the fit of a [`Turning`] went.
+/// How the fit of a [`StateTransformation`] went.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TurningAccount {
+pub struct TransformationAccount {
     /// Why the search ended.
     pub stop: StopReason,
     /// Rms error over all records and outputs in units of the noise: with `G = 0`, with the G that the beginnings of the
@@ -40,21 +40,21 @@ pub struct TurningAccount {
 /// # Errors
 /// [`FitError::Core`] for records that leave the range; [`FitError::Moving`] if the model runs away from them even
 /// in the loop, or has more than one scheduling parameter.
-pub fn turn(
+pub fn fit_transformation(
     form: &MechanicalForm,
     data: &MovingData,
     degree: usize,
     settings: &RefineSettings,
-) -> Result<TurningFit, FitError> {
+) -> Result<TransformationFit, FitError> {
     settings.check()?;
     if form.range().parameters() != 1 {
         return Err(FitError::Moving {
-            problem: "state coordinates are turned for one scheduling parameter only; measure along one at a time",
+            problem: "a state transformation is fitted for one scheduling parameter only; measure along one at a time",
         });
     }
     let frozen = freeze(form, data)?;
-    let on = |data| TurningObjective {
-        zero: Turning::of_pairs(form.states(), degree),
+    let on = |data| TransformationObjective {
+        zero: StateTransformation::of_pairs(form.states(), degree),
         frozen: &frozen,
         data,
     };
@@ -89,9 +89,9 @@ pub fn turn(
     let equations = data.equations() as f64;
     let mut residual = DVector::zeros(theta.len() + 1);
     residual[theta.len()] = linear.least.sqrt();
-    Ok(TurningFit {
-        turning: whole.zero.with(&(theta - linear.step)),
-        account: TurningAccount {
+    Ok(TransformationFit {
+        transformation: whole.zero.with(&(theta - linear.step)),
+        account: TransformationAccount {
             stop: near.stop,
             rms: [first.total, linear.actual, linear.least].map(|cost| (cost / equations).sqrt()),
         },
@@ -111,7 +111,7 @@ struct Factored {
 }
 
 impl Factored {
-    fn new(whole: &TurningObjective<'_>, theta: &DVector<f64>) -> Result<Self, FitError> {
+    fn new(whole: &TransformationObjective<'_>, theta: &DVector<f64>) -> Result<Self, FitError> {
         let linear = whole.linearise(theta).ok_or_else(|| whole.no_start())?;
         let size = theta.len();
         let factor = triangle_beside(&linear.jacobian, &linear.residual);
@@ -135,18 +135,18 @@ const BEGINNING: usize = 1000;
 const THEN: usize = 3;
 const NEARLY: f64 = 2.0;
 
-struct TurningObjective<'a> {
-    zero: Turning,
+struct TransformationObjective<'a> {
+    zero: StateTransformation,
     frozen: &'a [Frozen],
     data: &'a MovingData,
 }
 
 /// Deviation that a coefficient of the constant polynomial has before any data, in coordinates of size one, and how it
-/// falls from polynomial to polynomial: a basis that turns by about its own size over the range, and smoothly. It decides
+/// falls from polynomial to polynomial: a transformation of about the size of the identity over the range, and smooth. It decides
 /// only where the records say nothing.
 const PRIOR: (f64, f64) = (1.0, 0.4);
 
-impl TurningObjective<'_> {
+impl TransformationObjective<'_> {
     fn prior(&self) -> DVector<f64> {
         let directions = self.zero.directions.len();
         DVector::from_fn(self.size(), |i, _| {
@@ -154,15 +154,15 @@ impl TurningObjective<'_> {
         })
     }
 
-    fn at(&self, theta: &DVector<f64>) -> Turned<'_> {
-        Turned {
-            turning: self.zero.with(theta),
+    fn at(&self, theta: &DVector<f64>) -> Transformed<'_> {
+        Transformed {
+            transformation: self.zero.with(theta),
             records: self.frozen,
         }
     }
 }
 
-impl Objective for TurningObjective<'_> {
+impl Objective for TransformationObjective<'_> {
     fn size(&self) -> usize {
         self.zero.coefficients.len()
     }
@@ -188,7 +188,7 @@ impl Objective for TurningObjective<'_> {
             chains: Vec::new(),
         }))
     }
-    fn gauge(&self, _: &DVector<f64>) -> Result<DMatrix<f64>, FitError> {
+    fn indistinguishable(&self, _: &DVector<f64>) -> Result<DMatrix<f64>, FitError> {
         Ok(DMatrix::zeros(self.size(), 0))
     }
     fn rounding(&self) -> f64 {

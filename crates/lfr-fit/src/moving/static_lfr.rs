@@ -1,6 +1,6 @@
-//! From a frozen model and moving records to an LFR that explains both.
+//! From a frozen model and moving records to an LFR in parameter-independent state coordinates that explains both.
 
-use super::{MovingData, refine_with_moves, settle, turn};
+use super::{MovingData, fit_transformation, refine_with_moves, static_dependence};
 use crate::{
     Candidate, DeltaSplit, FitError, FrozenData, MechanicalForm, RefineSettings, Refined, ResidualUnit,
 };
@@ -10,16 +10,16 @@ use lpv_core::Continuous;
 ///
 /// | field | default | meaning | range |
 /// |---|---|---|---|
-/// | `splits` | 1+0+1, 1+1+1, 1+0+2, 1+1+2, 2+1+2 | where the deltas stand, tried in this order | not empty |
-/// | `degree` | 5 | of the polynomials in which the state basis turns; too low a degree leaves an error that no LFR explains | 1 to 12 |
+/// | `splits` | 1+0+1, 1+1+1, 1+0+2, 1+1+2, 2+1+2 | where the deltas act, tried in this order | not empty |
+/// | `degree` | 5 | of the polynomials of the state transformation's rate; too low a degree leaves an error that no LFR explains | 1 to 12 |
 /// | `starts` | 2 | starts of each split | 1 to 1000 |
 /// | `seed` | 0 | of the starts | |
 /// | `iterations` | 2 | joint iterations on responses and records; more without noise | 1 to 1000 |
 #[derive(Debug, Clone, PartialEq)]
-pub struct StandingSettings {
-    /// Where the deltas stand.
+pub struct StaticLfrSettings {
+    /// Where the deltas act.
     pub splits: Vec<DeltaSplit>,
-    /// Degree of the polynomials in which the state basis turns.
+    /// Degree of the polynomials of the state transformation's rate.
     pub degree: usize,
     /// Starts of each split.
     pub starts: usize,
@@ -32,7 +32,7 @@ pub struct StandingSettings {
 /// Forces, outputs and accelerations.
 const SPLITS: [[usize; 3]; 5] = [[1, 0, 1], [1, 1, 1], [1, 0, 2], [1, 1, 2], [2, 1, 2]];
 
-impl Default for StandingSettings {
+impl Default for StaticLfrSettings {
     fn default() -> Self {
         let split = |[forces, outputs, accelerations]: [usize; 3]| DeltaSplit {
             forces,
@@ -49,7 +49,7 @@ impl Default for StandingSettings {
     }
 }
 
-impl StandingSettings {
+impl StaticLfrSettings {
     /// Checks every field against the table above.
     ///
     /// # Errors
@@ -70,13 +70,13 @@ impl StandingSettings {
 
 /// An LFR whose state coordinates are the machine's, as far as responses and records show.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Standing {
+pub struct StaticLfr {
     /// The LFR.
     pub candidate: Candidate<Continuous>,
-    /// Where its deltas stand.
+    /// Where its deltas act.
     pub split: DeltaSplit,
-    /// Rms error along the records in units of the noise: of the frozen model, of the frozen model with a basis that
-    /// turns, and of the LFR.
+    /// Rms error along the records in units of the noise: of the frozen model, of the frozen model with a
+    /// parameter-dependent state transformation, and of the LFR.
     pub moving_rms: [f64; 3],
     /// Rms residual of the frozen responses, in their unit.
     pub frozen_rms: f64,
@@ -85,30 +85,30 @@ pub struct Standing {
 /// A split whose frozen responses miss by more than this many times what the free model leaves is too small.
 const NEAR: f64 = 2.0;
 
-/// An error within this factor of what a basis that turns freely leaves has nothing left to explain.
+/// An error within this factor of what a free state transformation leaves has nothing left to explain.
 const EXPLAINED: f64 = 1.05;
 
 /// Relative errors that count beside the noise: a model that is not near yet must not be decided by lines that are known
 /// very well.
 const TOLERANT: [f64; 3] = [0.05, 0.005, 5e-4];
 
-/// [`turn`], [`settle`] and [`refine_with_moves`] for one split after the other, until one explains the records; none
+/// [`fit_transformation`], [`static_dependence`] and [`refine_with_moves`] for one split after the other, until one explains the records; none
 /// explains the responses: no result. `fit` and `data`: the frozen model and the responses, best in few lines (see
-/// [`crate::condense`]), since they are gone over many times.
+/// [`crate::merge_lines`]), since they are gone over many times.
 ///
 /// # Errors
 /// Those of [`MechanicalForm::new`] and of the three.
-pub fn stand_still(
+pub fn fit_static(
     fit: &Refined<Continuous>,
     data: &FrozenData,
     moves: &MovingData,
-    settings: &StandingSettings,
-) -> Result<Option<Standing>, FitError> {
+    settings: &StaticLfrSettings,
+) -> Result<Option<StaticLfr>, FitError> {
     settings.check()?;
     let set = settings;
     let (mut stages, enough) = match data.unit() {
         ResidualUnit::StandardDeviation => {
-            let tolerant = TOLERANT.map(|part| data.blunted(part)).to_vec();
+            let tolerant = TOLERANT.map(|part| data.with_error_floor(part)).to_vec();
             (tolerant, NEAR * fit.account.rms)
         }
         ResidualUnit::Relative => (Vec::new(), f64::INFINITY),
@@ -120,35 +120,35 @@ pub fn stand_still(
         tolerance: 0.1,
         ..RefineSettings::default()
     };
-    let turned = turn(&form, moves, set.degree, &nearly)?;
-    let [first, _, least] = turned.account.rms;
+    let transformed = fit_transformation(&form, moves, set.degree, &nearly)?;
+    let [first, _, least] = transformed.account.rms;
     let joint = RefineSettings {
         max_iterations: set.iterations,
         tolerance: 1e-3,
         ..RefineSettings::default()
     };
-    let mut best: Option<Standing> = None;
+    let mut best: Option<StaticLfr> = None;
     for &split in &set.splits {
         // With fewer deltas than the free model needs no structure can do.
         if split.total() < fit.candidate.delta_count() && split != set.splits[set.splits.len() - 1] {
             continue;
         }
-        let settled = match settle(&form, &turned, &stages, split, set.starts, set.seed) {
-            Ok(settled) => settled,
+        let made_static = match static_dependence(&form, &transformed, &stages, split, set.starts, set.seed) {
+            Ok(made_static) => made_static,
             Err(FitError::Start { .. }) => continue,
             Err(other) => return Err(other),
         };
-        if settled.frozen_rms > enough {
+        if made_static.frozen_rms > enough {
             continue;
         }
-        let refined = match refine_with_moves(&settled.candidate, data, moves, &joint) {
+        let refined = match refine_with_moves(&made_static.candidate, data, moves, &joint) {
             Ok(refined) => refined,
             Err(FitError::Moving { .. }) => continue,
             Err(other) => return Err(other),
         };
         let error = refined.account.moving_rms[1];
         if best.as_ref().is_none_or(|b| error < b.moving_rms[2]) {
-            best = Some(Standing {
+            best = Some(StaticLfr {
                 candidate: refined.candidate,
                 split,
                 moving_rms: [first, least, error],

@@ -1,7 +1,7 @@
 //! What moving records say about the state coordinates of an LFR, without a simulation.
 
 use crate::frozen::{Closure, Frozen, close};
-use crate::moving::turning::{TurningFit, chebyshev};
+use crate::moving::transformation::{TransformationFit, chebyshev};
 use crate::problem::Linear;
 use crate::{Candidate, FitError, MechanicalForm};
 use lpv_core::Continuous;
@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector};
 /// Positions at which coordinates are compared, Chebyshev-Lobatto points.
 const NODES: usize = 9;
 
-/// The error along the records as a function of the LFR, through the rate at which its coordinates turn against those of
+/// The error along the records as a function of the LFR, through the rate of the transformation of its coordinates to those of
 /// the frozen model that the records were explained with.
 ///
 /// With `x~ = L(p) x` from the coordinates of the LFR to those of the frozen model, the LFR has `G = (dL/dp) L^-1`. The
@@ -41,7 +41,7 @@ struct Node {
 impl Coordinates {
     pub(super) fn new(
         form: &MechanicalForm,
-        fit: &TurningFit,
+        fit: &TransformationFit,
         whole: &Candidate<Continuous>,
     ) -> Result<Self, FitError> {
         let last = (NODES - 1) as f64;
@@ -63,7 +63,7 @@ impl Coordinates {
                 })
             })
             .collect::<Result<_, FitError>>()?;
-        let degree = fit.turning.coefficients.ncols();
+        let degree = fit.transformation.coefficients.ncols();
         let vandermonde = DMatrix::from_fn(NODES, degree, |k, j| chebyshev(at[k], degree)[j]);
         let project = lpv_core::linalg::pseudo_inverse(vandermonde, 1e-12)?;
         Ok(Self {
@@ -71,7 +71,7 @@ impl Coordinates {
             differentiate: differentiation(&at),
             project,
             information: fit.information.clone(),
-            offset: &fit.residual - &fit.information * fit.turning.theta(),
+            offset: &fit.residual - &fit.information * fit.transformation.theta(),
             scales: form.scales().to_vec(),
             input: sizes.input,
             rate: sizes.rate,
@@ -142,7 +142,7 @@ impl Coordinates {
         })
     }
 
-    /// Of polynomials through values at the nodes, one row a node; in the order of a `Turning`.
+    /// Of polynomials through values at the nodes, one row a node; in the order of a `StateTransformation`.
     fn coefficients(&self, values: &DMatrix<f64>) -> DVector<f64> {
         DVector::from_column_slice((&self.project * values).transpose().as_slice())
     }

@@ -28,7 +28,11 @@ impl Position {
     /// plus the weighted mean of what the data add to it. To first order in the width of the merged arc the sum of squares
     /// of any model with poles like these is the same, up to a constant. The weight is the Kronecker product nearest to
     /// the sum. Lines that scatter about their merged value by more than noise stay as they are.
-    pub(crate) fn condensed(&self, clock: Discrete, model: &StateSpace<Discrete>) -> Result<Self, CoreError> {
+    pub(crate) fn merged_lines(
+        &self,
+        clock: Discrete,
+        model: &StateSpace<Discrete>,
+    ) -> Result<Self, CoreError> {
         let poles = eigenvalues(model.a())?;
         let mut kernel = ResponseKernel::new(model)?;
         let arcs = self.arcs(&poles);
@@ -194,7 +198,7 @@ mod tests {
         position.scale.fill(1e4);
         let frozen: StateSpace<_> = truth.frozen(&[1.0]).unwrap();
         let other = truth.frozen(&[3.0]).unwrap();
-        let [few, many] = [&frozen, &other].map(|model| position.condensed(clock(), model).unwrap().frf);
+        let [few, many] = [&frozen, &other].map(|model| position.merged_lines(clock(), model).unwrap().frf);
         assert!(
             few.len() * 8 < 400 && many.len() > 4 * few.len(),
             "{} {}",

@@ -1,6 +1,6 @@
 //! From parameter-dependent state coordinates to parameter-independent ones, and an LFR there.
 
-use super::turning::{Turning, TurningFit};
+use super::transformation::{StateTransformation, TransformationFit};
 use crate::frozen::{Closure, close};
 use crate::problem::{Cost, Linear, Problem};
 use crate::search::{Limits, Objective, search};
@@ -18,10 +18,10 @@ use start::slope_start;
 
 /// An LFR in parameter-independent state coordinates.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Settled {
+pub struct StaticDependence {
     /// The LFR, in the mechanical structure.
     pub candidate: Candidate<Continuous>,
-    /// Rms difference of the matrices of the best start from those of the turned model, relative to their natural sizes.
+    /// Rms difference of the matrices of the best start from those of the transformed model, relative to their natural sizes.
     pub difference: f64,
     /// The differences of all starts, in the order of their seeds.
     pub starts: Vec<f64>,
@@ -34,7 +34,7 @@ pub struct Settled {
 /// Positions at which the matrices are compared.
 const POSITIONS: usize = 13;
 
-/// Takes a frozen model in mechanical coordinates, with the rate at which they turn, to `x = T(p) x~`, where the
+/// Takes a frozen model in mechanical coordinates, with the rate of its state transformation, to `x = T(p) x~`, where the
 /// machine's coordinates do not depend on p, and fits an LFR of the mechanical structure with the given deltas, in two steps that
 /// simulate nothing. From `starts` random starts it is fitted to the matrices `T A T^-1, T B, C T^-1` over the range; the
 /// one that comes nearest is then fitted to frozen responses and to what the records say about G together. `data` are
@@ -42,15 +42,15 @@ const POSITIONS: usize = 13;
 ///
 /// # Errors
 /// [`FitError::Start`] if T(p) is singular, or no start is well-posed over the range; those of the structure.
-pub fn settle(
+pub fn static_dependence(
     form: &MechanicalForm,
-    fit: &TurningFit,
+    fit: &TransformationFit,
     data: &[FrozenData],
     split: DeltaSplit,
     starts: usize,
     seed: u64,
-) -> Result<Settled, FitError> {
-    let targets = targets(form, &fit.turning)?;
+) -> Result<StaticDependence, FitError> {
+    let targets = targets(form, &fit.transformation)?;
     let found: Vec<Result<(Candidate<Continuous>, f64), FitError>> = (0..starts.max(1))
         .into_par_iter()
         .map(|start| {
@@ -73,11 +73,11 @@ pub fn settle(
         p: form.range().centre(),
         problem: "no LFR of this structure is well-posed over the range",
     })?;
-    let settled = with_records(near, form, fit, data)?;
-    Ok(Settled {
+    let made_static = with_records(near, form, fit, data)?;
+    Ok(StaticDependence {
         difference,
         starts,
-        ..settled
+        ..made_static
     })
 }
 
@@ -93,13 +93,13 @@ const LINES: usize = 160;
 /// One standard deviation of an error of the records weighs as much as this relative error of a response without noise.
 const RELATIVE: f64 = 1e-3;
 
-/// The second step of [`settle`].
+/// The second step of [`static_dependence`].
 fn with_records(
     near: Candidate<Continuous>,
     form: &MechanicalForm,
-    fit: &TurningFit,
+    fit: &TransformationFit,
     data: &[FrozenData],
-) -> Result<Settled, FitError> {
+) -> Result<StaticDependence, FitError> {
     let coordinates = Coordinates::new(form, fit, &near)?;
     let thinned: Vec<FrozenData> = data.iter().map(|d| d.thinned(LINES)).collect();
     let (Some(first), Some(last)) = (thinned.first(), thinned.last()) else {
@@ -121,7 +121,7 @@ fn with_records(
         .ok_or_else(|| problem.no_start())?
         .norm_squared();
     let first_weight = (frozen.total / moving).sqrt().min(final_weight);
-    let mut settled = Settled {
+    let mut made_static = StaticDependence {
         candidate: near,
         difference: f64::NAN,
         starts: Vec::new(),
@@ -131,8 +131,8 @@ fn with_records(
     for step in 0..STEPS {
         let data = &thinned[step.min(thinned.len() - 1)];
         let part = step as f64 / (STEPS - 1) as f64;
-        let before = settled.candidate.clone();
-        let objective = Settling {
+        let before = made_static.candidate.clone();
+        let objective = StaticObjective {
             problem: Problem::new(&before, data)?,
             coordinates: &coordinates,
             free: before.free_entries(),
@@ -152,20 +152,20 @@ fn with_records(
         let moving = coordinates
             .residual(&candidate)
             .map_or(f64::NAN, |r| r.norm_squared());
-        settled.frozen_rms = (frozen / data.rms_count(data.equations())).sqrt();
-        settled.moving_rms = (moving / fit.equations as f64).sqrt();
-        settled.candidate = candidate;
+        made_static.frozen_rms = (frozen / data.rms_count(data.equations())).sqrt();
+        made_static.moving_rms = (moving / fit.equations as f64).sqrt();
+        made_static.candidate = candidate;
         // Where tolerant weights are missed already, those that count are out of reach.
-        if step > 0 && data.unit() == ResidualUnit::StandardDeviation && settled.frozen_rms > MISSED {
-            settled.frozen_rms = f64::INFINITY;
+        if step > 0 && data.unit() == ResidualUnit::StandardDeviation && made_static.frozen_rms > MISSED {
+            made_static.frozen_rms = f64::INFINITY;
             break;
         }
     }
-    Ok(settled)
+    Ok(made_static)
 }
 
 /// Frozen responses and the coordinates that the records ask for.
-struct Settling<'a> {
+struct StaticObjective<'a> {
     problem: Problem<'a, Continuous>,
     coordinates: &'a Coordinates,
     /// Free entries of the candidate, all of which the problem keeps.
@@ -173,7 +173,7 @@ struct Settling<'a> {
     weight: f64,
 }
 
-impl Objective for Settling<'_> {
+impl Objective for StaticObjective<'_> {
     fn size(&self) -> usize {
         self.problem.free.len()
     }
@@ -191,8 +191,8 @@ impl Objective for Settling<'_> {
         moves.residual *= self.weight;
         Some(self.problem.linearise(theta)?.above(moves))
     }
-    fn gauge(&self, theta: &DVector<f64>) -> Result<DMatrix<f64>, FitError> {
-        self.problem.gauge(theta)
+    fn indistinguishable(&self, theta: &DVector<f64>) -> Result<DMatrix<f64>, FitError> {
+        self.problem.indistinguishable(theta)
     }
     fn rounding(&self) -> f64 {
         0.0
@@ -208,12 +208,12 @@ struct Target {
     s: DMatrix<f64>,
 }
 
-fn targets(form: &MechanicalForm, turning: &Turning) -> Result<Vec<Target>, FitError> {
+fn targets(form: &MechanicalForm, transformation: &StateTransformation) -> Result<Vec<Target>, FitError> {
     (0..POSITIONS)
         .map(|i| {
             let delta = 2.0 * i as f64 / (POSITIONS - 1) as f64 - 1.0;
             let p = form.range().centre()[0] + delta * form.range().half_width()[0];
-            let t = turning.basis(delta);
+            let t = transformation.basis(delta);
             let inverse = t.clone().try_inverse().ok_or(FitError::Start {
                 p: vec![p],
                 problem: "the state basis that the moving records ask for is singular there",
@@ -230,7 +230,7 @@ fn targets(form: &MechanicalForm, turning: &Turning) -> Result<Vec<Target>, FitE
         .collect()
 }
 
-/// The first step of [`settle`]: range after range.
+/// The first step of [`static_dependence`]: range after range.
 fn fit_matrices(
     start: &Candidate<Continuous>,
     scales: &[f64],
@@ -379,7 +379,7 @@ impl Objective for Matrices<'_> {
         }
         Some(linear)
     }
-    fn gauge(&self, _: &DVector<f64>) -> Result<DMatrix<f64>, FitError> {
+    fn indistinguishable(&self, _: &DVector<f64>) -> Result<DMatrix<f64>, FitError> {
         // State coordinates are those of the target; those of the channels are left to the damping.
         Ok(DMatrix::zeros(self.size(), 0))
     }

@@ -1,6 +1,7 @@
 //! Where an experiment at constant scheduling was made.
 
-use serde::{Deserialize, Serialize};
+use serde::de::{Error, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::ops::Deref;
 
@@ -9,8 +10,7 @@ use std::ops::Deref;
 ///
 /// What holds one says whether its numbers may be any: a [`crate::Record`] and a [`crate::FrfEstimate`] refuse those that are not
 /// finite.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(from = "Written", into = "Written")]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Position(Vec<f64>);
 
 impl Position {
@@ -60,27 +60,46 @@ impl fmt::Display for Position {
     }
 }
 
-#[derive(Serialize, Deserialize)]
-#[serde(untagged)]
-enum Written {
-    One(f64),
-    Several(Vec<f64>),
-}
-
-impl From<Written> for Position {
-    fn from(written: Written) -> Self {
-        match written {
-            Written::One(value) => Self(vec![value]),
-            Written::Several(values) => Self(values),
+impl Serialize for Position {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.single() {
+            Some(value) => value.serialize(serializer),
+            None => self.0.serialize(serializer),
         }
     }
 }
 
-impl From<Position> for Written {
-    fn from(position: Position) -> Self {
-        match position.single() {
-            Some(value) => Self::One(value),
-            None => Self::Several(position.0),
+impl<'de> Deserialize<'de> for Position {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(NumberOrList)
+    }
+}
+
+struct NumberOrList;
+
+impl<'de> Visitor<'de> for NumberOrList {
+    type Value = Position;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number or a list of numbers, one a scheduling signal")
+    }
+    fn visit_f64<E>(self, value: f64) -> Result<Position, E> {
+        Ok(value.into())
+    }
+    fn visit_i64<E>(self, value: i64) -> Result<Position, E> {
+        Ok((value as f64).into())
+    }
+    fn visit_u64<E>(self, value: u64) -> Result<Position, E> {
+        Ok((value as f64).into())
+    }
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Position, A::Error> {
+        let mut values = Vec::new();
+        while let Some(value) = list.next_element::<f64>()? {
+            values.push(value);
+        }
+        match values.is_empty() {
+            true => Err(A::Error::invalid_length(0, &self)),
+            false => Ok(values.into()),
         }
     }
 }
@@ -101,5 +120,8 @@ mod tests {
         }
         assert_eq!(format!("{:.1}", Position::from(vec![0.123, 2.0])), "(0.1, 2.0)");
         assert_eq!(Position::from(vec![1.0, 2.0]).single(), None);
+        for bad in ["\"0.1\"", "[]", "[[0.1]]", "[0.1, \"x\"]", "{}", "true"] {
+            assert!(serde_json::from_str::<Position>(bad).is_err(), "{bad}");
+        }
     }
 }

@@ -17,6 +17,7 @@ mod words;
 
 use crate::finding::{self, Finding};
 use crate::progress::{Progress, begin};
+use crate::responses::places::one_signal;
 use crate::responses::{examine_records, load_records};
 use crate::summary::Summary;
 use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
@@ -80,6 +81,7 @@ pub fn diagnose(
 ) -> Result<Diagnosed, PipelineError> {
     let description = bundle.description();
     let clock = bundle.clock()?;
+    one_signal(bundle, &(0..bundle.len()).collect::<Vec<_>>())?;
     if is_traced_on_responses(bundle) {
         return match model {
             None => responses::diagnose(bundle, progress),

@@ -101,18 +101,19 @@ pub enum PipelineError {
         /// Their gap, and the largest one between neighbours.
         gaps: [f64; 2],
     },
-    /// Places that differ in more than one scheduling signal can, or in one of several.
+    /// Places that differ where p has several scheduling signals.
     #[error(
-        "records {} and {} rest at ({}) and ({}) of the scheduling signals {}, and a model that is identified here has one: keep the signal \
-         that changes in [channels.scheduling] and name the others in [channels.auxiliary]; of records that differ in several, take those \
-         into one bundle that differ in one",
-        records[0].0, records[1].0, listed(&records[0].1), listed(&records[1].1), columns.join(" and ")
+        "{}, and what is done here is for one scheduling signal: {}; of records that differ in several, take those into one bundle that \
+         differ in one",
+        where_several(columns, records), one_of_several(*measured)
     )]
     SchedulingSignals {
         /// The scheduling columns.
         columns: Vec<String>,
-        /// Two records with where they rest, in the order of the columns.
+        /// Two records with where they rest, in the order of the columns; twice the same one that moves, with its ends.
         records: Box<[(String, Vec<f64>); 2]>,
+        /// Whether there are scheduling columns; else `position` alone says where records were made.
+        measured: bool,
     },
     /// Of lpv-simulate.
     #[error(transparent)]
@@ -225,8 +226,45 @@ pub enum PipelineError {
 }
 
 /// Numbers in a list.
-fn listed(values: &[f64]) -> String {
-    values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
+/// Where two records are, or one moves.
+fn where_several(columns: &[String], records: &[(String, Vec<f64>); 2]) -> String {
+    let [(a, from), (b, to)] = records;
+    let [from, to] = [from, to].map(|p| short_place(p));
+    let signals = columns.join(" and ");
+    match a == b {
+        true => format!("record {a} moves from {from} to {to} of the scheduling signals {signals}"),
+        false => format!("records {a} and {b} rest at {from} and {to} of the scheduling signals {signals}"),
+    }
+}
+
+fn one_of_several(measured: bool) -> &'static str {
+    match measured {
+        true => {
+            "keep the signal that changes in [channels.scheduling] and name the others in [channels.auxiliary]"
+        }
+        false => "write in `position` the one number that changes",
+    }
+}
+
+/// A place in five digits, the first numbers of many.
+pub(crate) fn short_place(values: &[f64]) -> String {
+    /// Numbers that are written.
+    const MOST: usize = 6;
+    let number = |v: &f64| match v.abs() {
+        size if size == 0.0 || (1e-3..1e6).contains(&size) => {
+            let rounded = format!("{v:.4e}").parse().unwrap_or(*v);
+            format!("{rounded}")
+        }
+        _ => format!("{v:.4e}"),
+    };
+    let mut all: Vec<String> = values.iter().take(MOST).map(number).collect();
+    if values.len() > MOST {
+        all.push(format!("... {} numbers", values.len()));
+    }
+    match all.as_slice() {
+        [one] => one.clone(),
+        _ => format!("({})", all.join(", ")),
+    }
 }
 
 impl PipelineError {

@@ -10,7 +10,7 @@ use crate::inspect::inspect;
 use crate::moves::Moves;
 use crate::pipeline::{Identified, identify};
 use crate::progress::{Progress, silent};
-use crate::responses::{estimate_bundle, examine_records, load_records};
+use crate::responses::{estimate_bundle, examine_records, load_records, places};
 use crate::summary::{AxisSummary, Summary};
 use crate::validation::{Known, Scope, validate_knowing};
 use crate::verdict::Verdict;
@@ -68,7 +68,9 @@ pub fn identify_bundle(
     let periodic = entries
         .iter()
         .any(|e| e.purpose == Purpose::Estimation && e.is_periodic());
-    let scheduled = !bundle.description().channels.scheduling.is_empty();
+    let all: Vec<usize> = (0..bundle.len()).collect();
+    places::one_signal(bundle, &all)?;
+    let scheduled = places::is_scheduled(bundle);
     let judge = |outcome: Outcome| judged(outcome, bundle, config, None, progress);
     let outcome = match config.structure {
         Some(Structure::RigidBody) => axes(bundle, config, progress).and_then(judge),
@@ -132,8 +134,7 @@ fn in_frequency(
 ) -> Result<Outcome, PipelineError> {
     let responses = estimate_bundle(bundle, config.skip_periods, progress)?;
     let positions = responses.estimates.len();
-    let scheduled = !bundle.description().channels.scheduling.is_empty();
-    if structure == Some(Structure::Lpv) && !scheduled {
+    if structure == Some(Structure::Lpv) && !places::is_scheduled(bundle) {
         return Err(PipelineError::Structure {
             problem: "structure = \"lpv\" needs [channels.scheduling], and the bundle has none; name the position's column there",
         });

@@ -55,7 +55,7 @@ pub struct ChannelGroupInfo {
     pub units: Vec<String>,
 }
 
-/// Where the machine was measured.
+/// Where the machine was measured, with one scheduling signal.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Coverage {
     /// Positions of periodic estimation records, increasing.
@@ -175,7 +175,9 @@ fn coverage(records: &[RecordInfo]) -> Option<Coverage> {
         .iter()
         .filter_map(|r| r.scheduling.first().copied())
         .collect();
-    (!ranges.is_empty()).then(|| Coverage {
+    // Several signals cover no interval.
+    let one = records.iter().all(|r| r.scheduling.len() < 2);
+    (one && !ranges.is_empty()).then(|| Coverage {
         positions: Vec::new(),
         range: [
             ranges.iter().map(|r| r[0]).fold(f64::INFINITY, f64::min),

@@ -2,7 +2,7 @@
 
 mod large;
 mod length;
-mod places;
+pub(crate) mod places;
 
 use self::length::to_one_length;
 use crate::PipelineError;
@@ -100,11 +100,9 @@ pub fn estimate_bundle(
     let findings = examine_records(bundle, &records);
     if places::several_signals(bundle) {
         let indices: Vec<usize> = (0..bundle.len()).filter(|i| fitted(*i)).collect();
-        if !places::one_signal(bundle, &indices)? {
-            records.clear();
-        }
+        places::one_signal(bundle, &indices)?;
         records.iter_mut().for_each(|r| r.position = None);
-    } else if !bundle.description().channels.scheduling.is_empty() {
+    } else if places::is_scheduled(bundle) {
         records.iter_mut().for_each(|r| rest_position(r, bundle));
         records.retain(|r| r.position.is_some());
     }

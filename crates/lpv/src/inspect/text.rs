@@ -2,8 +2,10 @@
 
 use super::{ExperimentInfo, Inspection, RecordInfo, Spread};
 use crate::encode::cell;
+use crate::error::short_place;
 use crate::finding::{self, Finding, Severity};
 use crate::table::TextTable;
+use lpv_core::Position;
 use std::fmt::Write as _;
 
 impl Inspection {
@@ -168,9 +170,14 @@ impl Inspection {
     }
 }
 
+/// One number in five decimals, several in five digits.
+fn place(p: &Position) -> String {
+    p.single().map_or_else(|| short_place(p), |p| format!("{p:.5}"))
+}
+
 fn scheduling(r: &RecordInfo) -> String {
     match (&r.position, r.scheduling.as_slice()) {
-        (Some(p), _) => format!("{p:.5}"),
+        (Some(p), _) => place(p),
         (None, [[low, high]]) => format!("{low:.4} to {high:.4}"),
         _ => String::new(),
     }
@@ -205,7 +212,7 @@ fn experiment_table(experiments: &[&ExperimentInfo]) -> String {
             })
         };
         table.row(vec![
-            e.position.as_ref().map_or("-".to_owned(), |p| format!("{p:.5}")),
+            e.position.as_ref().map_or("-".to_owned(), place),
             e.lines.len().to_string(),
             format!("{:.4} to {:.4}", e.band_hz[0], e.band_hz[1]),
             e.periods_used.to_string(),

@@ -134,57 +134,72 @@ fn of_several(records: &mut [Placed]) -> Vec<Range<usize>> {
     found
 }
 
-/// Refuses records at different places where p has several scheduling signals: a model here has one. Whether all records rest
-/// at one place; always, with one scheduling signal or none.
+/// Refuses records at different places, and those that move, where p has several scheduling signals: what is identified and validated
+/// here has one.
 ///
 /// # Errors
-/// [`PipelineError::SchedulingSignals`].
-pub(super) fn one_signal(bundle: &Bundle, indices: &[usize]) -> Result<bool, PipelineError> {
+/// [`PipelineError::SchedulingSignals`]; what is wrong with a record that would be named.
+pub(crate) fn one_signal(bundle: &Bundle, indices: &[usize]) -> Result<(), PipelineError> {
     if !several_signals(bundle) {
-        return Ok(true);
+        return Ok(());
     }
     let columns = &bundle.description().channels.scheduling.columns;
+    let refuse = |records: [(usize, Vec<f64>); 2]| -> Result<(), PipelineError> {
+        let named = |(index, p): (usize, Vec<f64>)| -> Result<_, PipelineError> {
+            // What is wrong with the record goes before.
+            bundle.each_period(index, |_| ())?;
+            Ok((bundle.record_name(index)?.to_owned(), p))
+        };
+        let [a, b] = records;
+        let names = match columns.is_empty() {
+            true => (0..a.1.len()).map(|k| format!("position[{k}]")).collect(),
+            false => columns.clone(),
+        };
+        Err(PipelineError::SchedulingSignals {
+            columns: names,
+            records: Box::new([named(a)?, named(b)?]),
+            measured: !columns.is_empty(),
+        })
+    };
     let mut first: Option<(usize, RestingPlace)> = None;
     for &index in indices {
         let declared = bundle.description().records[index].position.clone();
-        let own = if columns.is_empty() {
-            let Some(declared) = declared else {
-                return Ok(false);
-            };
-            RestingPlace::declared(declared)
-        } else {
-            let travels = bundle.travels(index)?;
-            let rests = |(k, travel): (usize, &Travel)| travel.rests(|| bundle.scheduling_range(k));
-            if !travels.iter().enumerate().all(rests) {
-                return Ok(false);
+        let own = match declared {
+            Some(declared) => RestingPlace::declared(declared),
+            // It says nothing of where it was made.
+            None if columns.is_empty() => continue,
+            None => {
+                let travels = bundle.travels(index)?;
+                let rests = |(k, travel): (usize, &Travel)| travel.rests(|| bundle.scheduling_range(k));
+                if !travels.iter().enumerate().all(rests) {
+                    let ends = [Travel::low, Travel::high].map(|end| travels.iter().map(end).collect());
+                    let [low, high]: [Vec<f64>; 2] = ends;
+                    return refuse([(index, low), (index, high)]);
+                }
+                RestingPlace::measured(&travels)
             }
-            RestingPlace::measured(&travels)
         };
-        let Some((other, place)) = &first else {
-            first = Some((index, own));
-            continue;
-        };
-        if !place.agrees(&own) {
-            let of = |index: usize, place: &RestingPlace| -> Result<_, PipelineError> {
-                Ok((bundle.record_name(index)?.to_owned(), place.position.to_vec()))
-            };
-            let names = match columns.is_empty() {
-                true => (0..own.position.len())
-                    .map(|k| format!("position[{k}]"))
-                    .collect(),
-                false => columns.clone(),
-            };
-            return Err(PipelineError::SchedulingSignals {
-                columns: names,
-                records: Box::new([of(*other, place)?, of(index, &own)?]),
-            });
+        match &first {
+            None => first = Some((index, own)),
+            Some((other, place)) if !place.agrees(&own) => {
+                return refuse([(*other, place.position.to_vec()), (index, own.position.to_vec())]);
+            }
+            Some(_) => {}
         }
     }
-    Ok(true)
+    Ok(())
+}
+
+/// Whether records tell places apart, by a signal or by their positions.
+pub(crate) fn is_scheduled(bundle: &Bundle) -> bool {
+    let description = bundle.description();
+    let mut declared = description.records.iter().filter_map(|r| r.position.as_ref());
+    let first = declared.next();
+    !description.channels.scheduling.is_empty() || declared.any(|p| Some(p) != first)
 }
 
 /// Whether p has several scheduling signals.
-pub(super) fn several_signals(bundle: &Bundle) -> bool {
+pub(crate) fn several_signals(bundle: &Bundle) -> bool {
     let description = bundle.description();
     let declared = description.records.iter().find_map(|r| r.position.as_ref());
     description.channels.scheduling.len() > 1 || declared.is_some_and(|p| p.len() > 1)

@@ -8,7 +8,7 @@ use super::rigid::AxisCheck;
 use crate::diagnose::{is_traced_on_responses, placed};
 use crate::finding::{self, Finding};
 use crate::progress::{Counter, Progress};
-use crate::responses::{examine_records, load_records};
+use crate::responses::{examine_records, load_records, places};
 use crate::signal::fit_percent;
 use crate::verdict::{Stability, Verdict};
 use crate::{ModelFile, PipelineError};
@@ -176,7 +176,14 @@ pub(crate) fn validate_knowing(
 ) -> Result<(Validation, Evidence), PipelineError> {
     let description = bundle.description();
     let clock = bundle.clock()?;
+    places::one_signal(bundle, &(0..bundle.len()).collect::<Vec<_>>())?;
     let machine = Machine::new(&file.model, clock)?;
+    if places::several_signals(bundle) && machine.range().is_some_and(|range| range.parameters() == 1) {
+        return Err(PipelineError::Structure {
+            problem: "the model has one scheduling signal and the bundle several: keep that of the model in [channels.scheduling] and \
+                      name the others in [channels.auxiliary]",
+        });
+    }
     let explained = match &file.explanation {
         Some(explanation) => Some(explanation.machine(&file.model, bundle)?),
         None => None,

@@ -106,10 +106,14 @@ pub struct Steps<'a, M> {
 }
 
 impl<'a, M: Frozen> Steps<'a, M> {
-    /// Along this record.
+    /// Along this record; at its position where it has no scheduling signal.
     pub fn new(model: &'a M, record: &Record) -> Self {
         let columns = &record.scheduling.columns;
-        let scheduling = DMatrix::from_fn(columns.len(), record.len(), |i, k| columns[i][k]);
+        let scheduling = match &record.position {
+            // Without a signal the position says where it was made.
+            Some(p) if columns.is_empty() => DMatrix::from_fn(p.len(), record.len(), |i, _| p[i]),
+            _ => DMatrix::from_fn(columns.len(), record.len(), |i, k| columns[i][k]),
+        };
         let nodes = SchedulingNodes::new(&scheduling);
         Self {
             model,

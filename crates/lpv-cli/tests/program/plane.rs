@@ -78,6 +78,27 @@ fn one_place_in_the_plane_is_a_machine_that_does_not_change() {
     }
 }
 
+/// Positions alone tell places apart, and a model over them is run at the position of a record.
+#[test]
+fn declared_positions_make_a_model_over_p() {
+    for period in [Some(200), None] {
+        let desk = Desk::new();
+        let mut toml = head(100.0);
+        for i in 0..4 {
+            let name = format!("r{i}");
+            record(&desk, &name, period, None);
+            toml += &entry(&format!("{name}.csv"), period, "estimation");
+            toml += &format!("position = {:?}\n", 0.1 * f64::from(i));
+        }
+        desk.write("bundle/experiment.toml", toml);
+        let text = desk.judged("identify bundle -o model.json");
+        assert!(!text.contains("not judged"), "{text}");
+        assert!(desk.text("model.json").contains("\"range\""), "{text}");
+        let text = desk.judged("validate model.json bundle");
+        assert!(!text.contains("number of parameters"), "{text}");
+    }
+}
+
 #[test]
 fn a_position_that_is_no_number_is_answered_in_plain_words() {
     let desk = Desk::new();

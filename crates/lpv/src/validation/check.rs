@@ -374,9 +374,12 @@ fn under_feedback(runs: &[(Record, Run, Option<Run>)]) -> bool {
 /// Whether the scheduling signals stay where the model is known; a record without them is for the simulation to refuse.
 fn inside(machine: &Machine, record: &Record) -> bool {
     let Some(range) = machine.range() else { return true };
+    if record.scheduling.columns.is_empty() {
+        return record.position.as_ref().is_none_or(|p| range.check(p).is_ok());
+    }
     (0..record.len()).all(|k| {
         let p: Vec<f64> = record.scheduling.columns.iter().map(|c| c[k]).collect();
-        p.is_empty() || range.check(&p).is_ok()
+        range.check(&p).is_ok()
     })
 }
 

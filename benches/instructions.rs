@@ -10,7 +10,7 @@ use lpv_benches::{Bench, accumulator, twelve_poles};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{Discrete, FrfEstimate, PeriodBlock, StateSpace};
 use lpv_ident::{RegressionSettings, RigidTerm, regress};
-use pole_fit::{PoleFitSettings, fit};
+use pole_fit::fit;
 use std::hint::black_box;
 use std::ops::Range;
 use xytable_plant::{MovingExperiment, MovingSettings, Noise, PlantError, Setpoints};
@@ -58,7 +58,7 @@ fn push(accumulator: &mut PeriodicAccumulator, signals: &[Vec<f64>], periods: Ra
 fn signals(period: usize) -> (PeriodicAccumulator, Vec<Vec<f64>>) {
     let wave = |i: usize| (0..period).map(|k| ((i + 1) as f64 * k as f64).sin()).collect();
     let signals: Vec<Vec<f64>> = (0..6).map(wave).collect();
-    let mut accumulator = accumulator(period, 2, Some(0.2)).unwrap();
+    let mut accumulator = accumulator(period, 2, Some(0.2.into())).unwrap();
     push(&mut accumulator, &signals, 0..PERIODS[0]);
     (accumulator, signals)
 }
@@ -132,7 +132,7 @@ fn refinement(steps: usize) -> (Case, RefineSettings) {
         max_iterations: steps,
         ..RefineSettings::default()
     };
-    (Case::new().unwrap(), settings.check().unwrap())
+    (Case::new().unwrap(), settings)
 }
 
 fn response(lines: usize) -> (FrfEstimate, Discrete) {
@@ -150,7 +150,7 @@ fn response(lines: usize) -> (FrfEstimate, Discrete) {
 #[bench::lines_401(args = (401), setup = response)]
 #[bench::lines_802(args = (802), setup = response)]
 fn poles((estimate, clock): (FrfEstimate, Discrete)) {
-    let settings = twelve_poles().check().unwrap();
+    let settings = twelve_poles();
     black_box(fit(black_box(&estimate), clock, &settings).unwrap());
 }
 

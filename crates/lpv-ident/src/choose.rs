@@ -80,8 +80,8 @@ impl LocalFits {
         })
     }
 
-    /// The candidates worth trying at these positions: of several scheduling signals polynomials, of one polynomials and Chebyshev interpolants of every order up to
-    /// `most`, spline, lines, Gaussian processes with lengths of one to sixteen grid spacings.
+    /// The candidates worth trying at these positions: of several scheduling signals polynomials, of one polynomials and Chebyshev
+    /// interpolants of every order up to `most`, spline, lines, Gaussian processes with lengths of one to sixteen grid spacings.
     pub fn candidates(&self, most: usize) -> Vec<Interpolation> {
         let positions = self.positions();
         let n = positions.len();

@@ -235,10 +235,10 @@ const MOST_LOST: f64 = 1e-7;
 /// Least squares in powers of the distance from the middle over the half width, which is well conditioned, written in powers of p.
 fn polynomial_of_several(order: usize, positions: &[Position]) -> Result<InterpolationOperator, IdentError> {
     let parameters = positions[0].len();
-    if positions.iter().any(|p| p.len() != parameters) {
+    if let Some(index) = positions.iter().position(|p| p.len() != parameters) {
         return Err(IdentError::Position {
-            index: positions.iter().position(|p| p.len() != parameters).unwrap_or(0),
-            position: positions[0].clone(),
+            index,
+            position: positions[index].clone(),
             problem: "not as many scheduling values as the first position has",
         });
     }
@@ -262,7 +262,7 @@ fn polynomial_of_several(order: usize, positions: &[Position]) -> Result<Interpo
     if svd.singular_values.min() < 1e-9 * svd.singular_values.max() {
         return Err(few);
     }
-    let own = pseudo_inverse(scaled.clone(), 0.0)?;
+    let own = svd.pseudo_inverse(0.0).map_err(|_| few)?;
     // ((p - m) / h)^e as a sum of powers of p, by the binomial theorem.
     let mut powers = DMatrix::zeros(needed, needed);
     for (j, e) in exponents.iter().enumerate() {

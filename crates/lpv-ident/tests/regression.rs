@@ -327,7 +327,7 @@ fn what_two_scheduling_signals_cannot_carry_is_named() {
     odd[3] = vec![0.0, 0.0, 1.0].into();
     assert!(matches!(
         refused(square, &odd),
-        IdentError::Position { index: 3, .. }
+        IdentError::Position { index: 3, position, .. } if position == odd[3]
     ));
     let far = scattered([1e9, 0.0], [1.0, 1.0]);
     assert!(matches!(

@@ -75,11 +75,13 @@ pub fn estimate_bundle(
     let periodic = |i: usize| entries[i].is_periodic();
     let fitted = |i: usize| entries[i].purpose == Purpose::Estimation;
     let clock = bundle.clock()?;
-    if (0..bundle.len()).any(|i| fitted(i) && periodic(i)) {
-        let indices: Vec<usize> = (0..bundle.len()).filter(|i| fitted(*i) && periodic(*i)).collect();
-        places::one_signal(bundle, &indices)?;
-        let found = periodic_responses(bundle, |i| fitted(i) && periodic(i), skip_periods, progress)?;
-        let several = places::several_signals(bundle);
+    let any_periodic = (0..bundle.len()).any(|i| fitted(i) && periodic(i));
+    let used = |i: usize| fitted(i) && (periodic(i) || !any_periodic);
+    let indices: Vec<usize> = (0..bundle.len()).filter(|i| used(*i)).collect();
+    places::one_signal(bundle, &indices)?;
+    let several = places::several_signals(bundle);
+    if any_periodic {
+        let found = periodic_responses(bundle, used, skip_periods, progress)?;
         // One place of several signals has no p that a model of one parameter knows.
         let of_model = |e: FrfEstimate| if several { e.without_position() } else { e };
         let controller = bundle.description().controller.is_some();
@@ -88,7 +90,7 @@ pub fn estimate_bundle(
             clock,
             findings: findings(bundle, &found)
                 .into_iter()
-                .chain(finding::clocks(bundle, |i| fitted(i) && periodic(i)))
+                .chain(finding::clocks(bundle, used))
                 .chain(figures.flat_map(|e| of_experiment(&e, controller)))
                 .collect(),
             noise: Some(sample_noise(&found)),
@@ -96,11 +98,9 @@ pub fn estimate_bundle(
             reasons: Vec::new(),
         });
     }
-    let mut records = load_records(bundle, fitted, progress)?;
+    let mut records = load_records(bundle, used, progress)?;
     let findings = examine_records(bundle, &records);
-    if places::several_signals(bundle) {
-        let indices: Vec<usize> = (0..bundle.len()).filter(|i| fitted(*i)).collect();
-        places::one_signal(bundle, &indices)?;
+    if several {
         records.iter_mut().for_each(|r| r.position = None);
     } else if places::is_scheduled(bundle) {
         records.iter_mut().for_each(|r| rest_position(r, bundle));

@@ -2,8 +2,11 @@
 
 use crate::PipelineError;
 use crate::config::IdentifyConfig;
+use lpv_core::num_complex::Complex;
 use lpv_core::{Discrete, FrfEstimate};
-use pole_fit::{Integrators, NumeratorDegree, PoleFit, PoleFitSettings, Scan, fit, scan};
+use pole_fit::{
+    Integrators, NumeratorDegree, PoleFit, PoleFitError, PoleFitSettings, Scan, fit, fit_from, scan_to_noise,
+};
 use rayon::prelude::*;
 
 /// The poles at every position.
@@ -28,6 +31,9 @@ const FLEXIBLE_ORDERS: [usize; 6] = [2, 4, 6, 8, 10, 12];
 
 /// The same at one position, where a single lag, or nothing beside the integrators, may be all there is.
 const FLEXIBLE_ORDERS_LTI: [usize; 9] = [0, 1, 2, 3, 4, 6, 8, 10, 12];
+
+/// Larger orders, beyond the integrators, that are tried in turn where none of these leaves noise alone.
+const LARGER_ORDERS: [usize; 9] = [16, 20, 26, 32, 40, 50, 64, 80, 96];
 
 /// Common-denominator fits at all positions.
 ///
@@ -145,6 +151,15 @@ const DISTORTED: f64 = 10.0;
 /// Distortion is not to be bought order after order: the smallest order within this factor of the least cost is taken.
 const DISTORTION_SLACK: f64 = 1.5;
 
+/// Cost over its expectation beyond which another start is tried.
+const MORE_THAN_NOISE: f64 = 1.5;
+
+/// One of each pair of the estimated poles.
+fn upper_half(fit: &PoleFit) -> Vec<Complex<f64>> {
+    let estimated = fit.poles[fit.fixed_integrators..].iter();
+    estimated.filter(|l| l.im >= 0.0).copied().collect()
+}
+
 /// Fits at all positions, with the order given or scanned.
 struct Search<'a> {
     /// Orders whose cost is within this factor of the best count as equal; 1 leaves the choice to description length.
@@ -167,6 +182,24 @@ impl Search<'_> {
         orders.filter(|n| *n > 0).collect()
     }
 
+    /// The fit of one position; where it leaves more than noise, the better of it and the one that begins at known poles.
+    fn one(
+        &self,
+        estimate: &FrfEstimate,
+        settings: &PoleFitSettings,
+        known: &[Complex<f64>],
+    ) -> Result<PoleFit, PoleFitError> {
+        let found = fit(estimate, self.clock, settings)?;
+        let account = &found.account;
+        if known.is_empty() || account.cost <= MORE_THAN_NOISE * account.expected_cost {
+            return Ok(found);
+        }
+        match fit_from(estimate, self.clock, settings, known) {
+            Ok(other) if other.account.cost < account.cost => Ok(other),
+            _ => Ok(found),
+        }
+    }
+
     fn run(&self, reasons: &mut Vec<String>) -> Result<(Vec<PoleFit>, Option<Scan>), PipelineError> {
         let failed = |e: &FrfEstimate| {
             let place = e
@@ -183,11 +216,13 @@ impl Search<'_> {
                 let mut indices = vec![0, n / 2, n - 1];
                 indices.dedup();
                 let orders = self.orders();
+                let larger = LARGER_ORDERS.map(|n| n + self.integrators);
                 let scans = indices
                     .par_iter()
                     .map(|&i| {
                         let few = thinned(&self.estimates[i]);
-                        scan(&few, self.clock, &self.settings, &orders).map_err(failed(&self.estimates[i]))
+                        scan_to_noise(&few, self.clock, &self.settings, &orders, &larger)
+                            .map_err(failed(&self.estimates[i]))
                     })
                     .collect::<Result<Vec<_>, _>>()?;
                 let each: Vec<usize> = scans
@@ -204,6 +239,11 @@ impl Search<'_> {
                 chosen
             }
         };
+        // The poles of the scan start what its order misses at another position.
+        let known: Vec<Complex<f64>> = scanned
+            .as_ref()
+            .and_then(|s| s.entries.iter().find(|e| e.order == order))
+            .map_or_else(Vec::new, |e| upper_half(&e.fit));
         let at = |order: usize| -> Result<Vec<PoleFit>, PipelineError> {
             let settings = PoleFitSettings {
                 order,
@@ -211,7 +251,7 @@ impl Search<'_> {
             };
             self.estimates
                 .par_iter()
-                .map(|e| fit(e, self.clock, &settings).map_err(failed(e)))
+                .map(|e| self.one(e, &settings, &known).map_err(failed(e)))
                 .collect()
         };
         let stable = |fits: &[PoleFit]| fits.iter().all(|f| f.account.unstable_poles.is_empty());

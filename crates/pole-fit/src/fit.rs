@@ -4,10 +4,11 @@ use crate::basis::Recurrence;
 use crate::columns::{Columns, dot};
 use crate::model::Setup;
 use crate::realise::realise;
+use crate::relocate::most_important;
 use crate::search::{StopReason, search};
 use crate::uncertainty::{denominator_covariance, expected_cost, root_covariance};
 use crate::weights::Lines;
-use crate::{NumeratorDegree, PoleFitError, PoleFitSettings};
+use crate::{PoleFitError, PoleFitSettings};
 use lpv_core::{Clock, CoreError, Discrete, Frf, FrfEstimate, StateSpace};
 use nalgebra::{DMatrix, DVector, Matrix2};
 use num_complex::Complex;
@@ -110,21 +111,34 @@ pub fn fit(
     settings: &PoleFitSettings,
 ) -> Result<PoleFit, PoleFitError> {
     settings.check()?;
-    fit_lines(&Lines::new(estimate, clock, settings)?, clock, settings)
+    fit_lines(&Lines::new(estimate, clock, settings)?, clock, settings, None)
+}
+
+/// As [`fit`], but the search begins at these poles, one of each conjugate pair, without the fixed integrators: those of another
+/// fit, or of a measurement at a position nearby.
+///
+/// # Errors
+/// As [`fit`]. Poles from which no search can begin (too few, on a line, not finite) are no error: it begins at the data.
+pub fn fit_from(
+    estimate: &FrfEstimate,
+    clock: Discrete,
+    settings: &PoleFitSettings,
+    poles: &[C64],
+) -> Result<PoleFit, PoleFitError> {
+    settings.check()?;
+    let lines = Lines::new(estimate, clock, settings)?;
+    fit_lines(&lines, clock, settings, Some(poles))
 }
 
 pub(crate) fn fit_lines(
     lines: &Lines,
     clock: Discrete,
     settings: &PoleFitSettings,
+    given: Option<&[C64]>,
 ) -> Result<PoleFit, PoleFitError> {
     let set = settings;
     let m = settings.fixed_integrators();
-    let n_b = match set.numerator {
-        NumeratorDegree::Proper => set.order + 1,
-        NumeratorDegree::StrictlyProper => set.order,
-    };
-    let setup = Setup::new(lines, set.order, m, n_b);
+    let setup = Setup::of(lines, settings);
     if setup.equations() <= setup.unknowns() {
         return Err(PoleFitError::TooFewLines {
             order: set.order,
@@ -132,7 +146,7 @@ pub(crate) fn fit_lines(
             unknowns: setup.unknowns(),
         });
     }
-    let found = search(&setup, settings)?;
+    let found = search(&setup, settings, given)?;
     let covariance = denominator_covariance(&setup, &found, set.weighting)?;
     let recurrence = found.basis.recurrence.clone();
     let alpha = found.point.alpha.clone();
@@ -264,6 +278,16 @@ impl PoleFit {
             damping: -s.re / size,
             damping_deviation: deviation(gx, gy),
         }
+    }
+
+    /// One of each pair of the estimated poles that matter most: so many, fixed integrators included, that an order asks for.
+    pub(crate) fn most_important(&self, setup: &Setup<'_>, order: usize) -> Option<Vec<C64>> {
+        let upper: Vec<C64> = self.poles[self.fixed_integrators..]
+            .iter()
+            .filter(|l| l.im >= 0.0)
+            .copied()
+            .collect();
+        most_important(setup, &upper, order.saturating_sub(self.fixed_integrators))
     }
 
     /// The clock of the poles.

@@ -4,14 +4,14 @@
 //! of the Jacobian of the residual `r = F - B / (t a)` are `-p_i / (t a)` in channel `c` for `beta_ci` and
 //! `B p_j / (t a^2)` for `alpha_j`.
 
-use crate::PoleFitError;
 use crate::basis::Basis;
 use crate::columns::{
     Columns, add_conjugate_product, add_real_product, conjugate_product, dot, product, real_product, square,
 };
 use crate::moments::Moments;
 use crate::weights::Lines;
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use crate::{NumeratorDegree, PoleFitError, PoleFitSettings};
+use nalgebra::{Cholesky, DMatrix, DVector, DVectorViewMut, Dyn};
 use num_complex::Complex;
 
 type C64 = Complex<f64>;
@@ -32,6 +32,14 @@ pub(crate) struct Setup<'a> {
 }
 
 impl<'a> Setup<'a> {
+    pub(crate) fn of(lines: &'a Lines, settings: &PoleFitSettings) -> Self {
+        let n_b = match settings.numerator {
+            NumeratorDegree::Proper => settings.order + 1,
+            NumeratorDegree::StrictlyProper => settings.order,
+        };
+        Self::new(lines, settings.order, settings.fixed_integrators(), n_b)
+    }
+
     pub(crate) fn new(lines: &'a Lines, order: usize, fixed_integrators: usize, n_b: usize) -> Self {
         let over = |z: &C64| (z - 1.0).powu(fixed_integrators as u32).inv();
         let mut weighted_f = Columns::zeros(lines.len(), lines.channels());
@@ -46,6 +54,10 @@ impl<'a> Setup<'a> {
         }
     }
 
+    /// `1 / (z - 1)^m` on a line.
+    pub(crate) fn over_t(&self, line: usize) -> C64 {
+        self.over_t.at(line, 0)
+    }
     /// Real equations.
     pub(crate) fn equations(&self) -> usize {
         2 * self.lines.len() * self.lines.channels()
@@ -71,11 +83,14 @@ impl<'a> Setup<'a> {
     }
     /// The basis that makes the numerators' normal matrix nearly the identity at the denominator `a`.
     pub(crate) fn basis(&self, a: &[C64]) -> Result<Basis, PoleFitError> {
-        let least = 1e-26 * a.iter().map(|v| v.norm_sqr()).fold(0.0, f64::max);
+        let sizes: Vec<f64> = a.iter().map(|v| v.norm_sqr()).collect();
         // What is no number stays none, and is refused.
-        let floor = |size: f64| if size < least { least } else { size };
+        let floored = |k: usize| {
+            let least = least(&sizes, k);
+            if sizes[k] < least { least } else { sizes[k] }
+        };
         let mu: Vec<f64> = (0..a.len())
-            .map(|k| self.lines.profile[k] * self.over_t.at(k, 0).norm_sqr() / floor(a[k].norm_sqr()))
+            .map(|k| self.lines.profile[k] * self.over_t.at(k, 0).norm_sqr() / floored(k))
             .collect();
         Basis::new(&self.lines.z, &mu, self.order)
     }
@@ -101,7 +116,7 @@ pub(crate) struct Point {
     weighted: Columns,
     /// Weighted sum of squares `sum_k r^H K r`.
     pub(crate) cost: f64,
-    h_bb: Cholesky<f64, Dyn>,
+    h_bb: Blocks,
 }
 
 /// Normal matrix of the denominator after the numerators are eliminated.
@@ -125,8 +140,7 @@ impl Point {
         if !over_ta.parts().iter().all(|v| v.is_finite()) {
             return Err(failed);
         }
-        let h = numerators(setup, basis, &over_ta);
-        let h_bb = Cholesky::new(h).ok_or(failed.clone())?;
+        let h_bb = numerators(setup, basis, &over_ta).ok_or(failed.clone())?;
         let mut point = Self {
             alpha,
             beta: DMatrix::zeros(n_b, n_c),
@@ -146,7 +160,7 @@ impl Point {
                 conjugate_product(s, weighted, x.column_mut(c));
             }
             let mut step = basis.correlate(n_b, &x);
-            point.h_bb.solve_mut(&mut step);
+            point.h_bb.solve_mut(step.as_mut_slice());
             for (b, s) in point.beta.iter_mut().zip(step.iter()) {
                 *b += s;
             }
@@ -225,16 +239,12 @@ impl Point {
             -moments.complex(i, j, c, c)
         });
         let mut w = h_ab;
-        if !self.h_bb.l_dirty().solve_lower_triangular_mut(&mut w) {
+        if !self.h_bb.solve_lower_mut(&mut w) {
             return None;
         }
         let m = h_aa - w.tr_mul(&w);
         let mut elimination = w;
-        if !self
-            .h_bb
-            .l_dirty()
-            .tr_solve_lower_triangular_mut(&mut elimination)
-        {
+        if !self.h_bb.tr_solve_lower_mut(&mut elimination) {
             return None;
         }
         let noise = DMatrix::from_fn(n_a, n_a, |i, j| moments.real(i, j, n_c + 1));
@@ -247,16 +257,24 @@ impl Point {
     }
 }
 
-/// `1 / (sqrt(mu) a)`. A root on a line would make the weight there infinite: `a` has a floor.
+/// The least that counts of `|a|^2` on a line: a root on it would make its weight infinite. Measured by its neighbours, since
+/// with many roots `|a|` spans tens of decades over the band.
+fn least(sizes: &[f64], line: usize) -> f64 {
+    let near = &sizes[line.saturating_sub(3)..(line + 4).min(sizes.len())];
+    1e-26 * near.iter().copied().fold(0.0, f64::max)
+}
+
+/// `1 / (sqrt(mu) a)`, with the floor of [`least`].
 fn reciprocal(basis: &Basis, alpha: &DVector<f64>) -> Columns {
     let mut a = Columns::zeros(basis.root_mu.len(), 1);
     basis.q.combine(alpha.as_slice(), a.whole_mut(0));
     let (re, im) = a.column_mut(0);
     let lines = || re.iter().zip(im.iter()).zip(&basis.root_mu);
-    let sizes = lines().map(|((re, im), root)| (re * re + im * im) / (root * root));
-    let largest = sizes.fold(0.0, f64::max);
-    for ((re, im), root) in re.iter_mut().zip(im).zip(&basis.root_mu) {
-        let (mut size, least) = (*re * *re + *im * *im, 1e-26 * largest * root * root);
+    let sizes: Vec<f64> = lines()
+        .map(|((re, im), root)| (re * re + im * im) / (root * root))
+        .collect();
+    for (k, ((re, im), root)) in re.iter_mut().zip(im).zip(&basis.root_mu).enumerate() {
+        let (mut size, least) = (*re * *re + *im * *im, least(&sizes, k) * root * root);
         if size < least {
             (*re, *im, size) = (least.sqrt(), 0.0, least);
         }
@@ -265,8 +283,48 @@ fn reciprocal(basis: &Basis, alpha: &DVector<f64>) -> Columns {
     a
 }
 
+/// Cholesky factors of a block-diagonal matrix with equal blocks: one of all channels where the weights couple them, else one
+/// each.
+#[derive(Debug, Clone)]
+struct Blocks(Vec<Cholesky<f64, Dyn>>);
+
+impl Blocks {
+    fn new(blocks: impl Iterator<Item = DMatrix<f64>>) -> Option<Self> {
+        blocks.map(Cholesky::new).collect::<Option<_>>().map(Self)
+    }
+
+    fn solve_mut(&self, x: &mut [f64]) {
+        let size = x.len() / self.0.len();
+        for (block, x) in self.0.iter().zip(x.chunks_exact_mut(size)) {
+            block.solve_mut(&mut DVectorViewMut::from_slice(x, size));
+        }
+    }
+
+    /// `L^-1 x`; false where L is singular.
+    fn solve_lower_mut(&self, x: &mut DMatrix<f64>) -> bool {
+        let size = x.nrows() / self.0.len();
+        let mut parts = self.0.iter().enumerate();
+        parts.all(|(i, block)| {
+            block
+                .l_dirty()
+                .solve_lower_triangular_mut(&mut x.rows_mut(i * size, size))
+        })
+    }
+
+    /// `L^-T x`; false where L is singular.
+    fn tr_solve_lower_mut(&self, x: &mut DMatrix<f64>) -> bool {
+        let size = x.nrows() / self.0.len();
+        let mut parts = self.0.iter().enumerate();
+        parts.all(|(i, block)| {
+            block
+                .l_dirty()
+                .tr_solve_lower_triangular_mut(&mut x.rows_mut(i * size, size))
+        })
+    }
+}
+
 /// The normal matrix of the numerators.
-fn numerators(setup: &Setup<'_>, basis: &Basis, over_ta: &Columns) -> DMatrix<f64> {
+fn numerators(setup: &Setup<'_>, basis: &Basis, over_ta: &Columns) -> Option<Blocks> {
     let (lines, n_b) = (setup.lines, setup.n_b);
     let (n, n_c) = (lines.len(), lines.channels());
     let coupled = &lines.coupled;
@@ -286,6 +344,16 @@ fn numerators(setup: &Setup<'_>, basis: &Basis, over_ta: &Columns) -> DMatrix<f6
         real_product(&weight, im, to_im);
     }
     let moments = Moments::new(&basis.q, &real, &imaginary);
+    let lift = |mut h: DMatrix<f64>| {
+        for i in 0..h.nrows() {
+            h[(i, i)] *= 1.0 + 1e-14;
+        }
+        h
+    };
+    if coupled.is_empty() {
+        let block = |c: usize| lift(DMatrix::from_fn(n_b, n_b, |i, j| moments.real(i, j, c)));
+        return Blocks::new((0..n_c).map(block));
+    }
     let mut h = DMatrix::zeros(n_c * n_b, n_c * n_b);
     for c in 0..n_c {
         for j in 0..n_b {
@@ -303,10 +371,7 @@ fn numerators(setup: &Setup<'_>, basis: &Basis, over_ta: &Columns) -> DMatrix<f6
             }
         }
     }
-    for i in 0..h.nrows() {
-        h[(i, i)] *= 1.0 + 1e-14;
-    }
-    h
+    Blocks::new(std::iter::once(lift(h)))
 }
 
 #[cfg(test)]

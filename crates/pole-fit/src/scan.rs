@@ -1,6 +1,7 @@
 //! Fits over a range of orders: the data of a stabilisation diagram, and an order chosen from it.
 
 use crate::fit::fit_lines;
+use crate::model::Setup;
 use crate::weights::Lines;
 use crate::{PoleFit, PoleFitError, PoleFitSettings, Weighting};
 use lpv_core::{Discrete, FrfEstimate};
@@ -68,35 +69,168 @@ pub fn scan(
     }
     settings.check()?;
     let lines = Lines::new(estimate, clock, settings)?;
-    let mut entries: Vec<ScanEntry> = Vec::with_capacity(orders.len());
-    let mut failures = Vec::new();
+    let mut search = Search::new(&lines, clock, settings);
     for order in orders {
-        let settings = PoleFitSettings { order, ..*settings };
+        search.add(order, None)?;
+    }
+    search.end()
+}
+
+/// As [`scan`], and where none of the orders leaves noise alone, with the larger ones in turn until one does; then with those
+/// between it and the one before, by bisection, each from the poles of the larger fit without those that matter least. It
+/// gives up where [`PATIENCE`] larger orders in a row lower the cost by less than a third.
+///
+/// With weights that are no covariance there is no noise to reach, and no larger order is tried.
+///
+/// # Errors
+/// As [`scan`].
+pub fn scan_to_noise(
+    estimate: &FrfEstimate,
+    clock: Discrete,
+    settings: &PoleFitSettings,
+    orders: &[usize],
+    larger: &[usize],
+) -> Result<Scan, PoleFitError> {
+    settings.check()?;
+    let lines = Lines::new(estimate, clock, settings)?;
+    let mut search = Search::new(&lines, clock, settings);
+    for &order in orders {
+        search.add(order, None)?;
+    }
+    if !search.knows_noise() || search.at_noise() {
+        return search.end();
+    }
+    let mut best = search.least();
+    let tried = orders.iter().copied().max().unwrap_or(0);
+    let (mut idle, mut below) = (0, tried);
+    for &order in larger.iter().filter(|n| **n > tried) {
+        search.add(order, None)?;
+        if search.at_noise() {
+            search.between(below, order)?;
+            break;
+        }
+        below = order;
+        let least = search.least();
+        idle = if least < best / 1.5 { 0 } else { idle + 1 };
+        if idle == 0 {
+            best = least;
+        }
+        if idle == PATIENCE {
+            break;
+        }
+    }
+    search.end()
+}
+
+/// Larger orders in a row that may bring little.
+pub const PATIENCE: usize = 3;
+
+/// Costs within this factor of what noise alone leaves are noise.
+const AT_NOISE: f64 = 1.5;
+
+/// A scan under way.
+struct Search<'a> {
+    lines: &'a Lines,
+    clock: Discrete,
+    settings: &'a PoleFitSettings,
+    entries: Vec<ScanEntry>,
+    failures: Vec<(usize, PoleFitError)>,
+}
+
+impl<'a> Search<'a> {
+    fn new(lines: &'a Lines, clock: Discrete, settings: &'a PoleFitSettings) -> Self {
+        Self {
+            lines,
+            clock,
+            settings,
+            entries: Vec::new(),
+            failures: Vec::new(),
+        }
+    }
+
+    /// Fits an order, from poles where they are given, and says at which place among the entries it stands.
+    fn add(&mut self, order: usize, given: Option<&[Complex<f64>]>) -> Result<Option<usize>, PoleFitError> {
+        let settings = PoleFitSettings {
+            order,
+            ..*self.settings
+        };
         settings.check()?;
-        match fit_lines(&lines, clock, &settings) {
+        match fit_lines(self.lines, self.clock, &settings, given) {
             Ok(fit) => {
                 let (aic, mdl) = criteria(&fit, settings.weighting);
-                let stable = stable(&fit, entries.last().map(|e| &e.fit));
-                entries.push(ScanEntry {
+                let at = self.entries.partition_point(|e| e.order < order);
+                let before = at.checked_sub(1).and_then(|i| self.entries.get(i));
+                let stable = stable(&fit, before.map(|e| &e.fit));
+                let entry = ScanEntry {
                     order,
                     fit,
                     aic,
                     mdl,
                     stable,
-                });
+                };
+                self.entries.insert(at, entry);
+                Ok(Some(at))
             }
-            Err(error) => failures.push((order, error)),
+            Err(error) => {
+                self.failures.push((order, error));
+                Ok(None)
+            }
         }
     }
-    let chosen = (0..entries.len()).min_by(|&i, &j| entries[i].mdl.total_cmp(&entries[j].mdl));
-    match (chosen, failures.first()) {
-        (Some(chosen), _) => Ok(Scan {
-            entries,
-            failures,
-            chosen,
-        }),
-        (None, Some((_, error))) => Err(error.clone()),
-        (None, None) => Err(PoleFitError::Empty { what: "orders" }),
+
+    fn knows_noise(&self) -> bool {
+        matches!(
+            self.settings.weighting,
+            Weighting::Covariance | Weighting::DiagonalCovariance
+        )
+    }
+
+    fn at_noise(&self) -> bool {
+        let over = |e: &ScanEntry| e.fit.account.cost / e.fit.account.expected_cost;
+        self.entries.iter().any(|e| over(e) <= AT_NOISE)
+    }
+
+    fn least(&self) -> f64 {
+        let costs = self.entries.iter().map(|e| e.fit.account.cost);
+        costs.fold(f64::INFINITY, f64::min)
+    }
+
+    /// The smallest order above `low` that describes the data as shortly as `high` does, by bisection.
+    fn between(&mut self, mut low: usize, mut high: usize) -> Result<(), PoleFitError> {
+        let Some(mut known) = self.entries.iter().position(|e| e.order == high) else {
+            return Ok(());
+        };
+        while high - low > 1 {
+            let middle = usize::midpoint(low, high);
+            let from = &self.entries[known];
+            let settings = PoleFitSettings {
+                order: from.order,
+                ..*self.settings
+            };
+            let poles = from.fit.most_important(&Setup::of(self.lines, &settings), middle);
+            let length = from.mdl;
+            match self.add(middle, poles.as_deref())? {
+                Some(at) if self.entries[at].mdl < length => (known, high) = (at, middle),
+                // What was added stands below what is known.
+                Some(_) => (known, low) = (known + 1, middle),
+                None => low = middle,
+            }
+        }
+        Ok(())
+    }
+
+    fn end(self) -> Result<Scan, PoleFitError> {
+        let length = |i: usize| self.entries[i].mdl;
+        let chosen = (0..self.entries.len()).min_by(|&i, &j| length(i).total_cmp(&length(j)));
+        match (chosen, self.failures.first()) {
+            (Some(chosen), _) => Ok(Scan {
+                entries: self.entries,
+                failures: self.failures,
+                chosen,
+            }),
+            (None, Some((_, error))) => Err(error.clone()),
+            (None, None) => Err(PoleFitError::Empty { what: "orders" }),
+        }
     }
 }
 

@@ -2,7 +2,9 @@
 
 use crate::basis::Basis;
 use crate::model::{Point, Reduced, Setup};
-use crate::{PoleFitError, PoleFitSettings};
+use crate::relocate::{Spread, denominator, relocate, spread};
+use crate::uncertainty::expected_cost;
+use crate::{PoleFitError, PoleFitSettings, Weighting};
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use num_complex::Complex;
 
@@ -35,15 +37,89 @@ pub(crate) struct Found {
     pub(crate) factorisations: usize,
 }
 
-pub(crate) fn search(setup: &Setup<'_>, settings: &PoleFitSettings) -> Result<Found, PoleFitError> {
-    let found = start(setup, settings)?;
+/// Costs within this factor of what noise alone leaves need no other start.
+const AT_NOISE: f64 = 1.5;
+
+/// A start is better where its cost is below this part of the other's.
+const BETTER: f64 = 0.98;
+
+/// The best of several starts: poles given, if any; reweighted total least squares; and, where what they leave is no noise, vector
+/// fitting from poles spread over the band.
+pub(crate) fn search(
+    setup: &Setup<'_>,
+    settings: &PoleFitSettings,
+    given: Option<&[Complex<f64>]>,
+) -> Result<Found, PoleFitError> {
     if setup.n_a == 1 {
         return Ok(Found {
             stop: StopReason::Linear,
-            ..found
+            ..start(setup, settings)?
         });
     }
-    refine(setup, settings, found)
+    let (expected, _) = expected_cost(setup, settings.weighting);
+    let known = matches!(
+        settings.weighting,
+        Weighting::Covariance | Weighting::DiagonalCovariance
+    );
+    let enough = |found: &Found| {
+        let cost = found.point.cost;
+        setup.is_exact(cost) || (known && cost <= AT_NOISE * expected)
+    };
+    if let Some(found) = given.and_then(|poles| from_poles(setup, poles)) {
+        return refine(setup, settings, found);
+    }
+    let relocated = |how| {
+        let first = spread(&setup.lines.z, setup.n_a - 1, how);
+        let poles = relocate(setup, first)?;
+        from_poles(setup, &poles).map(Ok)
+    };
+    type Start<'a> = &'a dyn Fn() -> Option<Result<Found, PoleFitError>>;
+    let total_least_squares: Start<'_> = &|| Some(start(setup, settings));
+    let lines: Start<'_> = &|| relocated(Spread::Lines);
+    let decades: Start<'_> = &|| relocated(Spread::Decades);
+    // Many poles are found from poles; few, without bias from the noise.
+    let starts = if setup.n_a - 1 > MANY {
+        [lines, total_least_squares, decades]
+    } else {
+        [total_least_squares, lines, decades]
+    };
+    let mut best: Option<Result<Found, PoleFitError>> = None;
+    for start in starts {
+        let Some(found) = start().map(|found| found.and_then(|found| refine(setup, settings, found))) else {
+            continue;
+        };
+        let better = match (&best, &found) {
+            (Some(Ok(best)), Ok(found)) => found.point.cost < BETTER * best.point.cost,
+            (Some(Ok(_)), Err(_)) => false,
+            _ => true,
+        };
+        if better {
+            best = Some(found);
+        }
+        if matches!(&best, Some(Ok(best)) if enough(best)) {
+            break;
+        }
+    }
+    best.unwrap_or(Err(PoleFitError::Numerators { order: setup.order }))
+}
+
+/// Beyond so many poles vector fitting is tried first.
+const MANY: usize = 16;
+
+/// The point with these poles, one of each pair.
+fn from_poles(setup: &Setup<'_>, poles: &[Complex<f64>]) -> Option<Found> {
+    let a = denominator(&setup.lines.z, poles);
+    let basis = setup.basis(&a).ok()?;
+    let alpha = normalised(basis.project(setup.n_a, &a));
+    let point = Point::new(setup, &basis, alpha).ok()?;
+    Some(Found {
+        basis,
+        point,
+        stop: StopReason::IterationLimit,
+        start_iterations: 0,
+        iterations: 0,
+        factorisations: 1,
+    })
 }
 
 /// Bootstrapped total least squares (Van Huffel, Pintelon): at each pass the equation error `t a F - B` is divided by

@@ -5,7 +5,8 @@ use crate::config::IdentifyConfig;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Discrete, FrfEstimate};
 use pole_fit::{
-    Integrators, NumeratorDegree, PoleFit, PoleFitError, PoleFitSettings, Scan, fit, fit_from, scan_to_noise,
+    Integrators, NumeratorDegree, PoleFit, PoleFitError, PoleFitSettings, Scan, Weighting, fit, fit_from,
+    scan_to_noise,
 };
 use rayon::prelude::*;
 
@@ -73,8 +74,10 @@ pub fn fit_poles(
         .iter()
         .map(FrfEstimate::degrees_of_freedom)
         .fold(f64::INFINITY, f64::min);
-    let smoothing = if freedom < ENOUGH_FREEDOM {
-        (ENOUGH_FREEDOM / freedom.max(1.0)).ceil() as usize
+    let (outputs, inputs) = (middle.frf().outputs(), middle.frf().inputs());
+    let enough = ENOUGH_FREEDOM.max(FREEDOM_OF_AN_OUTPUT * outputs as f64);
+    let smoothing = if freedom < ENOUGH_FREEDOM.max(outputs as f64 + 2.0) {
+        (enough / freedom.max(1.0)).ceil() as usize
     } else {
         0
     };
@@ -92,6 +95,11 @@ pub fn fit_poles(
             integrators: kind,
             numerator: NumeratorDegree::StrictlyProper,
             smoothing_lines: smoothing,
+            weighting: if outputs * inputs > COUPLED_CHANNELS {
+                Weighting::DiagonalCovariance
+            } else {
+                Weighting::Covariance
+            },
             ..PoleFitSettings::new(integrators + FLEXIBLE_ORDERS[0])
         },
         integrators,
@@ -120,6 +128,8 @@ pub fn fit_poles(
         ));
         search.settings.relative_floor = floor;
         search.slack = DISTORTION_SLACK;
+        // Distortion would buy a lower cost with poles outside.
+        search.settings.keep_stable = true;
         if estimates.len() == 1 && config.integrators.is_none() {
             // Friction turns integrators into slow poles, and a direct term takes what the amplifier does to the phase.
             reasons.push("integrators left free: friction may have moved them".to_owned());
@@ -145,6 +155,12 @@ pub fn fit_poles(
 /// Complex degrees of freedom of a covariance from which on it serves as a weight line by line.
 const ENOUGH_FREEDOM: f64 = 12.0;
 
+/// The same for each output: the inverse of a covariance scatters with the number of its rows.
+const FREEDOM_OF_AN_OUTPUT: f64 = 4.0;
+
+/// Channels beyond which the poles are found with the variances alone: the numerators of all channels are otherwise one system.
+const COUPLED_CHANNELS: usize = 16;
+
 /// Cost over its expectation beyond which noise does not explain the residual.
 const DISTORTED: f64 = 10.0;
 
@@ -159,6 +175,9 @@ fn upper_half(fit: &PoleFit) -> Vec<Complex<f64>> {
     let estimated = fit.poles[fit.fixed_integrators..].iter();
     estimated.filter(|l| l.im >= 0.0).copied().collect()
 }
+
+/// Largest order, beyond the integrators, that is spent on distortion.
+const MOST_OF_DISTORTION: usize = 32;
 
 /// Fits at all positions, with the order given or scanned.
 struct Search<'a> {
@@ -207,7 +226,7 @@ impl Search<'_> {
                 .map_or_else(|| "pole fit".to_owned(), |p| format!("pole fit at p = {p:.6}"));
             move |source| PipelineError::Poles { place, source }
         };
-        let mut scanned = None;
+        let (mut scanned, mut middle): (Option<Scan>, usize) = (None, 0);
         let order = match self.order {
             Some(order) => order,
             None => {
@@ -216,7 +235,13 @@ impl Search<'_> {
                 let mut indices = vec![0, n / 2, n - 1];
                 indices.dedup();
                 let orders = self.orders();
-                let larger = LARGER_ORDERS.map(|n| n + self.integrators);
+                let most = if self.slack > 1.0 {
+                    MOST_OF_DISTORTION
+                } else {
+                    usize::MAX
+                };
+                let larger = LARGER_ORDERS.iter().filter(|n| **n <= most);
+                let larger: Vec<usize> = larger.map(|n| n + self.integrators).collect();
                 let scans = indices
                     .par_iter()
                     .map(|&i| {
@@ -225,6 +250,20 @@ impl Search<'_> {
                             .map_err(failed(&self.estimates[i]))
                     })
                     .collect::<Result<Vec<_>, _>>()?;
+                for s in &scans {
+                    for e in &s.entries {
+                        let a = &e.fit.account;
+                        eprintln!(
+                            "{} {:.4} unstable {} {:?} {}",
+                            e.order,
+                            a.cost / a.expected_cost,
+                            a.unstable_poles.len(),
+                            a.stop,
+                            a.iterations
+                        );
+                    }
+                    eprintln!("--");
+                }
                 let each: Vec<usize> = scans
                     .iter()
                     .map(|s| s.entries[parsimonious(s, self.slack)].order)
@@ -236,23 +275,28 @@ impl Search<'_> {
                     each.join(", ")
                 ));
                 scanned = scans.into_iter().nth(indices.len() / 2);
+                middle = indices[indices.len() / 2];
                 chosen
             }
         };
         // The poles of the scan start what its order misses at another position.
-        let known: Vec<Complex<f64>> = scanned
+        let entry = scanned
             .as_ref()
-            .and_then(|s| s.entries.iter().find(|e| e.order == order))
-            .map_or_else(Vec::new, |e| upper_half(&e.fit));
+            .and_then(|s| s.entries.iter().find(|e| e.order == order));
+        let known: Vec<Complex<f64>> = entry.map_or_else(Vec::new, |e| upper_half(&e.fit));
+        let whole = self.estimates[middle].frf().len() <= SCAN_LINES;
+        let there = entry.filter(|_| whole).map(|e| e.fit.clone());
         let at = |order: usize| -> Result<Vec<PoleFit>, PipelineError> {
             let settings = PoleFitSettings {
                 order,
                 ..self.settings
             };
-            self.estimates
-                .par_iter()
-                .map(|e| self.one(e, &settings, &known).map_err(failed(e)))
-                .collect()
+            let one = |(i, e): (usize, &FrfEstimate)| match &there {
+                // What the scan has fitted to all lines.
+                Some(fit) if i == middle && fit.account.order == order => Ok(fit.clone()),
+                _ => self.one(e, &settings, &known).map_err(failed(e)),
+            };
+            self.estimates.par_iter().enumerate().map(one).collect()
         };
         let stable = |fits: &[PoleFit]| fits.iter().all(|f| f.account.unstable_poles.is_empty());
         let fits = at(order)?;

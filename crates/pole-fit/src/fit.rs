@@ -5,7 +5,7 @@ use crate::columns::{Columns, dot};
 use crate::model::Setup;
 use crate::realise::realise;
 use crate::relocate::most_important;
-use crate::search::{StopReason, search};
+use crate::search::{Begin, StopReason, search};
 use crate::uncertainty::{denominator_covariance, expected_cost, root_covariance};
 use crate::weights::Lines;
 use crate::{PoleFitError, PoleFitSettings};
@@ -111,7 +111,12 @@ pub fn fit(
     settings: &PoleFitSettings,
 ) -> Result<PoleFit, PoleFitError> {
     settings.check()?;
-    fit_lines(&Lines::new(estimate, clock, settings)?, clock, settings, None)
+    fit_lines(
+        &Lines::new(estimate, clock, settings)?,
+        clock,
+        settings,
+        Begin::Data,
+    )
 }
 
 /// As [`fit`], but the search begins at these poles, one of each conjugate pair, without the fixed integrators: those of another
@@ -127,14 +132,14 @@ pub fn fit_from(
 ) -> Result<PoleFit, PoleFitError> {
     settings.check()?;
     let lines = Lines::new(estimate, clock, settings)?;
-    fit_lines(&lines, clock, settings, Some(poles))
+    fit_lines(&lines, clock, settings, Begin::Poles(poles))
 }
 
 pub(crate) fn fit_lines(
     lines: &Lines,
     clock: Discrete,
     settings: &PoleFitSettings,
-    given: Option<&[C64]>,
+    begin: Begin<'_>,
 ) -> Result<PoleFit, PoleFitError> {
     let set = settings;
     let m = settings.fixed_integrators();
@@ -146,7 +151,7 @@ pub(crate) fn fit_lines(
             unknowns: setup.unknowns(),
         });
     }
-    let found = search(&setup, settings, given)?;
+    let found = search(&setup, settings, begin)?;
     let covariance = denominator_covariance(&setup, &found, set.weighting)?;
     let recurrence = found.basis.recurrence.clone();
     let alpha = found.point.alpha.clone();

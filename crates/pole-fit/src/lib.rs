@@ -38,7 +38,7 @@
 //!
 //! - Continuous time: poles are values of `z`. Frequency responses of sampled loops are exact in `z`, and an axis that
 //!   ends at Nyquist has no continuous-time limit to respect.
-//! - Stability: poles are not forced inside the unit circle. A pole outside is either a fact or a sign of too high an
+//! - Stability, unless [`PoleFitSettings::keep_stable`] asks for it: poles are not forced inside the unit circle. A pole outside is either a fact or a sign of too high an
 //!   order; moving it would hide which. [`Account::unstable_poles`] lists them.
 //! - Left and right matrix fractions, and residues of rank one: these serve modal analysis, but the basis that is built
 //!   from the poles needs none of it.

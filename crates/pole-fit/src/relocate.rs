@@ -340,6 +340,16 @@ fn fractions(z: &[C64], poles: &[C64]) -> Vec<Vec<C64>> {
     all
 }
 
+/// A pole inside the unit circle: mirrored at it, and off it.
+pub(crate) fn inside(z: C64) -> C64 {
+    let z = if z.norm() > 1.0 { z.conj().inv() } else { z };
+    if z.norm() > 1.0 - 1e-9 {
+        z * (1.0 - 1e-9)
+    } else {
+        z
+    }
+}
+
 /// The zeros of `d + sum_i s_i phi_i`: eigenvalues of `A - b s^T / d`. Those outside the unit circle are mirrored at it.
 fn zeros(poles: &[C64], s: &[f64], d: f64) -> Option<Vec<C64>> {
     let n = s.len();
@@ -361,14 +371,11 @@ fn zeros(poles: &[C64], s: &[f64], d: f64) -> Option<Vec<C64>> {
     let mut next: Vec<C64> = found
         .into_iter()
         .filter(|z| z.im >= 0.0 && z.norm().is_finite())
-        .map(|z| if z.norm() > 1.0 { z.conj().inv() } else { z })
+        .map(inside)
         .collect();
     next.sort_by(|x, y| x.arg().total_cmp(&y.arg()).then(x.re.total_cmp(&y.re)));
-    // Poles on a line, and equal ones, have no partial fractions.
+    // Equal poles have no partial fractions.
     for i in 0..next.len() {
-        if next[i].norm() > 1.0 - 1e-9 {
-            next[i] *= 1.0 - 1e-9;
-        }
         if i > 0 && (next[i] - next[i - 1]).norm() < 1e-12 {
             next[i] *= 1.0 - 1e-6;
         }

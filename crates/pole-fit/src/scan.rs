@@ -2,6 +2,7 @@
 
 use crate::fit::fit_lines;
 use crate::model::Setup;
+use crate::search::Begin;
 use crate::weights::Lines;
 use crate::{PoleFit, PoleFitError, PoleFitSettings, Weighting};
 use lpv_core::{Discrete, FrfEstimate};
@@ -71,7 +72,7 @@ pub fn scan(
     let lines = Lines::new(estimate, clock, settings)?;
     let mut search = Search::new(&lines, clock, settings);
     for order in orders {
-        search.add(order, None)?;
+        search.add(order, Begin::Data)?;
     }
     search.end()
 }
@@ -95,7 +96,7 @@ pub fn scan_to_noise(
     let lines = Lines::new(estimate, clock, settings)?;
     let mut search = Search::new(&lines, clock, settings);
     for &order in orders {
-        search.add(order, None)?;
+        search.add(order, Begin::Data)?;
     }
     if !search.knows_noise() || search.at_noise() {
         return search.end();
@@ -104,7 +105,7 @@ pub fn scan_to_noise(
     let tried = orders.iter().copied().max().unwrap_or(0);
     let (mut idle, mut below) = (0, tried);
     for &order in larger.iter().filter(|n| **n > tried) {
-        search.add(order, None)?;
+        search.add(order, Begin::Quick)?;
         if search.at_noise() {
             search.between(below, order)?;
             break;
@@ -149,13 +150,13 @@ impl<'a> Search<'a> {
     }
 
     /// Fits an order, from poles where they are given, and says at which place among the entries it stands.
-    fn add(&mut self, order: usize, given: Option<&[Complex<f64>]>) -> Result<Option<usize>, PoleFitError> {
+    fn add(&mut self, order: usize, begin: Begin<'_>) -> Result<Option<usize>, PoleFitError> {
         let settings = PoleFitSettings {
             order,
             ..*self.settings
         };
         settings.check()?;
-        match fit_lines(self.lines, self.clock, &settings, given) {
+        match fit_lines(self.lines, self.clock, &settings, begin) {
             Ok(fit) => {
                 let (aic, mdl) = criteria(&fit, settings.weighting);
                 let at = self.entries.partition_point(|e| e.order < order);
@@ -209,7 +210,7 @@ impl<'a> Search<'a> {
             };
             let poles = from.fit.most_important(&Setup::of(self.lines, &settings), middle);
             let length = from.mdl;
-            match self.add(middle, poles.as_deref())? {
+            match self.add(middle, poles.as_deref().map_or(Begin::Data, Begin::Poles))? {
                 Some(at) if self.entries[at].mdl < length => (known, high) = (at, middle),
                 // What was added stands below what is known.
                 Some(_) => (known, low) = (known + 1, middle),

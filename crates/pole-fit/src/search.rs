@@ -2,7 +2,7 @@
 
 use crate::basis::Basis;
 use crate::model::{Point, Reduced, Setup};
-use crate::relocate::{Spread, denominator, relocate, spread};
+use crate::relocate::{Spread, denominator, inside, relocate, spread};
 use crate::uncertainty::expected_cost;
 use crate::{PoleFitError, PoleFitSettings, Weighting};
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
@@ -43,12 +43,24 @@ const AT_NOISE: f64 = 1.5;
 /// A start is better where its cost is below this part of the other's.
 const BETTER: f64 = 0.98;
 
-/// The best of several starts: poles given, if any; reweighted total least squares; and, where what they leave is no noise, vector
-/// fitting from poles spread over the band.
+/// Where a search begins.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Begin<'a> {
+    /// At the data, from several starts where the first leaves more than noise.
+    Data,
+    /// At these poles, one of each pair.
+    Poles(&'a [Complex<f64>]),
+    /// At the poles of the better of two vector fits; a few steps where they are far from the noise, and all starts where they are
+    /// near it but do not reach it.
+    Quick,
+}
+
+/// The best of several starts: reweighted total least squares; and, where what it leaves is no noise, vector fitting from poles
+/// spread over the band.
 pub(crate) fn search(
     setup: &Setup<'_>,
     settings: &PoleFitSettings,
-    given: Option<&[Complex<f64>]>,
+    begin: Begin<'_>,
 ) -> Result<Found, PoleFitError> {
     if setup.n_a == 1 {
         return Ok(Found {
@@ -65,16 +77,46 @@ pub(crate) fn search(
         let cost = found.point.cost;
         setup.is_exact(cost) || (known && cost <= AT_NOISE * expected)
     };
-    if let Some(found) = given.and_then(|poles| from_poles(setup, poles)) {
-        return refine(setup, settings, found);
-    }
     let relocated = |how| {
         let first = spread(&setup.lines.z, setup.n_a - 1, how);
         let poles = relocate(setup, first)?;
         from_poles(setup, &poles).map(Ok)
     };
+    match begin {
+        Begin::Data => {}
+        Begin::Poles(poles) => {
+            if let Some(found) = from_poles(setup, poles) {
+                return refine(setup, settings, found);
+            }
+        }
+        Begin::Quick => {
+            let both = [Spread::Lines, Spread::Decades].into_iter().filter_map(relocated);
+            let best = both
+                .flatten()
+                .min_by(|a, b| a.point.cost.total_cmp(&b.point.cost));
+            if let Some(found) = best {
+                let far = found.point.cost > FAR * expected;
+                let steps = settings
+                    .max_iterations
+                    .min(if far { FEW_STEPS } else { usize::MAX });
+                let settings = PoleFitSettings {
+                    max_iterations: steps,
+                    ..*settings
+                };
+                return refine(setup, &settings, found);
+            }
+        }
+    }
     type Start<'a> = &'a dyn Fn() -> Option<Result<Found, PoleFitError>>;
-    let total_least_squares: Start<'_> = &|| Some(start(setup, settings));
+    let total_least_squares: Start<'_> = &|| {
+        Some(start(setup, settings).map(|found| {
+            if settings.keep_stable {
+                mirrored(setup, &found).unwrap_or(found)
+            } else {
+                found
+            }
+        }))
+    };
     let lines: Start<'_> = &|| relocated(Spread::Lines);
     let decades: Start<'_> = &|| relocated(Spread::Decades);
     // Many poles are found from poles; few, without bias from the noise.
@@ -103,8 +145,26 @@ pub(crate) fn search(
     best.unwrap_or(Err(PoleFitError::Numerators { order: setup.order }))
 }
 
+/// Costs beyond this multiple of what noise leaves are far from it: few steps reach it from there.
+const FAR: f64 = 100.0;
+/// Steps of a quick search from there.
+const FEW_STEPS: usize = 6;
+
 /// Beyond so many poles vector fitting is tried first.
 const MANY: usize = 16;
+
+/// The point whose poles outside the unit circle are mirrored at it; none where all are inside.
+fn mirrored(setup: &Setup<'_>, found: &Found) -> Option<Found> {
+    let mut roots = found.basis.recurrence.roots(&found.point.alpha).ok()?;
+    if roots.iter().all(|z| z.norm() < 1.0) {
+        return None;
+    }
+    roots.retain(|z| z.im >= 0.0);
+    for z in &mut roots {
+        *z = inside(*z);
+    }
+    from_poles(setup, &roots)
+}
 
 /// The point with these poles, one of each pair.
 fn from_poles(setup: &Setup<'_>, poles: &[Complex<f64>]) -> Option<Found> {
@@ -230,6 +290,7 @@ fn refine(setup: &Setup<'_>, settings: &PoleFitSettings, found: Found) -> Result
     } = found;
     let (mut iterations, mut lambda) = (0, 0.0);
     let free = setup.equations().saturating_sub(setup.unknowns()).max(1) as f64;
+    let stays = set.keep_stable && is_stable(&basis, &point.alpha);
     let stop = 'search: loop {
         let model = point.model(setup);
         let Some(reduced) = point.reduce(setup, &basis, &model) else {
@@ -266,7 +327,7 @@ fn refine(setup: &Setup<'_>, settings: &PoleFitSettings, found: Found) -> Result
             let trial = Point::new(setup, &basis, alpha);
             factorisations += 1;
             match trial {
-                Ok(trial) if trial.cost < point.cost => {
+                Ok(trial) if trial.cost < point.cost && (!stays || is_stable(&basis, &trial.alpha)) => {
                     point = trial;
                     // Where the residual vanishes, what remains after a step is its square.
                     if lambda < 1.0 && length < ROUNDING && setup.is_exact(point.cost) {
@@ -300,6 +361,11 @@ fn refine(setup: &Setup<'_>, settings: &PoleFitSettings, found: Found) -> Result
         iterations,
         factorisations,
     })
+}
+
+fn is_stable(basis: &Basis, alpha: &DVector<f64>) -> bool {
+    let roots = basis.recurrence.roots(alpha);
+    roots.is_ok_and(|roots| roots.iter().all(|z| z.norm() < 1.0))
 }
 
 /// `-(R + lambda diag R)^-1 g`; the diagonal never counts as less than a rounding of the largest entry.

@@ -54,6 +54,7 @@ pub enum Weighting {
 /// | `rigid_body_hz` | `None` | with `Free`: poles below this natural frequency are not flexible; `None`: see [`crate::PoleFit::flexible_poles`] | above 0 |
 /// | `start_iterations` | 12 | reweighted total least squares before the search | 1 to 1000 |
 /// | `max_iterations` | 60 | Gauss-Newton iterations | 0 to 10000 |
+/// | `keep_stable` | false | a search that begins with all poles inside the unit circle takes no step that moves one out | |
 /// | `tolerance` | 1e-3 | the search ends when a step is below this part of a standard deviation | 0 to 0.1, 0 excluded |
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoleFitSettings {
@@ -79,6 +80,8 @@ pub struct PoleFitSettings {
     pub start_iterations: usize,
     /// Most Gauss-Newton iterations.
     pub max_iterations: usize,
+    /// Whether a search that begins with stable poles keeps them so.
+    pub keep_stable: bool,
     /// Length of a step, in standard deviations, at which the search ends.
     pub tolerance: f64,
 }
@@ -106,6 +109,7 @@ impl PoleFitSettings {
             rigid_body_hz: None,
             start_iterations: 12,
             max_iterations: 60,
+            keep_stable: false,
             tolerance: 1e-3,
         }
     }

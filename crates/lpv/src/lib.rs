@@ -44,6 +44,7 @@ mod finding;
 mod identify;
 pub mod inspect;
 mod model_file;
+mod modes;
 mod moves;
 pub mod new;
 pub mod output;

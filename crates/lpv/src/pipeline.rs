@@ -4,6 +4,7 @@
 use crate::PipelineError;
 use crate::basis::{BasisStage, choose_basis};
 use crate::config::{IdentifyConfig, LfrKind, Weighting};
+use crate::modes::modal;
 use crate::moves::Moves;
 use crate::poles::{PoleStage, fit_poles};
 use crate::progress::{Progress, begin};
@@ -15,6 +16,7 @@ use lpv_ident::{
     Interpolation, LeaveOneOut, LocalFits, LpvObfModel, RegressionSettings, RigidTerm, recommend, regress,
 };
 use lpv_numerics::statistics::{amplitude_db, median};
+use modal_fit::ModalFit;
 
 /// A model of a machine that moves: every stage with its account.
 #[derive(Debug, Clone)]
@@ -42,7 +44,10 @@ pub struct LpvStage {
 pub struct LtiStage {
     /// Poles, numerators, and the scan.
     pub poles: PoleStage,
-    /// State space of the fit.
+    /// The minimal modal model of several inputs and outputs; none where the common denominator is as small, or where it does not
+    /// explain the response as well.
+    pub modal: Option<ModalFit>,
+    /// State space: that of the modal model, else of the common denominator.
     pub model: StateSpace<Discrete>,
 }
 
@@ -83,7 +88,10 @@ impl Identified {
         clock: Discrete,
     ) -> Result<Frf, PipelineError> {
         Ok(match self {
-            Self::Lti(stage) => stage.poles.fits[0].response(frequencies_hz)?,
+            Self::Lti(stage) => match &stage.modal {
+                Some(modal) => modal.model.frequency_response(frequencies_hz)?,
+                None => stage.poles.fits[0].response(frequencies_hz)?,
+            },
             Self::Lpv(stage) => match &stage.small {
                 Some(small) => small.response(position, frequencies_hz, clock)?,
                 None => stage.model.response(&[position], frequencies_hz)?,
@@ -126,8 +134,13 @@ pub fn identify(
         ));
     }
     if estimates.len() == 1 {
-        let model = poles.fits[0].state_space()?;
-        return Ok(Identified::Lti(Box::new(LtiStage { poles, model })));
+        begin(progress, "modes");
+        let modal = modal(&estimates[0], clock, &mut poles);
+        let model = match &modal {
+            Some(modal) => modal.model.clone(),
+            None => poles.fits[0].state_space()?,
+        };
+        return Ok(Identified::Lti(Box::new(LtiStage { poles, modal, model })));
     }
     let position = |e: &FrfEstimate| e.single_position().unwrap_or(0.0);
     let positions: Vec<f64> = estimates.iter().map(position).collect();

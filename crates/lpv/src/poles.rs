@@ -19,6 +19,8 @@ pub struct PoleStage {
     pub integrators: usize,
     /// Relative error beside the noise in the weights, where noise does not explain what is left; else zero.
     pub relative_error: f64,
+    /// Lines on either side over which the covariance is averaged as a weight.
+    pub smoothing: usize,
     /// One fit a position.
     pub fits: Vec<PoleFit>,
     /// The scan that chose the order, where it was not given, at the middle position.
@@ -146,6 +148,7 @@ pub fn fit_poles(
         order,
         integrators,
         relative_error,
+        smoothing,
         fits,
         scan,
         reasons,
@@ -171,7 +174,7 @@ const DISTORTION_SLACK: f64 = 1.5;
 const MORE_THAN_NOISE: f64 = 1.5;
 
 /// One of each pair of the estimated poles.
-fn upper_half(fit: &PoleFit) -> Vec<Complex<f64>> {
+pub(crate) fn upper_half(fit: &PoleFit) -> Vec<Complex<f64>> {
     let estimated = fit.poles[fit.fixed_integrators..].iter();
     estimated.filter(|l| l.im >= 0.0).copied().collect()
 }
@@ -250,20 +253,6 @@ impl Search<'_> {
                             .map_err(failed(&self.estimates[i]))
                     })
                     .collect::<Result<Vec<_>, _>>()?;
-                for s in &scans {
-                    for e in &s.entries {
-                        let a = &e.fit.account;
-                        eprintln!(
-                            "{} {:.4} unstable {} {:?} {}",
-                            e.order,
-                            a.cost / a.expected_cost,
-                            a.unstable_poles.len(),
-                            a.stop,
-                            a.iterations
-                        );
-                    }
-                    eprintln!("--");
-                }
                 let each: Vec<usize> = scans
                     .iter()
                     .map(|s| s.entries[parsimonious(s, self.slack)].order)

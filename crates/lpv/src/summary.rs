@@ -155,7 +155,12 @@ impl Summary {
         let (poles, cost) = match identified {
             Identified::Lti(stage) => {
                 let account = &stage.poles.fits[0].account;
-                (&stage.poles, account.cost / account.expected_cost)
+                let cost = account.cost / account.expected_cost;
+                let modal = stage
+                    .modal
+                    .as_ref()
+                    .map(|m| m.account.cost / m.account.expected_cost);
+                (&stage.poles, modal.unwrap_or(cost))
             }
             Identified::Lpv(stage) => {
                 let fits = stage.fits.fits();
@@ -204,7 +209,13 @@ impl Summary {
             frf_noise_db: finite(amplitude_db(noise)),
             order: poles.order,
             integrators: poles.integrators,
-            modes: pole_modes(middle),
+            modes: match identified {
+                Identified::Lti(stage) => stage
+                    .modal
+                    .as_ref()
+                    .map_or_else(|| pole_modes(middle), modal_modes),
+                Identified::Lpv(_) => pole_modes(middle),
+            },
             frozen: frozen_error(&model, &truth)?,
             relative_rms_percent: relative_rms_percent(&model, &truth),
             cost_over_expected: finite(cost),
@@ -293,6 +304,10 @@ impl Summary {
 
 fn pole_modes(fit: &pole_fit::PoleFit) -> Vec<[f64; 2]> {
     fit.modes().iter().map(|m| [m.frequency_hz, m.damping]).collect()
+}
+
+fn modal_modes(fit: &modal_fit::ModalFit) -> Vec<[f64; 2]> {
+    fit.modes.iter().map(|m| [m.frequency_hz, m.damping]).collect()
 }
 
 fn mode_lines(modes: &[[f64; 2]]) -> String {

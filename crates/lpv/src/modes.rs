@@ -1,0 +1,51 @@
+//! From the poles of one position to a minimal modal model.
+
+use crate::poles::{PoleStage, upper_half};
+use lpv_core::{Discrete, FrfEstimate};
+use modal_fit::{ModalFit, ModalSettings, modal_fit};
+
+/// A modal model may leave this much more than noise does.
+const AT_NOISE: f64 = 1.1;
+
+/// The modal model of several inputs and outputs, with a reason either way; none where one input or output makes the common
+/// denominator minimal, or distortion limits.
+pub(crate) fn modal(estimate: &FrfEstimate, clock: Discrete, poles: &mut PoleStage) -> Option<ModalFit> {
+    let frf = estimate.frf();
+    if frf.outputs().min(frf.inputs()) < 2 || poles.relative_error > 0.0 || poles.integrators > 2 {
+        return None;
+    }
+    let settings = ModalSettings {
+        integrators: poles.integrators,
+        ..ModalSettings::default()
+    };
+    let smooth = estimate.averaged_covariance(poles.smoothing);
+    let found = match modal_fit(&smooth, clock, &upper_half(&poles.fits[0]), &settings) {
+        Ok(found) => found,
+        Err(refused) => {
+            poles.reasons.push(format!("no modal model: {refused}"));
+            return None;
+        }
+    };
+    let over = found.account.cost / found.account.expected_cost;
+    let several = found.modes.iter().filter(|m| m.rank > 1).count();
+    let ranks = match several {
+        0 => "one mode shape each".to_owned(),
+        _ => format!("{several} of them with more than one mode shape"),
+    };
+    let rigid = match found.rigid_rank {
+        0 => String::new(),
+        rank => format!(", rigid body of rank {rank}"),
+    };
+    let states = found.model.states();
+    if over <= AT_NOISE {
+        poles.reasons.push(format!(
+            "modal model: {states} states, {} poles, {ranks}{rigid}; cost {over:.3} times what noise leaves",
+            found.modes.len()
+        ));
+        return Some(found);
+    }
+    poles.reasons.push(format!(
+        "no modal model: with {states} states ({ranks}{rigid}) the cost is {over:.2} times what noise leaves; every input or output has its own copy of the poles"
+    ));
+    None
+}

@@ -7,6 +7,9 @@ use modal_fit::{ModalFit, ModalSettings, modal_fit};
 /// A modal model may leave this much more than noise does.
 const AT_NOISE: f64 = 1.1;
 
+/// Degrees of freedom of the covariance that each output should have.
+const FREEDOM: f64 = 10.0;
+
 /// The modal model of several inputs and outputs, with a reason either way; none where one input or output makes the common
 /// denominator minimal, or distortion limits.
 pub(crate) fn modal(estimate: &FrfEstimate, clock: Discrete, poles: &mut PoleStage) -> Option<ModalFit> {
@@ -18,7 +21,10 @@ pub(crate) fn modal(estimate: &FrfEstimate, clock: Discrete, poles: &mut PoleSta
         integrators: poles.integrators,
         ..ModalSettings::default()
     };
-    let smooth = estimate.averaged_covariance(poles.smoothing);
+    // With ten degrees of freedom for each output the scatter of the weights costs a tenth of the accuracy.
+    let enough = FREEDOM * frf.outputs() as f64 / estimate.degrees_of_freedom().max(1.0);
+    let half = (0.5 * (enough - 1.0)).ceil().max(0.0) as usize;
+    let smooth = estimate.averaged_covariance(half.max(poles.smoothing));
     let found = match modal_fit(&smooth, clock, &upper_half(&poles.fits[0]), &settings) {
         Ok(found) => found,
         Err(refused) => {

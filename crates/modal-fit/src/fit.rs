@@ -2,7 +2,7 @@
 
 use crate::ModalFitError;
 use crate::model::{Modal, Parameter, Rigid};
-use crate::residues;
+use crate::residues::{self, Ranks};
 use crate::whiten::{Factors, factors};
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::{Accum, MatMut, MatRef, Par};
@@ -119,16 +119,6 @@ pub fn modal_fit(
     };
     let mut poles = upper_half(poles, rigid.is_some())?;
     poles.sort_by(|x, y| x.ln().norm().total_cmp(&y.ln().norm()));
-    let start = residues::start(&estimate, clock, &poles, rigid, settings.direct)?;
-    let parameters = start.parameters();
-    let (n_y, n_u) = start.shape;
-    let equations = 2 * estimate.frf().len() * n_y * n_u;
-    if equations <= parameters.len() {
-        return Err(ModalFitError::TooFewEquations {
-            equations,
-            unknowns: parameters.len(),
-        });
-    }
     let lines = estimate.frf().frequencies_hz();
     let mut descent = Descent {
         z: lines.iter().map(|&f| clock.point(f)).collect(),
@@ -137,38 +127,95 @@ pub fn modal_fit(
         clock,
         most: settings.max_iterations,
     };
-    let start = descent.point(start).ok_or(CoreError::NotFinite {
-        what: "modal fit: the response at the poles given",
-        row: 0,
-        column: 0,
-    })?;
-    let found = minimise(&mut descent, start, &DAMPING)?;
-    let modal = found.point.modal;
-    let parameters = modal.parameters();
-    let linear = descent.normal(&modal, &parameters);
-    let inverse = linear.inverse()?;
-    let nu = estimate.degrees_of_freedom();
-    let left = nu - n_y as f64;
-    // Weights from an estimated covariance scatter: moments of the complex inverse Wishart distribution.
-    let (mean, spread) = if nu.is_finite() && left > 1.0 {
-        (nu / left, nu * nu / (left * left - 1.0))
-    } else {
-        (1.0, 1.0)
-    };
-    let modes = modes(&modal, &parameters, &(inverse * spread), clock);
-    Ok(ModalFit {
-        model: modal.state_space(clock)?,
-        modes,
-        rigid_rank: modal.rigid.as_ref().map_or(0, |(_, c, _)| c.ncols()),
-        account: ModalAccount {
-            stop: found.stop,
-            iterations: found.history.len() - 1,
-            cost: found.point.cost,
-            expected_cost: (equations - parameters.len()) as f64 * mean,
-            equations,
-            unknowns: parameters.len(),
-        },
-    })
+    let at = |poles: &[C64]| residues::Residues::new(&estimate, clock, poles, rigid, settings.direct);
+    let mut found = descent.fit(at(&poles)?.model(Ranks::One)?, &estimate)?;
+    // Poles that are off leave more directions in the residues than there are: ranks are those at the fitted poles.
+    for _ in 0..PASSES {
+        let fitted: Vec<C64> = found.modes.iter().map(|m| m.pole).collect();
+        let ranks =
+            if found.account.excess() > EXCESS || found.modes.iter().any(|m| m.rank > 1 && m.pole.im > 0.0) {
+                Ranks::AboveNoise
+            } else {
+                Ranks::One
+            };
+        let next = at(&fitted)?.model(ranks)?;
+        if next.ranks() == found.ranks() {
+            break;
+        }
+        match descent.fit(next, &estimate) {
+            Ok(other) if other.account.excess() < EXCESS.max(found.account.excess()) => found = other,
+            _ => break,
+        }
+    }
+    Ok(found)
+}
+
+impl ModalFit {
+    /// Ranks of the residues, that of the rigid body last.
+    fn ranks(&self) -> Vec<usize> {
+        self.modes
+            .iter()
+            .map(|m| m.rank)
+            .chain([self.rigid_rank])
+            .collect()
+    }
+}
+
+impl ModalAccount {
+    /// How far the cost is above what noise alone leaves, in standard deviations of that.
+    #[must_use]
+    pub fn excess(&self) -> f64 {
+        let deviation = self.expected_cost * (2.0 / self.equations as f64).sqrt();
+        (self.cost - self.expected_cost) / deviation
+    }
+}
+
+impl Descent<'_> {
+    fn equations(&self) -> usize {
+        2 * self.z.len() * self.frf.outputs() * self.frf.inputs()
+    }
+
+    fn fit(&mut self, start: Modal, estimate: &FrfEstimate) -> Result<ModalFit, ModalFitError> {
+        let (equations, unknowns) = (self.equations(), start.parameters().len());
+        if equations <= unknowns {
+            return Err(ModalFitError::TooFewEquations { equations, unknowns });
+        }
+        let start = self.point(start).ok_or(CoreError::NotFinite {
+            what: "modal fit: the response at the poles given",
+            row: 0,
+            column: 0,
+        })?;
+        let found = minimise(self, start, &DAMPING)?;
+        let modal = found.point.modal;
+        // The last linearisation is a step away that no longer counts.
+        let linear = match found.linear {
+            Some(linear) => linear,
+            None => self.normal(&modal, &modal.parameters()),
+        };
+        let inverse = linear.inverse()?;
+        let nu = estimate.degrees_of_freedom();
+        let left = nu - self.frf.outputs() as f64;
+        // Weights from an estimated covariance scatter: moments of the complex inverse Wishart distribution.
+        let (mean, spread) = if nu.is_finite() && left > 1.0 {
+            (nu / left, nu * nu / (left * left - 1.0))
+        } else {
+            (1.0, 1.0)
+        };
+        let modes = modes(&modal, &linear.parameters, &(inverse * spread), self.clock);
+        Ok(ModalFit {
+            model: modal.state_space(self.clock)?,
+            modes,
+            rigid_rank: modal.rigid.as_ref().map_or(0, |(_, c, _)| c.ncols()),
+            account: ModalAccount {
+                stop: found.stop,
+                iterations: found.history.len() - 1,
+                cost: found.point.cost,
+                expected_cost: (equations - unknowns) as f64 * mean,
+                equations,
+                unknowns,
+            },
+        })
+    }
 }
 
 /// One pole of each pair.
@@ -211,8 +258,14 @@ const DAMPING: Damping = Damping {
     after_refusal: AfterRefusal::Multiply(10.0),
 };
 
-/// A decrease of the sum of squares below this is none: a hundredth of what one standard deviation of one parameter is worth.
-const SETTLED: f64 = 1e-2;
+/// A decrease of the sum of squares below this is none: a tenth of what one standard deviation of one parameter is worth.
+const SETTLED: f64 = 0.1;
+
+/// What rank one may leave beyond the expected cost, in standard deviations of it, before higher ranks are tried.
+const EXCESS: f64 = 6.0;
+
+/// Changes of the ranks at most.
+const PASSES: usize = 4;
 
 /// Lines of one product.
 const BLOCK: usize = 8;
@@ -385,9 +438,13 @@ impl Search for Descent<'_> {
 
     fn ended(&mut self, point: &Point, history: &[f64], _damping: &mut f64) -> Option<StopReason> {
         let iterations = history.len() - 1;
-        let settled = |pair: &[f64]| pair[0] - pair[1] < SETTLED.min(1e-9 * pair[0]).max(1e-12 * point.cost);
-        let small = |pair: &[f64]| pair[0] - pair[1] < SETTLED;
-        if iterations >= 1 && (settled(&history[iterations - 1..]) || small(&history[iterations - 1..])) {
+        // Noise-free data end far below one deviation: there the relative decrease counts.
+        let enough = |before: f64, after: f64| {
+            let noise = after > 0.01 * self.equations() as f64;
+            before - after < if noise { SETTLED } else { 1e-3 * after }
+        };
+        let last = iterations.checked_sub(1).map(|i| history[i]);
+        if last.is_some_and(|before| enough(before, point.cost)) {
             return Some(StopReason::CostSettled);
         }
         (iterations >= self.most).then_some(StopReason::IterationLimit)

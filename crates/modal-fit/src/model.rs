@@ -153,6 +153,12 @@ impl Modal {
         all
     }
 
+    /// Ranks of the residues, that of the rigid body last.
+    pub(crate) fn ranks(&self) -> Vec<usize> {
+        let rigid = self.rigid.as_ref().map_or(0, |(_, c, _)| c.ncols());
+        self.sections.iter().map(|s| s.c.ncols()).chain([rigid]).collect()
+    }
+
     /// The model with a step of its parameters.
     pub(crate) fn moved(&self, parameters: &[Parameter], step: &[f64]) -> Self {
         let mut next = self.clone();

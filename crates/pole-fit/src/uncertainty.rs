@@ -118,18 +118,38 @@ fn sandwich(
             real_product(weight, im, to_im);
         }
     }
-    let mut line = vec![ZERO; n_c * n_c];
+    // Sigma = S^T (x) C_V: first C_V along the outputs, then S along the inputs.
+    let (n_y, n_u) = (lines.n_y, lines.n_u);
     for block in blocks(n) {
-        let mut sigma = Columns::zeros(block.len(), n_c * n_c);
+        let (mut c_v, mut s) = (
+            Columns::zeros(block.len(), n_y * n_y),
+            Columns::zeros(block.len(), n_u * n_u),
+        );
         for (at, k) in block.clone().enumerate() {
-            lines.covariance(k, &mut line);
-            line.iter().enumerate().for_each(|(c, v)| sigma.set(at, c, *v));
+            let (of_outputs, of_inputs) = lines.factors(k);
+            of_outputs
+                .iter()
+                .enumerate()
+                .for_each(|(c, v)| c_v.set(at, c, *v));
+            of_inputs.iter().enumerate().for_each(|(c, v)| s.set(at, c, *v));
         }
+        let mut half = Columns::zeros(block.len(), n_c);
         for d in 0..n_f {
-            for c in 0..n_c {
-                for e in 0..n_c {
-                    let to = sigma_z.part_mut(d * n_c + c, &block);
-                    add_product(sigma.column(e * n_c + c), z.part(d * n_c + e, &block), to);
+            half.parts_mut().fill(0.0);
+            for j in 0..n_u {
+                for i in 0..n_y {
+                    for r in 0..n_y {
+                        let from = z.part(d * n_c + j * n_y + r, &block);
+                        add_product(c_v.column(r * n_y + i), from, half.column_mut(j * n_y + i));
+                    }
+                }
+            }
+            for j in 0..n_u {
+                for l in 0..n_u {
+                    for i in 0..n_y {
+                        let to = sigma_z.part_mut(d * n_c + j * n_y + i, &block);
+                        add_product(s.column(j * n_u + l), half.column(l * n_y + i), to);
+                    }
                 }
             }
         }

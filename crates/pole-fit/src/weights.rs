@@ -327,6 +327,15 @@ impl Lines {
         }
     }
 
+    /// `C_V` and `S` of line `k`, column-major.
+    pub(crate) fn factors(&self, k: usize) -> (&[C64], &[C64]) {
+        let (n, m) = (self.n_y, self.n_u);
+        (
+            &self.c_v[k * n * n..(k + 1) * n * n],
+            &self.s[k * m * m..(k + 1) * m * m],
+        )
+    }
+
     /// The covariance `S^T (x) C_V` of line `k`, column-major.
     pub(crate) fn covariance(&self, k: usize, sigma: &mut [C64]) {
         let (n, m, n_c) = (self.n_y, self.n_u, self.channels());

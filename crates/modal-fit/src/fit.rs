@@ -264,6 +264,9 @@ const SETTLED: f64 = 0.1;
 /// What rank one may leave beyond the expected cost, in standard deviations of it, before higher ranks are tried.
 const EXCESS: f64 = 6.0;
 
+/// And the part of the expected cost: with many equations a covariance that is a little too small is many deviations.
+const MISSED: f64 = 1.1;
+
 /// Changes of the ranks at most.
 const PASSES: usize = 4;
 

@@ -11,6 +11,7 @@ mod fuzz;
 mod identification;
 mod measured;
 mod measured_page;
+mod ordinary;
 mod page;
 mod reproduce;
 mod size;
@@ -51,6 +52,9 @@ enum Task {
     /// Make inputs of every kind that has misled the program, hold what it says against the truth, and write docs/trust.md.
     #[command(after_help = "Example:\n  cargo xtask trust --quick")]
     Trust(trust::Options),
+    /// Many modes and many channels at one position, with known truth, and docs/ordinary-machines.md.
+    #[command(after_help = "Example:\n  cargo xtask ordinary --quick")]
+    Ordinary(ordinary::Options),
     /// Fuzz every reader of files, with coverage counters: no panic, no input over 5 s, no memory over 1 GiB.
     #[command(after_help = "Example:\n  cargo xtask fuzz --seconds 60 --only npz,csv")]
     Fuzz(fuzz::Fuzz),
@@ -193,6 +197,7 @@ fn main() -> ExitCode {
         Task::Small(options) => run_small(&options).map(|()| true),
         Task::Blind(options) => run_blind(&options),
         Task::Trust(options) => trust::run(&options),
+        Task::Ordinary(options) => ordinary::run(&options),
         Task::Fuzz(options) => fuzz::run(&options),
         Task::Bench(options) => run_instructions(&options),
         Task::Effects(options) => {

@@ -1,14 +1,13 @@
 //! Frequency responses in, poles at every position out: order and integrators chosen where they are not given.
 
+mod search;
+
 use crate::PipelineError;
 use crate::config::IdentifyConfig;
-use lpv_core::num_complex::Complex;
 use lpv_core::{Discrete, FrfEstimate};
-use pole_fit::{
-    Integrators, NumeratorDegree, PoleFit, PoleFitError, PoleFitSettings, Scan, Weighting, fit, fit_from,
-    scan_to_noise,
-};
-use rayon::prelude::*;
+use pole_fit::{NumeratorDegree, PoleFit, PoleFitSettings, Scan, Weighting};
+pub(crate) use search::upper_half;
+use search::{FLEXIBLE_ORDERS, Search, kind, over_noise};
 
 /// The poles at every position.
 #[derive(Debug, Clone)]
@@ -28,15 +27,6 @@ pub struct PoleStage {
     /// Why this order and these integrators.
     pub reasons: Vec<String>,
 }
-
-/// Orders that are tried at several positions where none is given, beyond the integrators: modes come in pairs.
-const FLEXIBLE_ORDERS: [usize; 6] = [2, 4, 6, 8, 10, 12];
-
-/// The same at one position, where a single lag, or nothing beside the integrators, may be all there is.
-const FLEXIBLE_ORDERS_LTI: [usize; 9] = [0, 1, 2, 3, 4, 6, 8, 10, 12];
-
-/// Larger orders, beyond the integrators, that are tried in turn where none of these leaves noise alone.
-const LARGER_ORDERS: [usize; 9] = [16, 20, 26, 32, 40, 50, 64, 80, 96];
 
 /// Common-denominator fits at all positions.
 ///
@@ -66,11 +56,6 @@ pub fn fit_poles(
         ));
         count
     });
-    let kind = if integrators == 0 {
-        Integrators::Free
-    } else {
-        Integrators::Fixed(integrators)
-    };
     // A covariance from few periods scatters: averaged over neighbouring lines it becomes a usable weight.
     let freedom = estimates
         .iter()
@@ -94,7 +79,7 @@ pub fn fit_poles(
         clock,
         order: config.order,
         settings: PoleFitSettings {
-            integrators: kind,
+            integrators: kind(integrators),
             numerator: NumeratorDegree::StrictlyProper,
             smoothing_lines: smoothing,
             weighting: if outputs * inputs > COUPLED_CHANNELS {
@@ -108,11 +93,14 @@ pub fn fit_poles(
     };
     let before = reasons.len();
     let mut found = search.run(&mut reasons)?;
-    let misfit = found
-        .0
-        .iter()
-        .map(|f| f.account.cost / f.account.expected_cost)
-        .fold(0.0, f64::max);
+    if estimates.len() == 1 && config.integrators.is_none() {
+        let (slope, _) = integrators_from_slope(middle);
+        if let Some((count, other)) = search.other_integrators(slope, &found.0, &mut reasons) {
+            (integrators, found) = (count, other);
+            search.integrate(count);
+        }
+    }
+    let misfit = over_noise(&found.0);
     let mut relative_error = 0.0;
     if misfit > DISTORTED {
         // Not noise but distortion or unmodelled dynamics is left: lines with little noise must not outweigh it.
@@ -136,8 +124,7 @@ pub fn fit_poles(
             // Friction turns integrators into slow poles, and a direct term takes what the amplifier does to the phase.
             reasons.push("integrators left free: friction may have moved them".to_owned());
             integrators = 0;
-            search.integrators = 0;
-            search.settings.integrators = Integrators::Free;
+            search.integrate(0);
             search.settings.numerator = NumeratorDegree::Proper;
         }
         found = search.run(&mut reasons)?;
@@ -169,177 +156,6 @@ const DISTORTED: f64 = 10.0;
 
 /// Distortion is not to be bought order after order: the smallest order within this factor of the least cost is taken.
 const DISTORTION_SLACK: f64 = 1.5;
-
-/// Cost over its expectation beyond which another start is tried.
-const MORE_THAN_NOISE: f64 = 1.5;
-
-/// One of each pair of the estimated poles.
-pub(crate) fn upper_half(fit: &PoleFit) -> Vec<Complex<f64>> {
-    let estimated = fit.poles[fit.fixed_integrators..].iter();
-    estimated.filter(|l| l.im >= 0.0).copied().collect()
-}
-
-/// Largest order, beyond the integrators, that is spent on distortion.
-const MOST_OF_DISTORTION: usize = 32;
-
-/// Fits at all positions, with the order given or scanned.
-struct Search<'a> {
-    /// Orders whose cost is within this factor of the best count as equal; 1 leaves the choice to description length.
-    slack: f64,
-    estimates: &'a [FrfEstimate],
-    clock: Discrete,
-    order: Option<usize>,
-    settings: PoleFitSettings,
-    integrators: usize,
-}
-
-impl Search<'_> {
-    /// Orders to try, integrators included.
-    fn orders(&self) -> Vec<usize> {
-        let flexible = match self.estimates.len() {
-            1 => FLEXIBLE_ORDERS_LTI.as_slice(),
-            _ => &FLEXIBLE_ORDERS,
-        };
-        let orders = flexible.iter().map(|n| n + self.integrators);
-        orders.filter(|n| *n > 0).collect()
-    }
-
-    /// The fit of one position; where it leaves more than noise, the better of it and the one that begins at known poles.
-    fn one(
-        &self,
-        estimate: &FrfEstimate,
-        settings: &PoleFitSettings,
-        known: &[Complex<f64>],
-    ) -> Result<PoleFit, PoleFitError> {
-        let found = fit(estimate, self.clock, settings)?;
-        let account = &found.account;
-        if known.is_empty() || account.cost <= MORE_THAN_NOISE * account.expected_cost {
-            return Ok(found);
-        }
-        match fit_from(estimate, self.clock, settings, known) {
-            Ok(other) if other.account.cost < account.cost => Ok(other),
-            _ => Ok(found),
-        }
-    }
-
-    fn run(&self, reasons: &mut Vec<String>) -> Result<(Vec<PoleFit>, Option<Scan>), PipelineError> {
-        let failed = |e: &FrfEstimate| {
-            let place = e
-                .position()
-                .map_or_else(|| "pole fit".to_owned(), |p| format!("pole fit at p = {p:.6}"));
-            move |source| PipelineError::Poles { place, source }
-        };
-        let (mut scanned, mut middle): (Option<Scan>, usize) = (None, 0);
-        let order = match self.order {
-            Some(order) => order,
-            None => {
-                // The middle and both ends: a mode may be invisible at one of them.
-                let n = self.estimates.len();
-                let mut indices = vec![0, n / 2, n - 1];
-                indices.dedup();
-                let orders = self.orders();
-                let most = if self.slack > 1.0 {
-                    MOST_OF_DISTORTION
-                } else {
-                    usize::MAX
-                };
-                let larger = LARGER_ORDERS.iter().filter(|n| **n <= most);
-                let larger: Vec<usize> = larger.map(|n| n + self.integrators).collect();
-                let scans = indices
-                    .par_iter()
-                    .map(|&i| {
-                        let few = thinned(&self.estimates[i]);
-                        scan_to_noise(&few, self.clock, &self.settings, &orders, &larger)
-                            .map_err(failed(&self.estimates[i]))
-                    })
-                    .collect::<Result<Vec<_>, _>>()?;
-                let each: Vec<usize> = scans
-                    .iter()
-                    .map(|s| s.entries[parsimonious(s, self.slack)].order)
-                    .collect();
-                let chosen = each.iter().copied().max().unwrap_or(self.integrators + 2);
-                let each: Vec<String> = each.iter().map(ToString::to_string).collect();
-                reasons.push(format!(
-                    "order {chosen}: {} at the positions tried",
-                    each.join(", ")
-                ));
-                scanned = scans.into_iter().nth(indices.len() / 2);
-                middle = indices[indices.len() / 2];
-                chosen
-            }
-        };
-        // The poles of the scan start what its order misses at another position.
-        let entry = scanned
-            .as_ref()
-            .and_then(|s| s.entries.iter().find(|e| e.order == order));
-        let known: Vec<Complex<f64>> = entry.map_or_else(Vec::new, |e| upper_half(&e.fit));
-        let whole = self.estimates[middle].frf().len() <= SCAN_LINES;
-        let there = entry.filter(|_| whole).map(|e| e.fit.clone());
-        let at = |order: usize| -> Result<Vec<PoleFit>, PipelineError> {
-            let settings = PoleFitSettings {
-                order,
-                ..self.settings
-            };
-            let one = |(i, e): (usize, &FrfEstimate)| match &there {
-                // What the scan has fitted to all lines.
-                Some(fit) if i == middle && fit.account.order == order => Ok(fit.clone()),
-                _ => self.one(e, &settings, &known).map_err(failed(e)),
-            };
-            self.estimates.par_iter().enumerate().map(one).collect()
-        };
-        let stable = |fits: &[PoleFit]| fits.iter().all(|f| f.account.unstable_poles.is_empty());
-        let fits = at(order)?;
-        if self.order.is_some() || stable(&fits) {
-            return Ok((fits, scanned));
-        }
-        // One position alone may show a pole outside that nothing but noise has put there: a smaller order then serves all.
-        for lower in self.orders().into_iter().rev() {
-            if lower < order {
-                let smaller = at(lower)?;
-                if stable(&smaller) {
-                    reasons.push(format!(
-                        "order {lower} instead: with {order} a position has poles outside the unit circle"
-                    ));
-                    return Ok((smaller, scanned));
-                }
-            }
-        }
-        Ok((fits, scanned))
-    }
-}
-
-/// The order with the least description length when the noise level is not trusted: `N ln(cost) + k ln(N)`. Where a model
-/// reaches the noise, this agrees with the scan's own choice; where nonlinear distortion keeps the cost above the
-/// noise, it does not buy order after order to explain it.
-fn parsimonious(scan: &Scan, slack: f64) -> usize {
-    let length = |i: usize| {
-        let a = &scan.entries[i].fit.account;
-        let n = a.equations as f64;
-        n * (a.cost.max(f64::MIN_POSITIVE) / n).ln() + a.unknowns as f64 * n.ln()
-    };
-    // A flexible machine has stable modes: an order whose fit has a pole outside has found something else.
-    let stable = |i: &usize| scan.entries[*i].fit.account.unstable_poles.is_empty();
-    let some_stable = (0..scan.entries.len()).any(|i| stable(&i));
-    let usable = || (0..scan.entries.len()).filter(|i| !some_stable || stable(i));
-    let cost = |i: usize| scan.entries[i].fit.account.cost;
-    let least = usable().map(cost).fold(f64::INFINITY, f64::min);
-    if slack > 1.0 {
-        return usable()
-            .find(|&i| cost(i) <= slack * least)
-            .unwrap_or(scan.chosen);
-    }
-    usable()
-        .min_by(|&a, &b| length(a).total_cmp(&length(b)))
-        .unwrap_or(scan.chosen)
-}
-
-/// Most lines that the scan over orders uses.
-const SCAN_LINES: usize = 3000;
-
-fn thinned(estimate: &FrfEstimate) -> FrfEstimate {
-    let step = estimate.frf().len().div_ceil(SCAN_LINES);
-    estimate.select(|k, _| k % step == 0)
-}
 
 /// Power with which the diagonal falls over the lowest lines, and the number of integrators that it means.
 pub(crate) fn integrators_from_slope(estimate: &FrfEstimate) -> (f64, usize) {

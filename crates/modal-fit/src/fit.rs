@@ -132,12 +132,14 @@ pub fn modal_fit(
     // Poles that are off leave more directions in the residues than there are: ranks are those at the fitted poles.
     for _ in 0..PASSES {
         let fitted: Vec<C64> = found.modes.iter().map(|m| m.pole).collect();
-        let ranks =
-            if found.account.excess() > EXCESS || found.modes.iter().any(|m| m.rank > 1 && m.pole.im > 0.0) {
-                Ranks::AboveNoise
-            } else {
-                Ranks::One
-            };
+        let account = &found.account;
+        let missed = account.excess() > EXCESS && account.cost > MISSED * account.expected_cost;
+        let several = found.modes.iter().any(|m| m.rank > 1 && m.pole.im > 0.0);
+        let ranks = if missed || several {
+            Ranks::AboveNoise
+        } else {
+            Ranks::One
+        };
         let next = at(&fitted)?.model(ranks)?;
         if next.ranks() == found.ranks() {
             break;

@@ -68,6 +68,9 @@ fn held<T: nalgebra::ComplexField<RealField = f64>>(b: &DMatrix<T>) -> Vec<usize
     rows
 }
 
+/// An outer product: a factor, the column, the row.
+type Outer<'a> = (C64, &'a [C64], &'a dyn Fn(usize) -> C64);
+
 /// One real parameter.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Parameter {
@@ -274,7 +277,7 @@ impl Modal {
         };
         for (parameter, to) in parameters.iter().zip(columns.chunks_exact_mut(size)) {
             // Sum of outer products.
-            let mut put = |terms: &[(C64, &[C64], &dyn Fn(usize) -> C64)]| {
+            let mut put = |terms: &[Outer<'_>]| {
                 for j in 0..n_u {
                     for (i, to) in to[j * n_y..(j + 1) * n_y].iter_mut().enumerate() {
                         *to = terms.iter().map(|(factor, l, r)| factor * l[i] * r(j)).sum();

@@ -1,5 +1,7 @@
 //! Machines whose modes are known by construction: ranks, states, deviations, and what is refused.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up must fail")]
+
 use modal_fit::lpv_core::num_complex::Complex;
 use modal_fit::lpv_core::{Discrete, Frf, FrfEstimate};
 use modal_fit::{ModalFit, ModalFitError, ModalSettings, modal_fit};

@@ -1,5 +1,7 @@
 //! Tens of modes in one channel and in several: the noise is reached, and the order found.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot be set up must fail")]
+
 use lpv_core::{Discrete, Frf, FrfEstimate};
 use num_complex::Complex;
 use pole_fit::{NumeratorDegree, PoleFitSettings, scan_to_noise};

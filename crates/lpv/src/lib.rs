@@ -54,6 +54,7 @@ mod poles;
 mod progress;
 pub mod report;
 mod responses;
+mod rigid;
 mod settings_file;
 mod signal;
 pub mod simulate;

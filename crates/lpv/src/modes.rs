@@ -19,6 +19,7 @@ pub(crate) fn modal(estimate: &FrfEstimate, clock: Discrete, poles: &mut PoleSta
     }
     let settings = ModalSettings {
         integrators: poles.integrators,
+        direct: poles.direct,
         ..ModalSettings::default()
     };
     // With ten degrees of freedom for each output the scatter of the weights costs a tenth of the accuracy.

@@ -8,10 +8,11 @@ use crate::modes::modal;
 use crate::moves::Moves;
 use crate::poles::{PoleStage, fit_poles};
 use crate::progress::{Progress, begin};
+use crate::rigid::missing;
 use crate::small::{SmallStage, small_lfr};
 use crate::validation::frozen_error;
 use lfr_realize::{Realization, realize};
-use lpv_core::{Discrete, Frf, FrfEstimate, Model, StateSpace, WellPosedness, counted};
+use lpv_core::{Clock, Discrete, Frf, FrfEstimate, Model, StateSpace, WellPosedness, counted};
 use lpv_ident::{
     Interpolation, LeaveOneOut, LocalFits, LpvObfModel, RegressionSettings, RigidTerm, recommend, regress,
 };
@@ -141,6 +142,12 @@ pub fn identify(
             None => poles.fits[0].state_space()?,
         };
         return Ok(Identified::Lti(Box::new(LtiStage { poles, modal, model })));
+    }
+    if poles.integrators == 2 {
+        let modes = poles.fits.iter().flat_map(|f| f.modes());
+        let first = modes.filter(|m| m.damping < 0.5).map(|m| m.frequency_hz);
+        let first = first.fold(clock.nyquist_hz(), f64::min);
+        poles.reasons.extend(missing(estimates, clock, first));
     }
     let position = |e: &FrfEstimate| e.single_position().unwrap_or(0.0);
     let positions: Vec<f64> = estimates.iter().map(position).collect();

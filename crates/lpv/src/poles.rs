@@ -18,6 +18,8 @@ pub struct PoleStage {
     pub integrators: usize,
     /// Relative error beside the noise in the weights, where noise does not explain what is left; else zero.
     pub relative_error: f64,
+    /// Whether the fits have a direct term.
+    pub direct: bool,
     /// Lines on either side over which the covariance is averaged as a weight.
     pub smoothing: usize,
     /// One fit a position.
@@ -118,8 +120,9 @@ pub fn fit_poles(
         ));
         search.settings.relative_floor = floor;
         search.slack = DISTORTION_SLACK;
-        // Distortion would buy a lower cost with poles outside.
-        search.settings.keep_stable = true;
+        // At one position distortion would buy a lower cost with poles outside; at several, other minima at each.
+        search.settings.keep_stable = estimates.len() == 1;
+        search.settings.several_starts = estimates.len() == 1;
         if estimates.len() == 1 && config.integrators.is_none() {
             // Friction turns integrators into slow poles, and a direct term takes what the amplifier does to the phase.
             reasons.push("integrators left free: friction may have moved them".to_owned());
@@ -136,6 +139,7 @@ pub fn fit_poles(
         integrators,
         relative_error,
         smoothing,
+        direct: search.settings.numerator == NumeratorDegree::Proper,
         fits,
         scan,
         reasons,
@@ -190,3 +194,6 @@ pub(crate) fn integrators_from_slope(estimate: &FrfEstimate) -> (f64, usize) {
     };
     (slope, (-slope).round().clamp(0.0, 4.0) as usize)
 }
+
+#[cfg(test)]
+mod tests;

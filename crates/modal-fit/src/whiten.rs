@@ -32,11 +32,9 @@ pub(crate) fn factors(estimate: &FrfEstimate) -> Result<Vec<Factors>, ModalFitEr
         let trace = if trace > 0.0 { trace } else { n_u as f64 };
         let largest = line.norm();
         for i in 0..n_y {
-            let row = line
-                .row(i)
-                .norm()
-                .max(FLOOR * largest)
-                .max(f64::MIN_POSITIVE.sqrt());
+            // Outputs may have units that differ by any factor: only one that is zero is measured by the others.
+            let own = line.row(i).norm();
+            let row = if own > 0.0 { own } else { largest }.max(f64::MIN_POSITIVE.sqrt());
             c[(i, i)] += C64::from(FLOOR.powi(2) * row * row / trace);
         }
         for j in 0..n_u {

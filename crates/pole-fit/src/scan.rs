@@ -98,15 +98,22 @@ pub fn scan_to_noise(
     for &order in orders {
         search.add(order, Begin::Data)?;
     }
-    if !search.knows_noise() || search.at_noise() {
+    if !search.knows_noise() || search.over() <= SURELY_NOISE {
         return search.end();
     }
     let mut best = search.least();
     let tried = orders.iter().copied().max().unwrap_or(0);
     let (mut idle, mut below) = (0, tried);
     for &order in larger.iter().filter(|n| **n > tried) {
+        let before = search.over();
         search.add(order, Begin::Quick)?;
-        if search.at_noise() {
+        let over = search.over();
+        if before <= AT_NOISE && over > (1.0 - WORTH) * before {
+            // Nothing more is to be had: the one before was noise.
+            search.remove(order);
+            break;
+        }
+        if over <= SURELY_NOISE {
             search.between(below, order)?;
             break;
         }
@@ -124,10 +131,14 @@ pub fn scan_to_noise(
 }
 
 /// Larger orders in a row that may bring little.
-pub const PATIENCE: usize = 3;
+pub const PATIENCE: usize = 6;
 
-/// Costs within this factor of what noise alone leaves are noise.
+/// Costs within this factor of what noise alone leaves may be noise, if no larger order lowers them.
 const AT_NOISE: f64 = 1.5;
+/// Costs within this one are.
+const SURELY_NOISE: f64 = 1.1;
+/// Part of the cost that a larger order must take off there.
+const WORTH: f64 = 0.03;
 
 /// A scan under way.
 struct Search<'a> {
@@ -186,9 +197,14 @@ impl<'a> Search<'a> {
         )
     }
 
-    fn at_noise(&self) -> bool {
+    /// The least cost over its expectation.
+    fn over(&self) -> f64 {
         let over = |e: &ScanEntry| e.fit.account.cost / e.fit.account.expected_cost;
-        self.entries.iter().any(|e| over(e) <= AT_NOISE)
+        self.entries.iter().map(over).fold(f64::INFINITY, f64::min)
+    }
+
+    fn remove(&mut self, order: usize) {
+        self.entries.retain(|e| e.order != order);
     }
 
     fn least(&self) -> f64 {

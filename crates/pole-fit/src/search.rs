@@ -120,7 +120,7 @@ pub(crate) fn search(
     let lines: Start<'_> = &|| relocated(Spread::Lines);
     let decades: Start<'_> = &|| relocated(Spread::Decades);
     // Many poles are found from poles; few, without bias from the noise.
-    let starts = if setup.n_a - 1 > MANY {
+    let starts = if setup.n_a - 1 > MANY && settings.several_starts {
         [lines, total_least_squares, decades]
     } else {
         [total_least_squares, lines, decades]
@@ -138,7 +138,7 @@ pub(crate) fn search(
         if better {
             best = Some(found);
         }
-        if matches!(&best, Some(Ok(best)) if enough(best)) {
+        if !settings.several_starts || matches!(&best, Some(Ok(best)) if enough(best)) {
             break;
         }
     }

@@ -55,6 +55,7 @@ pub enum Weighting {
 /// | `start_iterations` | 12 | reweighted total least squares before the search | 1 to 1000 |
 /// | `max_iterations` | 60 | Gauss-Newton iterations | 0 to 10000 |
 /// | `keep_stable` | false | a search that begins with all poles inside the unit circle takes no step that moves one out | |
+/// | `several_starts` | true | where the first start leaves more than noise, vector fits start the search too | |
 /// | `tolerance` | 1e-3 | the search ends when a step is below this part of a standard deviation | 0 to 0.1, 0 excluded |
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoleFitSettings {
@@ -82,6 +83,8 @@ pub struct PoleFitSettings {
     pub max_iterations: usize,
     /// Whether a search that begins with stable poles keeps them so.
     pub keep_stable: bool,
+    /// Whether other starts are tried where the first leaves more than noise.
+    pub several_starts: bool,
     /// Length of a step, in standard deviations, at which the search ends.
     pub tolerance: f64,
 }
@@ -110,6 +113,7 @@ impl PoleFitSettings {
             start_iterations: 12,
             max_iterations: 60,
             keep_stable: false,
+            several_starts: true,
             tolerance: 1e-3,
         }
     }

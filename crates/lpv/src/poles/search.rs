@@ -57,6 +57,9 @@ pub(crate) fn upper_half(fit: &PoleFit) -> Vec<Complex<f64>> {
 /// Largest order, beyond the integrators, that is spent on distortion.
 const MOST_OF_DISTORTION: usize = 32;
 
+/// A cost within this factor of its expectation is that of the relative error in the weights: more orders would fit the distortion.
+const WITHIN_DISTORTION: f64 = 2.0;
+
 /// The same where several positions must agree.
 const MOST_OF_SEVERAL: usize = 32;
 
@@ -75,6 +78,15 @@ pub(super) struct Search<'a> {
 }
 
 impl Search<'_> {
+    /// Cost over its expectation that is enough where distortion limits.
+    fn enough(&self) -> f64 {
+        if self.estimates.len() == 1 {
+            WITHIN_DISTORTION
+        } else {
+            0.0
+        }
+    }
+
     /// Takes another number of integrators.
     pub(super) fn integrate(&mut self, count: usize) {
         self.integrators = count;
@@ -208,7 +220,7 @@ impl Search<'_> {
                     .collect::<Result<Vec<_>, _>>()?;
                 let each: Vec<usize> = scans
                     .iter()
-                    .map(|s| s.entries[parsimonious(s, self.slack)].order)
+                    .map(|s| s.entries[parsimonious(s, self.slack, self.enough())].order)
                     .collect();
                 let chosen = each.iter().copied().max().unwrap_or(self.integrators + 2);
                 let each: Vec<String> = each.iter().map(ToString::to_string).collect();
@@ -263,17 +275,18 @@ impl Search<'_> {
 /// The order with the least [`description_length`]. Where a model
 /// reaches the noise, this agrees with the scan's own choice; where nonlinear distortion keeps the cost above the
 /// noise, it does not buy order after order to explain it.
-fn parsimonious(scan: &Scan, slack: f64) -> usize {
+fn parsimonious(scan: &Scan, slack: f64, enough: f64) -> usize {
     let length = |i: usize| description_length(&scan.entries[i].fit);
     // A flexible machine has stable modes: an order whose fit has a pole outside has found something else.
     let stable = |i: &usize| scan.entries[*i].fit.account.unstable_poles.is_empty();
     let some_stable = (0..scan.entries.len()).any(|i| stable(&i));
     let usable = || (0..scan.entries.len()).filter(|i| !some_stable || stable(i));
     let cost = |i: usize| scan.entries[i].fit.account.cost;
+    let expected = |i: usize| scan.entries[i].fit.account.expected_cost;
     let least = usable().map(cost).fold(f64::INFINITY, f64::min);
     if slack > 1.0 {
         return usable()
-            .find(|&i| cost(i) <= slack * least)
+            .find(|&i| cost(i) <= (slack * least).max(enough * expected(i)))
             .unwrap_or(scan.chosen);
     }
     usable()

@@ -11,6 +11,7 @@ use faer::linalg::triangular_inverse::invert_upper_triangular;
 use faer::{Conj, Mat, MatMut, MatRef, Par, Spec};
 use lpv_core::CoreError;
 use nalgebra::{DMatrix, DMatrixViewMut, DVector, Dyn, U1};
+use num_complex::Complex;
 
 /// Columns of one blocked Householder step.
 const PANEL: usize = 16;
@@ -66,6 +67,15 @@ impl Triangle {
     /// Column `j` of the next block, to be written from its first row on.
     pub fn column_mut(&mut self, j: usize) -> &mut [f64] {
         &mut self.work[j * self.stride + self.columns..(j + 1) * self.stride]
+    }
+
+    /// Complex values as column `j` of the next block: their real parts, then their imaginary parts.
+    pub fn set_complex(&mut self, j: usize, values: impl ExactSizeIterator<Item = Complex<f64>>) {
+        let count = values.len();
+        let column = self.column_mut(j);
+        for (k, value) in values.enumerate() {
+            (column[k], column[count + k]) = (value.re, value.im);
+        }
     }
 
     /// The first columns of the next block.

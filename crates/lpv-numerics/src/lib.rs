@@ -5,6 +5,7 @@
 //! | [`dense`] | triangular factor of a tall matrix that arrives in blocks of rows, complements, singular values; sequential |
 //! | [`least_squares`] | the search of Levenberg and Marquardt with its damped step, in the directions that no change of coordinates makes |
 //! | [`planes`] | complex numbers of many lines as two planes |
+//! | [`poles`] | sampled poles as oscillations with deviations, and as partial fractions on lines |
 //! | [`whiten`] | factors that turn the error of a frequency response into independent unit noise |
 //! | [`statistics`] | figures of samples, p-values, decibels |
 //!
@@ -29,6 +30,7 @@
 pub mod dense;
 pub mod least_squares;
 pub mod planes;
+pub mod poles;
 pub mod statistics;
 pub mod whiten;
 

@@ -1,14 +1,15 @@
 //! The search and its result.
 
 use crate::ModalFitError;
-use crate::model::{Modal, Parameter, Rigid};
+use crate::model::{Modal, Parameter, Rigid, Section};
 use crate::residues::{self, Ranks};
 use crate::search::{DAMPING, Descent};
 use crate::whiten::factors;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Clock, CoreError, Discrete, FrfEstimate, StateSpace};
 use lpv_numerics::least_squares::{StopReason, minimise};
-use nalgebra::DMatrix;
+use lpv_numerics::poles::Oscillation;
+use nalgebra::{DMatrix, Matrix2};
 
 type C64 = Complex<f64>;
 
@@ -259,40 +260,26 @@ fn modes(
     covariance: &DMatrix<f64>,
     clock: Discrete,
 ) -> Vec<ModalMode> {
-    let to_hz = 1.0 / (std::f64::consts::TAU * clock.sample_time());
     let at = |wanted: usize, part: bool| {
         parameters.iter().position(
             |p| matches!(*p, Parameter::Pole { section, imaginary } if section == wanted && imaginary == part),
         )
     };
-    let one = |(i, section): (usize, &crate::model::Section)| {
-        let z = section.pole;
-        let s = z.ln();
-        let size = s.norm();
-        // ds = dz / z; slopes of (|s|, -Re s / |s|).
-        let slope = |d: C64| {
-            let growth = (s.conj() * d).re / size;
-            (growth, -d.re / size + s.re * growth / (size * size))
-        };
-        let slopes = [(at(i, false), slope(z.inv())), (at(i, true), slope(C64::i() / z))];
-        let deviation = |of: fn((f64, f64)) -> f64| {
-            let mut sum = 0.0;
-            for (p, v) in slopes {
-                for (q, w) in slopes {
-                    if let (Some(p), Some(q)) = (p, q) {
-                        sum += of(v) * of(w) * covariance[(p, q)];
-                    }
-                }
-            }
-            sum.max(0.0).sqrt()
-        };
+    let one = |(i, section): (usize, &Section)| {
+        // A real pole has no imaginary part to vary.
+        let parts = [at(i, false), at(i, true)];
+        let own = Matrix2::from_fn(|i, j| match (parts[i], parts[j]) {
+            (Some(i), Some(j)) => covariance[(i, j)],
+            _ => 0.0,
+        });
+        let found = Oscillation::new(section.pole, &own, clock.sample_time());
         ModalMode {
-            pole: z,
+            pole: section.pole,
             rank: section.c.ncols(),
-            frequency_hz: size * to_hz,
-            frequency_deviation_hz: deviation(|v| v.0) * to_hz,
-            damping: -s.re / size,
-            damping_deviation: deviation(|v| v.1),
+            frequency_hz: found.frequency_hz,
+            frequency_deviation_hz: found.frequency_deviation_hz,
+            damping: found.damping,
+            damping_deviation: found.damping_deviation,
         }
     };
     modal.sections.iter().enumerate().map(one).collect()

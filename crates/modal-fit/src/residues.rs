@@ -5,6 +5,7 @@ use crate::model::{Modal, Rigid, Section};
 use lpv_core::linalg::svd;
 use lpv_core::{Clock, Discrete, FrfEstimate};
 use lpv_numerics::dense::Triangle;
+use lpv_numerics::poles::partial_fractions;
 use nalgebra::DMatrix;
 use num_complex::Complex;
 
@@ -76,17 +77,7 @@ impl Residues {
         let frf = estimate.frf();
         let (n_y, n_u, lines) = (frf.outputs(), frf.inputs(), frf.len());
         let z: Vec<C64> = frf.frequencies_hz().iter().map(|&f| clock.point(f)).collect();
-        let mut columns: Vec<Vec<C64>> = Vec::new();
-        for &l in poles {
-            let own: Vec<C64> = z.iter().map(|z| (z - l).inv()).collect();
-            if l.im == 0.0 {
-                columns.push(own);
-                continue;
-            }
-            let other: Vec<C64> = z.iter().map(|z| (z - l.conj()).inv()).collect();
-            columns.push(own.iter().zip(&other).map(|(a, b)| a + b).collect());
-            columns.push(own.iter().zip(&other).map(|(a, b)| C64::i() * (a - b)).collect());
-        }
+        let mut columns = partial_fractions(&z, poles);
         if let Some(rigid) = rigid {
             columns.push(z.iter().map(|&z| rigid.response(z, clock)).collect());
         }
@@ -116,17 +107,10 @@ impl Residues {
                 .map(|k| (2.0 / estimate.variance(k, output, input).max(least)).sqrt())
                 .collect();
             for (j, (values, s)) in columns.iter().zip(&scale).enumerate() {
-                let column = triangle.column_mut(j);
-                for k in 0..lines {
-                    let v = values[k] * (weights[k] * s);
-                    (column[k], column[lines + k]) = (v.re, v.im);
-                }
+                triangle.set_complex(j, (0..lines).map(|k| values[k] * (weights[k] * s)));
             }
-            let column = triangle.column_mut(count);
-            for k in 0..lines {
-                let v = frf.line(k)[(output, input)] * weights[k];
-                (column[k], column[lines + k]) = (v.re, v.im);
-            }
+            let right = (0..lines).map(|k| frf.line(k)[(output, input)] * weights[k]);
+            triangle.set_complex(count, right);
             triangle.absorb(2 * lines);
             let factor = triangle.factor();
             let r = factor.view((0, 0), (count, count)).into_owned();

@@ -10,6 +10,7 @@ use crate::uncertainty::{denominator_covariance, expected_cost, root_covariance}
 use crate::weights::Lines;
 use crate::{PoleFitError, PoleFitSettings};
 use lpv_core::{Clock, CoreError, Discrete, Frf, FrfEstimate, StateSpace};
+use lpv_numerics::poles::Oscillation;
 use nalgebra::{DMatrix, DVector, Matrix2};
 use num_complex::Complex;
 
@@ -259,29 +260,13 @@ impl PoleFit {
     }
 
     fn mode(&self, i: usize) -> Mode {
-        let z = self.poles[i];
-        let s = z.ln();
-        let size = s.norm();
-        // ds = dz / z; rows of the Jacobian of (|s|, -Re s / |s|) with respect to (Re z, Im z).
-        let (dx, dy) = (z.inv(), C64::i() / z);
-        let slope = |d: C64| {
-            let growth = (s.conj() * d).re / size;
-            (growth, -d.re / size + s.re * growth / (size * size))
-        };
-        let ((fx, gx), (fy, gy)) = (slope(dx), slope(dy));
-        let deviation = |x: f64, y: f64| {
-            let c = &self.pole_covariance[i];
-            (c[(0, 0)] * x * x + 2.0 * c[(0, 1)] * x * y + c[(1, 1)] * y * y)
-                .max(0.0)
-                .sqrt()
-        };
-        let to_hz = 1.0 / (std::f64::consts::TAU * self.clock.sample_time());
+        let found = Oscillation::new(self.poles[i], &self.pole_covariance[i], self.clock.sample_time());
         Mode {
             pole: i,
-            frequency_hz: size * to_hz,
-            frequency_deviation_hz: deviation(fx, fy) * to_hz,
-            damping: -s.re / size,
-            damping_deviation: deviation(gx, gy),
+            frequency_hz: found.frequency_hz,
+            frequency_deviation_hz: found.frequency_deviation_hz,
+            damping: found.damping,
+            damping_deviation: found.damping_deviation,
         }
     }
 

@@ -9,6 +9,7 @@
 use crate::model::Setup;
 use lpv_core::linalg::{eigenvalues, least_squares, svd};
 use lpv_numerics::dense::Triangle;
+use lpv_numerics::poles::partial_fractions;
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex;
 
@@ -79,7 +80,7 @@ pub(crate) fn denominator(z: &[C64], poles: &[C64]) -> Vec<C64> {
     z.iter().map(of).collect()
 }
 
-/// What the passes look at: few lines, few columns, square roots of weights included in neither.
+/// What the passes look at: few lines and few columns, the weights beside them.
 struct Data {
     z: Vec<C64>,
     over_t: Vec<C64>,
@@ -169,18 +170,14 @@ pub(crate) fn most_important(setup: &Setup<'_>, poles: &[C64], count: usize) -> 
     let data = Data::new(setup);
     let extra = setup.n_b - (setup.n_a - 1).min(setup.n_b);
     let lines = data.z.len();
-    let fractions = fractions(&data.z, poles);
+    let fractions = partial_fractions(&data.z, poles);
     let n = fractions.len();
     let columns = n + extra + 1;
     let mut channels: Vec<(DMatrix<f64>, DVector<f64>)> = Vec::new();
     for (f, root) in data.columns.iter().zip(&data.roots) {
         let mut triangle = Triangle::new(columns, 2 * lines);
         let mut put = |j: usize, value: &dyn Fn(usize) -> C64| {
-            let column = triangle.column_mut(j);
-            for k in 0..lines {
-                let v = value(k) * root[k];
-                (column[k], column[lines + k]) = (v.re, v.im);
-            }
+            triangle.set_complex(j, (0..lines).map(|k| value(k) * root[k]));
         };
         // The polynomial first: the rows below it see the fractions alone.
         for j in 0..extra {
@@ -246,7 +243,7 @@ pub(crate) fn most_important(setup: &Setup<'_>, poles: &[C64], count: usize) -> 
 /// One pass: the next poles, and how far sigma was from one.
 fn pass(data: &Data, poles: &[C64], extra: usize) -> Option<(Vec<C64>, f64)> {
     let lines = data.z.len();
-    let fractions = fractions(&data.z, poles);
+    let fractions = partial_fractions(&data.z, poles);
     let n = fractions.len();
     let (left, right) = (n + extra, n + 1);
     let columns = left + right;
@@ -255,11 +252,7 @@ fn pass(data: &Data, poles: &[C64], extra: usize) -> Option<(Vec<C64>, f64)> {
     for (f, root) in data.columns.iter().zip(&data.roots) {
         let mut triangle = Triangle::new(columns, 2 * lines);
         let mut put = |j: usize, value: &dyn Fn(usize) -> C64| {
-            let column = triangle.column_mut(j);
-            for k in 0..lines {
-                let v = value(k) * root[k];
-                (column[k], column[lines + k]) = (v.re, v.im);
-            }
+            triangle.set_complex(j, (0..lines).map(|k| value(k) * root[k]));
         };
         for (j, phi) in fractions.iter().enumerate() {
             put(j, &|k| phi[k] * data.over_t[k]);
@@ -317,27 +310,6 @@ fn pass(data: &Data, poles: &[C64], extra: usize) -> Option<(Vec<C64>, f64)> {
         / lines as f64;
     let zeros = zeros(poles, &x.as_slice()[..n], d)?;
     Some((zeros, moved))
-}
-
-/// Real partial fractions: `1 / (z - l)` of a real pole, the sum and `j` times the difference of those of a pair.
-fn fractions(z: &[C64], poles: &[C64]) -> Vec<Vec<C64>> {
-    let mut all = Vec::new();
-    for &l in poles {
-        let own = z.iter().map(|z| (z - l).inv());
-        if l.im == 0.0 {
-            all.push(own.collect());
-            continue;
-        }
-        let (mut sum, mut difference) = (Vec::with_capacity(z.len()), Vec::with_capacity(z.len()));
-        for (a, z) in own.zip(z) {
-            let b = (z - l.conj()).inv();
-            sum.push(a + b);
-            difference.push(C64::i() * (a - b));
-        }
-        all.push(sum);
-        all.push(difference);
-    }
-    all
 }
 
 /// A pole inside the unit circle: mirrored at it, and off it.

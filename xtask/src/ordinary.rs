@@ -147,7 +147,7 @@ pub(crate) fn run(options: &Options) -> Result<bool, TaskError> {
         rows.push(row);
     }
     std::fs::create_dir_all(&options.output)?;
-    let page = page(&rows);
+    let page = page(&rows, options);
     reproduce::write_json(&options.output.join("metrics.json"), &rows)?;
     std::fs::write(options.output.join("ordinary-machines.md"), &page)?;
     if options.bless {
@@ -229,6 +229,18 @@ fn normal(rng: &mut ChaCha8Rng) -> C64 {
     C64::new(re, im) / 2f64.sqrt()
 }
 
+/// Frequency and damping of a mode, each with its deviation.
+macro_rules! figures {
+    ($mode:expr) => {
+        [
+            $mode.frequency_hz,
+            $mode.frequency_deviation_hz,
+            $mode.damping,
+            $mode.damping_deviation,
+        ]
+    };
+}
+
 fn case(kind: &Kind, seed: u64) -> Result<Case, TaskError> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let (n_y, n_u) = kind.size;
@@ -296,30 +308,8 @@ fn case(kind: &Kind, seed: u64) -> Result<Case, TaskError> {
     let account = &stage.poles.fits[0].account;
     let modal = stage.modal.as_ref();
     let modes: Vec<[f64; 4]> = match modal {
-        Some(modal) => modal
-            .modes
-            .iter()
-            .map(|m| {
-                [
-                    m.frequency_hz,
-                    m.frequency_deviation_hz,
-                    m.damping,
-                    m.damping_deviation,
-                ]
-            })
-            .collect(),
-        None => stage.poles.fits[0]
-            .modes()
-            .iter()
-            .map(|m| {
-                [
-                    m.frequency_hz,
-                    m.frequency_deviation_hz,
-                    m.damping,
-                    m.damping_deviation,
-                ]
-            })
-            .collect(),
+        Some(modal) => modal.modes.iter().map(|m| figures!(m)).collect(),
+        None => stage.poles.fits[0].modes().iter().map(|m| figures!(m)).collect(),
     };
     let mut within = [0, 0];
     for pole in &machine.poles {
@@ -432,11 +422,15 @@ impl Row {
     }
 }
 
-fn page(rows: &[Row]) -> String {
+fn page(rows: &[Row], options: &Options) -> String {
+    let command = match options.quick {
+        true => "--quick".to_owned(),
+        false => format!("--seeds {}", options.seeds),
+    };
     let lines: Vec<String> = rows.iter().map(Row::line).collect();
     format!(
         "# Ordinary machines\n\n\
-         Made by `cargo xtask ordinary`. Many modes and many channels at one position: responses are sums of partial fractions in z, with \
+         Made by `cargo xtask ordinary {command}`. Many modes and many channels at one position: responses are sums of partial fractions in z, with \
          noise of few periods whose covariance is estimated from their scatter; the truth is known by construction, and nothing of it comes \
          from the code that estimates. One channel: 66 dB in the mean, 8 periods. Stages: a rigid body of rank three (z, Rx, Ry) and flexible modes of \
          0.2 to 1 % damping, 40 dB at the median line, 4 periods. Everything is chosen from the data.\n\n\

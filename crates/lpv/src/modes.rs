@@ -44,6 +44,15 @@ pub(crate) fn modal(estimate: &FrfEstimate, clock: Discrete, poles: &mut PoleSta
         rank => format!(", rigid body of rank {rank}"),
     };
     let states = found.model.states();
+    // A search that moved a pole out has left the stable denominator it began at.
+    let outside = found.modes.iter().any(|m| m.pole.norm() >= 1.0);
+    if outside && poles.fits[0].account.unstable_poles.is_empty() {
+        poles.reasons.push(
+            "no modal model: its poles leave the unit circle, those of the common denominator do not"
+                .to_owned(),
+        );
+        return None;
+    }
     if over <= AT_NOISE {
         poles.reasons.push(format!(
             "modal model: {states} states, {} poles, {ranks}{rigid}; cost {over:.3} times what noise leaves",

@@ -11,7 +11,7 @@ use crate::moves::Moves;
 use crate::poles::{PoleStage, fit_poles};
 use crate::progress::{Progress, begin};
 use crate::rigid::missing;
-use crate::small::{SmallStage, small_lfr};
+use crate::small::{MOST_DAMPING, SmallStage, small_lfr};
 use lfr_realize::{Realization, realize};
 use lpv_core::{Clock, Discrete, Frf, FrfEstimate, Model, StateSpace, WellPosedness, counted};
 use lpv_ident::{
@@ -147,7 +147,9 @@ pub fn identify(
     }
     if poles.integrators == 2 {
         let modes = poles.fits.iter().flat_map(|f| f.modes());
-        let first = modes.filter(|m| m.damping < 0.5).map(|m| m.frequency_hz);
+        let first = modes
+            .filter(|m| m.damping <= MOST_DAMPING)
+            .map(|m| m.frequency_hz);
         let first = first.fold(clock.nyquist_hz(), f64::min);
         poles.reasons.extend(missing(estimates, clock, first));
     }

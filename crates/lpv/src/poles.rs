@@ -45,7 +45,7 @@ pub fn fit_poles(
         .ok_or(PipelineError::Structure {
             problem: "no frequency response was given; estimate at least one position first",
         })?;
-    let mut integrators = config.integrators.unwrap_or_else(|| {
+    let integrators = config.integrators.unwrap_or_else(|| {
         let (slope, count) = integrators_from_slope(middle);
         // The series expansion over several positions knows two or none: one is left to the poles.
         let count = match count {
@@ -97,9 +97,8 @@ pub fn fit_poles(
     let mut found = search.run(&mut reasons)?;
     if estimates.len() == 1 && config.integrators.is_none() {
         let (slope, _) = integrators_from_slope(middle);
-        if let Some((count, other)) = search.other_integrators(slope, &found.0, &mut reasons) {
-            (integrators, found) = (count, other);
-            search.integrate(count);
+        if let Some(other) = search.other_integrators(slope, &found.0, &mut reasons) {
+            found = other;
         }
     }
     let misfit = over_noise(&found.0);
@@ -126,7 +125,6 @@ pub fn fit_poles(
         if estimates.len() == 1 && config.integrators.is_none() {
             // Friction turns integrators into slow poles, and a direct term takes what the amplifier does to the phase.
             reasons.push("integrators left free: friction may have moved them".to_owned());
-            integrators = 0;
             search.integrate(0);
             search.settings.numerator = NumeratorDegree::Proper;
         }
@@ -136,7 +134,7 @@ pub fn fit_poles(
     let order = fits[0].account.order;
     Ok(PoleStage {
         order,
-        integrators,
+        integrators: search.integrators,
         relative_error,
         smoothing,
         direct: search.settings.numerator == NumeratorDegree::Proper,

@@ -84,7 +84,7 @@ fn friction(bodies: &[Body], axis: usize) -> Option<String> {
     ))
 }
 
-/// Whether the gain of the rigid body, `M^-1`, changes along the stroke.
+/// Whether the gain of the rigid body, `M^-1`, changes along the stroke, and whether between the axes.
 fn coupling(bodies: &[Body]) -> Option<String> {
     let axes = bodies[0].mass.nrows();
     if axes < 2 || bodies.len() < 2 {
@@ -92,14 +92,11 @@ fn coupling(bodies: &[Body]) -> Option<String> {
     }
     let gains: Option<Vec<DMatrix<f64>>> = bodies.iter().map(|b| b.mass.clone().try_inverse()).collect();
     let gains = gains?;
-    let mut worst: f64 = 0.0;
+    // The largest change relative to the gain, on the axes and between them.
+    let mut worst = [0.0f64; 2];
     for i in 0..axes {
         for j in 0..axes {
             let size = |g: &DMatrix<f64>| (g[(i, i)] * g[(j, j)]).abs().sqrt();
-            let relative: Vec<f64> = gains
-                .iter()
-                .map(|g| g[(i, j)] / size(g).max(f64::MIN_POSITIVE))
-                .collect();
             let own: Vec<f64> = gains.iter().map(|g| g[(i, j)]).collect();
             let mean = gains.iter().map(&size).sum::<f64>() / gains.len() as f64;
             let (low, high) = range(&own);
@@ -109,15 +106,19 @@ fn coupling(bodies: &[Body]) -> Option<String> {
                 .zip(&gains)
                 .map(|(b, g)| (g.abs() * &b.mass_deviation * g.abs())[(i, j)])
                 .fold(0.0, f64::max);
-            if high - low > SIGNIFICANT * error && relative.iter().all(|r| r.is_finite()) {
-                worst = worst.max((high - low) / mean.max(f64::MIN_POSITIVE));
+            if high - low > SIGNIFICANT * error {
+                let of = usize::from(i != j);
+                worst[of] = worst[of].max((high - low) / mean.max(f64::MIN_POSITIVE));
             }
         }
     }
-    (worst > VARIES).then(|| {
+    let [own, between] = worst;
+    let varies = own.max(between);
+    (varies > VARIES).then(|| {
         format!(
-            "warning: the axes are coupled: the gain of the rigid body varies by {:.0} % along the stroke; that of the model is constant and without coupling, so decouple inputs and outputs for the rigid body at every position",
-            100.0 * worst
+            "warning: {}the gain of the rigid body varies by {:.0} % along the stroke; that of the model is constant, so decouple inputs and outputs for the rigid body at every position",
+            if between > VARIES { "the axes are coupled: " } else { "" },
+            100.0 * varies
         )
     })
 }

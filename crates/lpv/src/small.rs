@@ -73,7 +73,7 @@ const AT_NOISE: f64 = 1.1;
 const MISSED: f64 = 1.3;
 
 /// Poles with more damping belong to no mode.
-const MOST_DAMPING: f64 = 0.5;
+pub(crate) const MOST_DAMPING: f64 = 0.5;
 
 /// Fits a small LFR, or says why there is none.
 ///

@@ -94,13 +94,14 @@ impl Search<'_> {
     }
 
     /// Another number of integrators that leaves noise alone and describes the response more shortly, where the compliance of the
-    /// modes hides the slope of the rigid body at the lowest lines.
+    /// modes hides the slope of the rigid body at the lowest lines; with a direct term where only that keeps the poles stable. What is
+    /// found stays in the settings.
     pub(super) fn other_integrators(
         &mut self,
         slope: f64,
         found: &[PoleFit],
         reasons: &mut Vec<String>,
-    ) -> Option<(usize, Fits)> {
+    ) -> Option<Fits> {
         let own = (self.integrators, self.settings.numerator);
         let missed = over_noise(found) > MORE_THAN_NOISE || !stable(found);
         let doubtful = (slope - slope.round()).abs() > CLEAR_SLOPE;
@@ -139,23 +140,24 @@ impl Search<'_> {
                 best = Some((count, numerator, other, why));
             }
         }
-        self.integrate(own.0);
-        self.settings.numerator = own.1;
-        best.map(|(count, numerator, other, why)| {
-            if count != own.0 {
-                reasons.push(format!(
-                    "{count} integrators instead: they describe the response more shortly"
-                ));
-            }
-            if numerator == NumeratorDegree::Proper {
-                reasons.push(
-                    "with a direct term: without it the noise is not reached with stable poles".to_owned(),
-                );
-            }
-            reasons.extend(why);
-            self.settings.numerator = numerator;
-            (count, other)
-        })
+        let Some((count, numerator, other, why)) = best else {
+            self.integrate(own.0);
+            self.settings.numerator = own.1;
+            return None;
+        };
+        self.integrate(count);
+        self.settings.numerator = numerator;
+        if count != own.0 {
+            reasons.push(format!(
+                "{count} integrators instead: they describe the response more shortly"
+            ));
+        }
+        if numerator == NumeratorDegree::Proper {
+            reasons
+                .push("with a direct term: without it the noise is not reached with stable poles".to_owned());
+        }
+        reasons.extend(why);
+        Some(other)
     }
 
     /// Orders to try, integrators included.
@@ -177,7 +179,10 @@ impl Search<'_> {
     ) -> Result<PoleFit, PoleFitError> {
         let found = fit(estimate, self.clock, settings)?;
         let account = &found.account;
-        if known.is_empty() || account.cost <= MORE_THAN_NOISE * account.expected_cost {
+        if known.is_empty()
+            || !settings.several_starts
+            || account.cost <= MORE_THAN_NOISE * account.expected_cost
+        {
             return Ok(found);
         }
         match fit_from(estimate, self.clock, settings, known) {

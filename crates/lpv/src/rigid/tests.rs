@@ -118,3 +118,28 @@ fn a_gain_that_changes_along_the_stroke_is_named() {
         "{said:?}"
     );
 }
+
+#[test]
+fn axes_whose_masses_change_apart_are_not_called_coupled() {
+    let zero = DMatrix::zeros(2, 2);
+    let places: Vec<FrfEstimate> = [-0.2, 0.0, 0.2]
+        .iter()
+        .enumerate()
+        .map(|(i, p)| {
+            estimate(
+                &dmatrix![3.0 + p, 0.0; 0.0, 1.0],
+                &zero,
+                (120.0, 1e-3),
+                *p,
+                i as u64,
+            )
+            .0
+        })
+        .collect();
+    let clock = Discrete::from_rate(2000.0).unwrap();
+    let said = missing(&places, clock, 120.0);
+    assert!(
+        said.len() == 1 && said[0].contains("rigid body varies") && !said[0].contains("coupled"),
+        "{said:?}"
+    );
+}

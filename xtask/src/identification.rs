@@ -5,7 +5,7 @@ use crate::experiment::{Bench, median};
 use crate::size::{CHOSEN_FUNCTIONS, PAPER_GRID_DB, PAPER_TRUE_DB, TABLE_FUNCTIONS};
 use lfr_realize::{Realization, realize};
 use lpv::validation::{FrozenError, channel_error};
-use lpv::{IdentifyConfig, PoleStage, Polish, choose_basis, fit_poles, regress_on};
+use lpv::{IdentifyConfig, PoleStage, Polish, RigidTerms, choose_basis, fit_poles, regress_on};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Frf, FrfEstimate, WellPosedness};
 use lpv_ident::{
@@ -316,7 +316,7 @@ pub(crate) fn obf(
         ..IdentifyConfig::default()
     };
     let basis = choose_basis(&stage.fits, &bench.positions, bench.clock, FUNCTIONS, &config)?;
-    let fits = regress_on(estimates, &basis, 2, &config)?;
+    let fits = regress_on(estimates, &basis, RigidTerms::Constant, &config)?;
     let leave_one_out = fits.leave_one_out(&candidates(&fits, bench.size.order))?;
     let best = recommend(&leave_one_out, 1.0)
         .ok_or("leave-one-out found no interpolation")?
@@ -344,7 +344,7 @@ pub(crate) fn obf(
         ..config.clone()
     };
     let few = thinned(estimates, TABLE_LINES);
-    let ratio: Vec<f64> = regress_on(&few, &basis, 2, &pure)?
+    let ratio: Vec<f64> = regress_on(&few, &basis, RigidTerms::Constant, &pure)?
         .fits()
         .iter()
         .map(|f| f.cost / (f.equations - f.unknowns) as f64)
@@ -429,7 +429,7 @@ fn table(
             ..IdentifyConfig::default()
         };
         let basis = choose_basis(&stage.fits, &bench.positions, bench.clock, functions, &config)?;
-        let fits = regress_on(estimates, &basis, 2, &config)?;
+        let fits = regress_on(estimates, &basis, RigidTerms::Constant, &config)?;
         candidates(&fits, bench.size.order)
             .par_iter()
             .map(|&kind| ObfError::new(&fits.interpolate(kind)?, grid))

@@ -9,11 +9,10 @@ mod sizes;
 mod weights;
 
 use crate::sampling::Sampling;
-use crate::{Candidate, FitError, FrozenData, Refined, ResidualUnit};
+use crate::{Candidate, FitError, FrozenData, Refined, ResidualUnit, Rigid};
 use coherent::Coherent;
 pub(crate) use field::Field;
 use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
-use nalgebra::DMatrix;
 pub use settings::{DeltaReach, GainFit, GrowSettings, StartSearch};
 pub use sizes::{SizeChoice, Sizes, grow_sizes};
 
@@ -85,9 +84,9 @@ pub struct Grown<K: Sampling> {
 ///
 /// # Errors
 /// As [`grow`].
-pub fn merge_lines<K: Sampling>(
+pub fn merge_lines<'a, K: Sampling>(
     local: &StateSpace<K>,
-    gamma: Option<&DMatrix<f64>>,
+    rigid: impl Into<Rigid<'a>>,
     data: &FrozenData,
     scheduling: &SchedulingRange,
     settings: &GrowSettings,
@@ -96,14 +95,15 @@ pub fn merge_lines<K: Sampling>(
     match data.unit() {
         ResidualUnit::Relative => Ok(data.clone()),
         ResidualUnit::StandardDeviation => {
-            Ok(Coherent::in_few_lines(local, gamma, data, scheduling, settings)?.1)
+            Ok(Coherent::in_few_lines(local, rigid.into(), data, scheduling, settings)?.1)
         }
     }
 }
 
 /// Fits an LFR with the given deltas to responses over the whole range, from a local model at its centre.
 ///
-/// `local` and `gamma` are the flexible part and the gain of the rigid body, as [`crate::local_model`] gives them.
+/// `local` and `rigid` are the model at the centre and what it has for a rigid body, as [`crate::local_model`] and
+/// [`crate::local_body`] give them.
 ///
 /// 1. The local model is fitted to one position after the other, outward from the centre, in coordinates that change as
 ///    little as possible; where that misses and the data know the poles ([`FrozenData::with_poles`]), with them.
@@ -118,28 +118,28 @@ pub fn merge_lines<K: Sampling>(
 /// # Errors
 /// [`FitError::Empty`] without deltas, [`FitError::Start`] if no start has a response at all positions, and those
 /// of [`crate::refine`] and [`crate::Candidate::flexible`]. A target that is not reached is a result.
-pub fn grow<K: Sampling>(
+pub fn grow<'a, K: Sampling>(
     local: &StateSpace<K>,
-    gamma: Option<&DMatrix<f64>>,
+    rigid: impl Into<Rigid<'a>>,
     data: &FrozenData,
     deltas: &[DeltaBlock],
     scheduling: &SchedulingRange,
     settings: &GrowSettings,
 ) -> Result<Grown<K>, FitError> {
-    Field::new(local, gamma, data, scheduling, settings)?.grow(deltas, None)
+    Field::new(local, rigid.into(), data, scheduling, settings)?.grow(deltas, None)
 }
 
 /// As [`grow`], with a model that has as many deltas or fewer for the first start.
 ///
 /// # Errors
 /// Those of [`grow`].
-pub fn grow_from<K: Sampling>(
+pub fn grow_from<'a, K: Sampling>(
     given: &Candidate<K>,
     local: &StateSpace<K>,
-    gamma: Option<&DMatrix<f64>>,
+    rigid: impl Into<Rigid<'a>>,
     data: &FrozenData,
     deltas: &[DeltaBlock],
     settings: &GrowSettings,
 ) -> Result<Grown<K>, FitError> {
-    Field::new(local, gamma, data, given.range(), settings)?.grow(deltas, Some(given))
+    Field::new(local, rigid.into(), data, given.range(), settings)?.grow(deltas, Some(given))
 }

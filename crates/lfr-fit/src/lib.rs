@@ -95,12 +95,12 @@ pub use grow::{
     DeltaReach, GainFit, GrowSettings, Grown, SizeChoice, Sizes, StartAccount, StartKind, StartOutcome,
     StartSearch, grow, grow_from, grow_sizes, merge_lines,
 };
-pub use local::{LocalMode, LocalModel, LocalSettings, RigidGain, local_model};
+pub use local::{LocalBody, LocalMode, LocalModel, LocalSettings, RigidGain, local_body, local_model};
 pub use lpv_core;
 pub use lpv_numerics::least_squares::StopReason;
 pub use mechanical::{DeltaSplit, MechanicalForm};
 pub use refine::{RefineAccount, Refined, refine};
 pub use sampling::{Sampling, sampled};
 pub use settings::RefineSettings;
-pub use start::RandomChannels;
+pub use start::{RandomChannels, Rigid};
 pub use units::Units;

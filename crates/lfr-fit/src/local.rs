@@ -1,14 +1,16 @@
 //! A start from data alone: rigid body and flexible modes at one position.
 
+mod body;
 mod residues;
 mod settings;
 
 use crate::sampling::Sampling;
 use crate::{Candidate, FitError, FrozenData, RandomChannels, RefineAccount, RefineSettings, refine};
+pub use body::{LocalBody, local_body};
 use lpv_core::{SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
 use num_complex::Complex;
-use residues::Residues;
+use residues::{Beside, Residues};
 pub use settings::{LocalSettings, RigidGain};
 
 type C64 = Complex<f64>;
@@ -67,15 +69,18 @@ pub fn local_model<K: Sampling>(
     let set = settings;
     let sampled = upper_half(clock, poles, set.rigid)?;
     let frf = &data.positions()[0].frf;
-    let has_rigid = set.rigid != RigidGain::Absent;
-    let all = Residues::new(clock, data, &sampled, has_rigid)?;
+    let known = match set.rigid {
+        RigidGain::Absent => Beside::Nothing,
+        _ => Beside::Gain,
+    };
+    let all = Residues::new(clock, data, &sampled, &known)?;
     let mut modes: Vec<LocalMode> = (0..sampled.len()).map(|i| all.mode(i, frf)).collect();
     keep_strongest(&mut modes, set.states);
     let kept: Vec<C64> = modes.iter().filter(|m| m.kept).map(|m| m.pole).collect();
     let residues = if kept.len() == sampled.len() {
         all
     } else {
-        Residues::new(clock, data, &kept, has_rigid)?
+        Residues::new(clock, data, &kept, &known)?
     };
     let (flexible, gamma) = residues.realise(clock, data)?;
     let fit = |gamma: Option<&DMatrix<f64>>, diagonal: Diagonal| {

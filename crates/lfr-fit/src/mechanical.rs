@@ -5,8 +5,10 @@ use lpv_core::linalg::{dimension, eigenvalues, pseudo_inverse, svd};
 use lpv_core::{Continuous, LfrBlocks, SchedulingRange, StateSpace};
 use nalgebra::{Complex, DMatrix, DVector};
 
+mod separate;
 mod structure;
 
+use separate::Separated;
 use structure::Mask;
 
 /// How many deltas of a single scheduling parameter act where in the mechanical structure.
@@ -16,7 +18,9 @@ use structure::Mask;
 ///
 /// `dq/dt = w_0 v`, `f = E(p) [q; v]`, `dv/dt = X(p) f + B(p) u`, `y = C(p) q`.
 ///
-/// With as many forces as modes, `A(p) = N + [0; X] E` is at every p a nilpotent N plus a term of that rank, and
+/// The first forces, one a mode, answer to positions and speeds, those of friction to ground, one a rigid coordinate where it has
+/// any, to speeds alone. With as many forces of the first kind as modes, the positions that move none of them are as many as the
+/// rigid coordinates, and their integrals are exact, whatever the numbers are. Without friction, `A(p) = N + [0; X] E` is at every p a nilpotent N plus a term of that rank, and
 /// `det(sI - A) = s^(2 n_r) det(s^2 I - s E_v X - w_0 E_q X)`: the `n_r` double integrators are exact, whatever the
 /// numbers are, and no output answers an input faster than a mass does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -45,8 +49,8 @@ impl DeltaSplit {
 #[derive(Debug, Clone, PartialEq)]
 pub struct MechanicalForm {
     candidate: Candidate<Continuous>,
-    /// States of the rigid body: twice the rigid coordinates.
-    rigid: usize,
+    /// Whether the rigid body has friction to ground.
+    friction: bool,
     scales: Vec<f64>,
     rate: f64,
     /// Combinations of the outputs that are coordinates, `rank x n_y`.
@@ -87,15 +91,27 @@ impl MechanicalForm {
         dimension("scales of the outputs", ny, scales.len())?;
         let (n, rigid) = (candidate.states(), 2 * ny);
         let m = candidate.matrix();
-        let chain = (0..rigid.min(n))
-            .all(|j| (0..n).all(|i| m[(i, j)] == f64::from(u8::from(j >= ny && i + ny == j))));
-        if n <= rigid || (n - rigid) % 2 != 0 || !chain {
+        // The integrals: nothing but an output sees a position, and its rate is its speed.
+        let column = |i: usize, j: usize| {
+            if i >= n {
+                f64::from(u8::from(i - n == j))
+            } else {
+                0.0
+            }
+        };
+        let row = |i: usize, j: usize| f64::from(u8::from(i + ny == j));
+        let integrals = (0..ny.min(n)).all(|k| {
+            (0..m.nrows()).all(|i| m[(i, k)] == column(i, k))
+                && (0..m.ncols()).all(|j| m[(k, j)] == row(k, j))
+        });
+        if n <= rigid || (n - rigid) % 2 != 0 || !integrals {
             return Err(refuse(
                 "there are no rigid coordinates, or the flexible states are not pairs; mechanical coordinates need both",
             ));
         }
+        let friction = (ny..rigid).any(|i| (ny..n).any(|j| m[(i, j)] != 0.0));
         let frozen = candidate.frozen(&centre)?;
-        let flexible = part(&frozen, rigid)?;
+        let Separated { flexible, .. } = Separated::new(&frozen)?;
         let mut displacements = DMatrix::zeros((n - rigid) / 2, n - rigid);
         let mut log_rate = 0.0;
         let poles: Vec<_> = eigenvalues(flexible.a())?
@@ -138,7 +154,7 @@ impl MechanicalForm {
         Ok(Self {
             unseen: rest.transpose() * displacements,
             candidate: candidate.clone(),
-            rigid,
+            friction,
             scales: scales.to_vec(),
             rate: log_rate.exp(),
             seen,
@@ -151,7 +167,7 @@ impl MechanicalForm {
     /// [`FitError::Core`] outside the range; [`FitError::Start`] where the coordinates do not exist.
     pub fn frozen(&self, p: &[f64]) -> Result<StateSpace<Continuous>, FitError> {
         let whole = self.candidate.frozen(p)?;
-        let flexible = part(&whole, self.rigid)?;
+        let Separated { gain, rate, flexible } = Separated::new(&whole)?;
         let (nf, ny, nu) = (flexible.states(), whole.outputs(), whole.inputs());
         let (nm, nq) = (nf / 2, ny + nf / 2);
         let singular = || FitError::Start {
@@ -178,9 +194,11 @@ impl MechanicalForm {
         let mut b = DMatrix::zeros(2 * nq, nu);
         let mut c = DMatrix::zeros(ny, 2 * nq);
         for (i, scale) in self.scales.iter().enumerate() {
-            b.row_mut(nq + i)
-                .copy_from(&(whole.b().row(ny + i) / (self.rate * scale)));
+            b.row_mut(nq + i).copy_from(&(gain.row(i) / (self.rate * scale)));
             c[(i, i)] = *scale;
+            for (j, other) in self.scales.iter().enumerate().filter(|_| self.friction) {
+                a[(nq + i, nq + j)] = -rate[(i, j)] * other / scale;
+            }
         }
         a.view_mut((nq + ny, ny), (nm, nm))
             .copy_from(&flexible_a.view((nm, 0), (nm, nm)));
@@ -219,24 +237,30 @@ impl MechanicalForm {
         let (n, nu, ny) = (centre.states(), centre.inputs(), centre.outputs());
         let nq = n / 2;
         let nm = nq - ny;
+        // Forces of the modes, then those of friction.
+        let nd = if self.friction { nm + ny } else { nm };
+        let mut c1 = DMatrix::zeros(nd, n);
+        c1.rows_mut(0, nm).copy_from(&centre.a().rows(nq + ny, nm));
+        c1.rows_mut(nm, nd - nm).copy_from(&centre.a().rows(nq, nd - nm));
         let mut m = LfrBlocks {
             a: DMatrix::zeros(n, n),
-            b1: DMatrix::zeros(n, nm),
+            b1: DMatrix::zeros(n, nd),
             b2: centre.b().clone(),
-            c1: centre.a().rows(nq + ny, nm).into_owned(),
-            d11: DMatrix::zeros(nm, nm),
-            d12: DMatrix::zeros(nm, nu),
+            c1,
+            d11: DMatrix::zeros(nd, nd),
+            d12: DMatrix::zeros(nd, nu),
             c2: centre.c().clone(),
-            d21: DMatrix::zeros(ny, nm),
+            d21: DMatrix::zeros(ny, nd),
             d22: DMatrix::zeros(ny, nu),
         };
         m.a.view_mut((0, nq), (nq, nq)).fill_diagonal(self.rate);
         m.b1.view_mut((nq + ny, 0), (nm, nm)).fill_with_identity();
+        m.b1.view_mut((nq, nm), (nd - nm, nd - nm)).fill_with_identity();
         let free = Mask::of(&m).mask(DeltaSplit::default());
         let rigid = Candidate::new(
             &m,
             free,
-            vec![Channel::Direct; nm],
+            vec![Channel::Direct; nd],
             self.range().clone(),
             Continuous,
         )?;
@@ -273,18 +297,6 @@ fn output_sizes(data: &FrozenData, gamma: &DMatrix<f64>) -> Result<Vec<f64>, Fit
     }
     let mean = (sizes.iter().map(|s| s.ln()).sum::<f64>() / ny.max(1) as f64).exp();
     Ok(sizes.into_iter().map(|s| s / mean).collect())
-}
-
-/// The states from `first` on, which are joined to no other.
-fn part(whole: &StateSpace<Continuous>, first: usize) -> Result<StateSpace<Continuous>, FitError> {
-    let n = whole.states() - first;
-    Ok(StateSpace::new(
-        whole.a().view((first, first), (n, n)).into_owned(),
-        whole.b().rows(first, n).into_owned(),
-        whole.c().columns(first, n).into_owned(),
-        whole.d().clone(),
-        Continuous,
-    )?)
 }
 
 /// The row `l` with `eta = l x` the displacement of a mode: the part of its left eigenvector that no input moves at once,

@@ -24,12 +24,63 @@ impl Default for RandomChannels {
     }
 }
 
+/// What a model has for a rigid body, beside modes.
+///
+/// Its positions are exact integrals of its speeds in every kind, whatever the numbers are: `n_y` coordinates q with `y = q + ...`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Rigid<'a> {
+    /// Nothing.
+    #[default]
+    Absent,
+    /// `dv/dt = gamma u` with this gain (`n_y x n_u`), the same at every p and beside the local model.
+    Gain(&'a DMatrix<f64>),
+    /// `dv/dt = Gamma(p) u`: the local model begins with the `n_y` positions q and the `n_y` speeds v.
+    Varying,
+    /// `dv/dt = -R(p) v + Gamma(p) u + ...`: the same with friction to ground.
+    Friction,
+}
+
+impl<'a> From<Option<&'a DMatrix<f64>>> for Rigid<'a> {
+    fn from(gamma: Option<&'a DMatrix<f64>>) -> Self {
+        gamma.map_or(Self::Absent, Self::Gain)
+    }
+}
+
+impl<'a> Rigid<'a> {
+    /// The gain of a rigid body beside the local model.
+    pub(crate) fn gain(self) -> Option<&'a DMatrix<f64>> {
+        match self {
+            Self::Gain(gamma) => Some(gamma),
+            Self::Absent | Self::Varying | Self::Friction => None,
+        }
+    }
+
+    /// What of it the local model holds.
+    pub(crate) fn within(self) -> Self {
+        match self {
+            Self::Gain(_) => Self::Absent,
+            other => other,
+        }
+    }
+
+    /// Whether an entry of `[A B; C D]` of a local model, widened by the channels, is held: the integrals always, and without
+    /// friction all that would move the speeds beside the inputs.
+    fn holds(self, (i, j): (usize, usize), axes: usize, states: usize) -> bool {
+        match self {
+            Self::Absent | Self::Gain(_) => false,
+            Self::Friction => i < axes || j < axes,
+            Self::Varying => i < axes || j < 2 * axes || (i < 2 * axes && j < states),
+        }
+    }
+}
+
 impl<K: Sampling> Candidate<K> {
     /// `F = gamma phi + (local model)` at the centre of the range, with small random channels for the deltas.
     ///
     /// `gamma` (`n_y x n_u`) is the gain of the rigid body: double integrators from each input to each output. Their
     /// `2 n_y` states come first, with `gamma` in rows `n_y` to `2 n_y` of B2. Their entries are fixed and the deltas do
-    /// not touch them, so that they stay exact; [`Candidate::with_free_gain`] frees the gain.
+    /// not touch them, so that they stay exact; [`Candidate::with_free_gain`] frees the gain. A rigid body that depends on p, or has
+    /// friction, is part of the local model ([`Rigid`]): there only the integrals are fixed.
     ///
     /// All entries of the flexible part are free but D22 and D21: the outputs see states only, so that C does not depend
     /// on p and no response has a direct term, as that of a plant behind a hold; [`Candidate::with_free_outputs`] frees
@@ -38,16 +89,26 @@ impl<K: Sampling> Candidate<K> {
     /// # Errors
     /// [`FitError::Core`]: sizes that do not fit, a delta of a parameter that the range does not have.
     /// [`FitError::Setting`]: a size that is negative or not finite.
-    pub fn flexible(
+    pub fn flexible<'a>(
         local: &StateSpace<K>,
-        gamma: Option<&DMatrix<f64>>,
+        rigid: impl Into<Rigid<'a>>,
         deltas: &[DeltaBlock],
         range: SchedulingRange,
         random: RandomChannels,
     ) -> Result<Self, FitError> {
         let good = random.size.is_finite() && random.size >= 0.0;
         FitError::unless(good, "size", random.size, "give a finite number, not negative")?;
+        let rigid = rigid.into();
+        let gamma = rigid.gain();
         let (nf, nu, ny) = (local.states(), local.inputs(), local.outputs());
+        if gamma.is_none() && rigid != Rigid::Absent && nf < 2 * ny {
+            return Err(CoreError::Dimension {
+                what: "rigid body within the local model: states, at least",
+                expected: 2 * ny,
+                found: nf,
+            }
+            .into());
+        }
         let axes = gamma.map_or(0, |_| ny);
         if let Some(gamma) = gamma {
             dimension("rigid body: rows of its gain", ny, gamma.nrows())?;
@@ -88,7 +149,7 @@ impl<K: Sampling> Candidate<K> {
             .copy_from(&(normal(nf, nc) * (random.size * rate)));
         let mut c1 = DMatrix::zeros(nc, n);
         c1.columns_mut(nr, nf).copy_from(&normal(nc, nf));
-        let blocks = LfrBlocks {
+        let mut blocks = LfrBlocks {
             d21: DMatrix::zeros(ny, nc),
             d12: normal(nc, nu) * (mean(local.b()) / rate.max(f64::MIN_POSITIVE)),
             d11: normal(nc, nc) * 0.1,
@@ -100,12 +161,22 @@ impl<K: Sampling> Candidate<K> {
             c2,
         };
         let is_free = |i: usize, j: usize| {
-            let rigid = i < nr || j < nr;
+            let beside = i < nr || j < nr;
+            let held = !beside && rigid.holds((i - nr, j - nr), ny, nf);
             // Outputs see states only.
             let direct = (n..n + ny).contains(&i) && j >= n;
-            !rigid && !direct
+            !beside && !held && !direct
         };
         let free = DMatrix::from_fn(n + ny + nc, n + nu + nc, is_free);
+        // The channels touch nothing that is held.
+        for (j, i) in (0..nc).flat_map(|j| (0..n).map(move |i| (j, i))) {
+            if !free[(i, n + nu + j)] {
+                blocks.b1[(i, j)] = 0.0;
+            }
+            if !free[(n + ny + j, i)] {
+                blocks.c1[(j, i)] = 0.0;
+            }
+        }
         Self::new(&blocks, free, channels, range, local.clock())
     }
 

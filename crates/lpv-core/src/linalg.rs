@@ -168,7 +168,7 @@ pub fn column_space(matrix: &DMatrix<f64>, relative_tolerance: f64) -> DMatrix<f
 }
 
 /// The matrix with another placed at its lower right, zeros elsewhere.
-pub(crate) fn block_diagonal(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+pub fn block_diagonal(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     let mut m = DMatrix::zeros(a.nrows() + b.nrows(), a.ncols() + b.ncols());
     m.view_mut((0, 0), a.shape()).copy_from(a);
     m.view_mut(a.shape(), b.shape()).copy_from(b);

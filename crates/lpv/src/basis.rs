@@ -82,19 +82,23 @@ const POINTS_BETWEEN: usize = 10;
 /// The pole loci on a dense grid: each mode's `ln z` by a cubic spline over the positions. `None` where the positions
 /// do not show the same modes.
 fn poles_between(fits: &[PoleFit], positions: &[f64]) -> Result<Option<Vec<Complex<f64>>>, PipelineError> {
+    // One of each pair, then the real ones, which friction makes slow.
     let modes: Vec<Vec<Complex<f64>>> = fits
         .iter()
         .map(|f| {
-            f.flexible_poles()
-                .into_iter()
-                .filter(|z| z.im > 0.0)
-                .map(Complex::ln)
-                .collect()
+            let poles = f.flexible_poles();
+            let pairs = poles.iter().filter(|z| z.im > 0.0);
+            let mut real: Vec<f64> = poles.iter().filter(|z| z.im == 0.0).map(|z| z.re).collect();
+            real.sort_by(f64::total_cmp);
+            let real = real.into_iter().map(Complex::from);
+            pairs.copied().chain(real).map(Complex::ln).collect()
         })
         .collect();
-    let count = modes[0].len();
-    let all_complex = fits.iter().all(|f| f.flexible_poles().len() == 2 * count);
-    if count == 0 || positions.len() < 4 || !all_complex || modes.iter().any(|m| m.len() != count) {
+    let (count, pairs) = (modes[0].len(), pairs_of(&fits[0]));
+    let alike =
+        |f: &PoleFit| pairs_of(f) == pairs && f.flexible_poles().iter().all(|z| z.im != 0.0 || z.re > 0.0);
+    let same = modes.iter().all(|m| m.len() == count) && fits.iter().all(alike);
+    if count == 0 || positions.len() < 4 || !same {
         return Ok(None);
     }
     let spline = FunctionBasis::new(BasisKind::Spline {
@@ -112,8 +116,16 @@ fn poles_between(fits: &[PoleFit], positions: &[f64]) -> Result<Option<Vec<Compl
                 .map(|(w, m)| m[mode] * *w)
                 .sum::<Complex<f64>>()
                 .exp();
-            poles.extend([z, z.conj()]);
+            poles.push(z);
+            if mode < pairs {
+                poles.push(z.conj());
+            }
         }
     }
     Ok(poles.iter().all(|z| z.norm() < 1.0).then_some(poles))
+}
+
+/// Complex pairs of a fit.
+fn pairs_of(fit: &PoleFit) -> usize {
+    fit.flexible_poles().iter().filter(|z| z.im > 0.0).count()
 }

@@ -81,9 +81,10 @@ pub use model_file::{Identification, ModelFile, relative_folder};
 pub use moves::Moves;
 pub use output::write_whole;
 pub use pipeline::{Identified, LpvStage, LtiStage, identify, regress_on};
-pub use poles::{PoleStage, fit_poles};
+pub use poles::{PoleStage, RigidTerms, fit_poles};
 pub use progress::{Progress, silent};
 pub use responses::{Responses, estimate_bundle, estimate_local, load_records};
+pub use rigid::RigidEvidence;
 pub use settings_file::{nearest_name, read_settings};
 pub use small::{MovingStage, SizeRow, SmallStage, small_lfr};
 pub use summary::{

@@ -8,12 +8,13 @@ use crate::basis::{BasisStage, choose_basis};
 use crate::config::{IdentifyConfig, LfrKind, Weighting};
 use crate::modes::modal;
 use crate::moves::Moves;
-use crate::poles::{PoleStage, fit_poles};
+use crate::poles::{PoleStage, RigidTerms, fit_poles};
 use crate::progress::{Progress, begin};
-use crate::rigid::missing;
-use crate::small::{MOST_DAMPING, SmallStage, small_lfr};
+use crate::small::{SmallStage, small_lfr};
 use lfr_realize::{Realization, realize};
-use lpv_core::{Clock, Discrete, Frf, FrfEstimate, Model, StateSpace, WellPosedness, counted};
+use lpv_core::linalg::{block_diagonal, from_blocks};
+use lpv_core::nalgebra::{DMatrix, dmatrix};
+use lpv_core::{Discrete, Frf, FrfEstimate, Model, StateSpace, WellPosedness, counted};
 use lpv_ident::{
     Interpolation, LeaveOneOut, LocalFits, LpvObfModel, RegressionSettings, RigidTerm, recommend, regress,
 };
@@ -122,10 +123,8 @@ pub fn identify(
     config: &IdentifyConfig,
     progress: Progress<'_>,
 ) -> Result<Identified, PipelineError> {
-    if estimates.len() > 1
-        && let Some(asked) = config.integrators
-    {
-        rigid_channels(asked, estimates)?;
+    if estimates.len() > 1 && config.integrators.is_some_and(|count| count > MOST_INTEGRATORS) {
+        return Err(TOO_MANY);
     }
     begin(progress, "poles of the responses");
     let mut poles = fit_poles(estimates, clock, config)?;
@@ -145,13 +144,8 @@ pub fn identify(
         };
         return Ok(Identified::Lti(Box::new(LtiStage { poles, modal, model })));
     }
-    if poles.integrators == 2 {
-        let modes = poles.fits.iter().flat_map(|f| f.modes());
-        let first = modes
-            .filter(|m| m.damping <= MOST_DAMPING)
-            .map(|m| m.frequency_hz);
-        let first = first.fold(clock.nyquist_hz(), f64::min);
-        poles.reasons.extend(missing(estimates, clock, first));
+    if let Some(rigid) = &poles.rigid {
+        poles.reasons.extend(rigid.lines());
     }
     let position = |e: &FrfEstimate| e.single_position().unwrap_or(0.0);
     let positions: Vec<f64> = estimates.iter().map(position).collect();
@@ -178,7 +172,7 @@ pub fn identify(
             p.start_cost_db, p.cost_db
         ))
     ));
-    let fits = regress_on(estimates, &basis, poles.integrators, config)?;
+    let fits = regress_on(estimates, &basis, poles.rigid_terms(), config)?;
     let (leave_one_out, interpolation, why) = choose_interpolation(&fits, config)?;
     reasons.push(why);
     let model = fits.interpolate(interpolation)?;
@@ -282,18 +276,24 @@ fn choose_size(
     })
 }
 
-/// The regression on a basis: a rigid body in the diagonal channels where the machine has two integrators.
+/// The regression on a basis, with a rigid body.
 ///
 /// # Errors
-/// [`PipelineError::Structure`] for one integrator or more than two, which (13) does not have.
+/// Those of the regression; [`PipelineError::Structure`] for more than two integrators.
 pub fn regress_on(
     estimates: &[FrfEstimate],
     basis: &BasisStage,
-    integrators: usize,
+    rigid: RigidTerms,
     config: &IdentifyConfig,
 ) -> Result<LocalFits, PipelineError> {
+    let axes = estimates
+        .first()
+        .map_or(0, |e| e.frf().outputs().min(e.frf().inputs()));
     let settings = RegressionSettings {
-        rigid_body: RigidTerm::diagonal(rigid_channels(integrators, estimates)?),
+        rigid_body: match rigid {
+            RigidTerms::Constant => RigidTerm::diagonal(axes),
+            RigidTerms::Absent | RigidTerms::Varying(_) => Vec::new(),
+        },
         model_error: config.model_error.unwrap_or_else(|| basis.model_error()),
         weighting: match config.weighting {
             Weighting::Covariance => lpv_ident::Weighting::Covariance,
@@ -301,20 +301,48 @@ pub fn regress_on(
         },
         ..RegressionSettings::default()
     };
-    Ok(regress(estimates, basis.basis.state_space(), &settings)?)
+    let functions = match rigid {
+        RigidTerms::Varying(count) => &beside_integrators(basis.basis.state_space(), count)?,
+        RigidTerms::Absent | RigidTerms::Constant => basis.basis.state_space(),
+    };
+    Ok(regress(estimates, functions, &settings)?)
 }
 
-/// Diagonal channels with a rigid body: all of them with two integrators, none without.
-fn rigid_channels(integrators: usize, estimates: &[FrfEstimate]) -> Result<usize, PipelineError> {
-    match integrators {
-        0 => Ok(0),
-        2 => Ok(estimates
-            .first()
-            .map_or(0, |e| e.frf().outputs().min(e.frf().inputs()))),
-        _ => Err(PipelineError::Structure {
-            problem: "the series expansion (13) has two integrators in a channel or none; set `integrators` to 0 or 2, or take velocity or position as output",
-        }),
-    }
+/// Most integrators of a model of several positions: those of a mass.
+const MOST_INTEGRATORS: usize = 2;
+
+const TOO_MANY: PipelineError = PipelineError::Structure {
+    problem: "a model of several positions has at most two integrators; set `integrators` to 0, 1 or 2, or take another quantity as output",
+};
+
+/// The filters with one more before them, of size one at the lowest of the frequencies that a sampled machine is moved at: `1 / (z - 1)`
+/// or `(z + 1) / (z - 1)^2`, whose gain then depends on p as all others do.
+fn beside_integrators(
+    basis: &StateSpace<Discrete>,
+    count: usize,
+) -> Result<StateSpace<Discrete>, PipelineError> {
+    /// Radians a sample at which the filter has size one.
+    const SLOW: f64 = 0.01;
+    let (a, b, c) = match count {
+        1 => (dmatrix![1.0], dmatrix![SLOW], dmatrix![1.0]),
+        2 => (
+            dmatrix![1.0, 1.0; 0.0, 1.0],
+            dmatrix![0.5; 1.0] * (SLOW * SLOW),
+            dmatrix![1.0, 0.0],
+        ),
+        _ => return Err(TOO_MANY),
+    };
+    let ng = basis.outputs();
+    Ok(StateSpace::new(
+        block_diagonal(&a, basis.a()),
+        from_blocks(&[&[&b], &[basis.b()]])?,
+        block_diagonal(&c, basis.c()),
+        from_blocks(&[
+            &[&DMatrix::zeros(1, 1)],
+            &[&basis.d().view((0, 0), (ng, 1)).into_owned()],
+        ])?,
+        basis.clock(),
+    )?)
 }
 
 /// Highest polynomial order that is tried.

@@ -4,7 +4,9 @@ mod search;
 
 use crate::PipelineError;
 use crate::config::IdentifyConfig;
-use lpv_core::{Discrete, FrfEstimate};
+use crate::rigid::RigidEvidence;
+use crate::small::MOST_DAMPING;
+use lpv_core::{Clock, Discrete, FrfEstimate};
 use pole_fit::{NumeratorDegree, PoleFit, PoleFitSettings, Scan, Weighting};
 pub(crate) use search::upper_half;
 use search::{FLEXIBLE_ORDERS, Search, kind, over_noise};
@@ -26,8 +28,33 @@ pub struct PoleStage {
     pub fits: Vec<PoleFit>,
     /// The scan that chose the order, where it was not given, at the middle position.
     pub scan: Option<Scan>,
+    /// What the lowest lines show of the rigid body, where several positions and as many inputs as outputs tell.
+    pub rigid: Option<RigidEvidence>,
     /// Why this order and these integrators.
     pub reasons: Vec<String>,
+}
+
+/// What the series expansion (13) has for a rigid body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RigidTerms {
+    /// Nothing.
+    Absent,
+    /// Two integrators in every diagonal channel, their gains the same at all positions: as in the paper.
+    Constant,
+    /// So many integrators in every channel, one or two, with gains that depend on p.
+    Varying(usize),
+}
+
+impl PoleStage {
+    /// The rigid body that the integrators and the lowest lines ask for.
+    pub fn rigid_terms(&self) -> RigidTerms {
+        let varies = self.rigid.as_ref().is_some_and(RigidEvidence::gain_varies);
+        match self.integrators {
+            0 => RigidTerms::Absent,
+            2 if !varies => RigidTerms::Constant,
+            count => RigidTerms::Varying(count),
+        }
+    }
 }
 
 /// Common-denominator fits at all positions.
@@ -45,11 +72,15 @@ pub fn fit_poles(
         .ok_or(PipelineError::Structure {
             problem: "no frequency response was given; estimate at least one position first",
         })?;
-    let integrators = config.integrators.unwrap_or_else(|| {
+    let mut one_by_slope = false;
+    let count = config.integrators.unwrap_or_else(|| {
         let (slope, count) = integrators_from_slope(middle);
-        // The series expansion over several positions knows two or none: one is left to the poles.
+        // A slope of one may be that of friction, which is looked for below, or of a lag.
         let count = match count {
-            1 if estimates.len() > 1 => 0,
+            1 if estimates.len() > 1 => {
+                one_by_slope = true;
+                0
+            }
             more if estimates.len() > 1 => more.min(2),
             any => any,
         };
@@ -81,7 +112,7 @@ pub fn fit_poles(
         clock,
         order: config.order,
         settings: PoleFitSettings {
-            integrators: kind(integrators),
+            integrators: kind(count),
             numerator: NumeratorDegree::StrictlyProper,
             smoothing_lines: smoothing,
             weighting: if outputs * inputs > COUPLED_CHANNELS {
@@ -89,9 +120,9 @@ pub fn fit_poles(
             } else {
                 Weighting::Covariance
             },
-            ..PoleFitSettings::new(integrators + FLEXIBLE_ORDERS[0])
+            ..PoleFitSettings::new(count + FLEXIBLE_ORDERS[0])
         },
-        integrators,
+        integrators: count,
     };
     let before = reasons.len();
     let mut found = search.run(&mut reasons)?;
@@ -99,6 +130,28 @@ pub fn fit_poles(
         let (slope, _) = integrators_from_slope(middle);
         if let Some(other) = search.other_integrators(slope, &found.0, &mut reasons) {
             found = other;
+        }
+    }
+    let mut rigid = None;
+    if estimates.len() > 1 && search.integrators + usize::from(one_by_slope) > 0 {
+        rigid = RigidEvidence::of(estimates, clock, first_mode_hz(&found.0, clock));
+        let friction = rigid.as_ref().is_some_and(RigidEvidence::has_friction);
+        if friction && config.integrators.is_none() {
+            // Friction leaves one integral an axis, and a slow pole for the other.
+            search.integrate(1);
+            let mut why = Vec::new();
+            let other = search.run(&mut why)?;
+            if over_noise(&other.0) < over_noise(&found.0) * WORTH_A_POLE {
+                reasons.truncate(before);
+                reasons.push(
+                    "1 integrator instead: friction to ground makes a slow pole of the other".to_owned(),
+                );
+                reasons.extend(why);
+                found = other;
+                rigid = RigidEvidence::of(estimates, clock, first_mode_hz(&found.0, clock));
+            } else {
+                search.integrate(count);
+            }
         }
     }
     let misfit = over_noise(&found.0);
@@ -140,9 +193,22 @@ pub fn fit_poles(
         direct: search.settings.numerator == NumeratorDegree::Proper,
         fits,
         scan,
+        rigid,
         reasons,
     })
 }
+
+/// The lowest natural frequency of a lightly damped mode over all positions; the highest frequency there is where none is.
+fn first_mode_hz(fits: &[PoleFit], clock: Discrete) -> f64 {
+    let modes = fits.iter().flat_map(PoleFit::modes);
+    let light = modes
+        .filter(|m| m.damping <= MOST_DAMPING)
+        .map(|m| m.frequency_hz);
+    light.fold(clock.nyquist_hz(), f64::min)
+}
+
+/// Misfit over that without friction up to which its pole is worth having.
+const WORTH_A_POLE: f64 = 1.02;
 
 /// Complex degrees of freedom of a covariance from which on it serves as a weight line by line.
 const ENOUGH_FREEDOM: f64 = 12.0;

@@ -27,26 +27,86 @@ struct Body {
     lowest: f64,
 }
 
-/// What the rigid body of the machine has that the model's has not, in words: friction to ground, and coupled axes.
-///
-/// `first_mode_hz`: the lowest natural frequency of a flexible mode, over all positions. Nothing is said where the machine has not as
-/// many inputs as outputs, or where too few lines lie below its modes.
-pub(crate) fn missing(estimates: &[FrfEstimate], clock: Discrete, first_mode_hz: f64) -> Vec<String> {
-    let bodies: Option<Vec<Body>> = estimates
-        .iter()
-        .map(|e| body(e, clock, BELOW_MODES * first_mode_hz))
-        .collect();
-    let Some(bodies) = bodies.filter(|b| !b.is_empty()) else {
-        return Vec::new();
-    };
-    let axes = bodies[0].mass.nrows();
-    let mut found: Vec<String> = (0..axes).filter_map(|i| friction(&bodies, i)).collect();
-    found.extend(coupling(&bodies));
-    found
+/// What the lowest lines show of the rigid body beside a constant mass on each axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigidEvidence {
+    /// Friction to ground of each axis with its deviation, in units of input x time over output; none where it is not significant.
+    pub friction: Vec<Option<[f64; 2]>>,
+    /// By how much the gain varies along the stroke, relative to its size; zero where it does not, as far as noise tells.
+    pub varies: f64,
+    /// Whether it varies between the axes: an input of one moves another.
+    pub coupled: bool,
+}
+
+impl RigidEvidence {
+    /// Of all positions together. None where the machine has not as many inputs as outputs, or where too few lines lie below its modes.
+    ///
+    /// `first_mode_hz`: the lowest natural frequency of a flexible mode, over all positions.
+    pub(crate) fn of(estimates: &[FrfEstimate], clock: Discrete, first_mode_hz: f64) -> Option<Self> {
+        let bodies: Vec<Body> = estimates
+            .iter()
+            .map(|e| body(e, clock, BELOW_MODES * first_mode_hz))
+            .collect::<Option<_>>()?;
+        let axes = bodies.first()?.mass.nrows();
+        let (own, between) = coupling(&bodies);
+        Some(Self {
+            friction: (0..axes).map(|i| friction(&bodies, i)).collect(),
+            varies: own.max(between),
+            coupled: between > 0.0 && axes > 1,
+        })
+    }
+
+    /// Whether some axis has friction to ground.
+    pub fn has_friction(&self) -> bool {
+        self.friction.iter().any(Option::is_some)
+    }
+
+    /// Whether the gain varies by what a model with a constant one would err.
+    pub fn gain_varies(&self) -> bool {
+        self.varies > VARIES
+    }
+
+    /// In words.
+    pub(crate) fn lines(&self) -> Vec<String> {
+        let axes = self.friction.len();
+        let mut lines: Vec<String> = (0..axes)
+            .filter_map(|axis| {
+                let [value, deviation] = self.friction[axis]?;
+                let of = if axes == 1 { String::new() } else { format!(" of axis {}", axis + 1) };
+                Some(format!(
+                    "viscous friction to ground{of}: {value:.4e} +- {deviation:.1e} (input x time over output, from the lowest lines)"
+                ))
+            })
+            .collect();
+        if self.gain_varies() {
+            lines.push(format!(
+                "{}the gain of the rigid body varies by {:.0} % along the stroke",
+                if self.coupled {
+                    "the axes are coupled: "
+                } else {
+                    ""
+                },
+                100.0 * self.varies
+            ));
+        }
+        lines
+    }
+}
+
+/// The gain `M^-1` of the rigid body and its rates `M^-1 D`, one over the unit of time, at one position.
+pub(crate) fn gain_and_rate(
+    estimate: &FrfEstimate,
+    clock: Discrete,
+    first_mode_hz: f64,
+) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+    let body = body(estimate, clock, BELOW_MODES * first_mode_hz)?;
+    let gain = body.mass.try_inverse()?;
+    let rate = &gain * body.friction;
+    Some((gain, rate))
 }
 
 /// The friction of one axis: the mean over the positions, weighted by their variances.
-fn friction(bodies: &[Body], axis: usize) -> Option<String> {
+fn friction(bodies: &[Body], axis: usize) -> Option<[f64; 2]> {
     let at = (axis, axis);
     let weights: Vec<f64> = bodies
         .iter()
@@ -74,24 +134,16 @@ fn friction(bodies: &[Body], axis: usize) -> Option<String> {
     if mean <= SIGNIFICANT * deviation || mean <= NOTABLE * inertial {
         return None;
     }
-    let ordinal = if bodies[0].mass.nrows() == 1 {
-        String::new()
-    } else {
-        format!(" of axis {}", axis + 1)
-    };
-    Some(format!(
-        "warning: viscous friction to ground{ordinal}: {mean:.4e} +- {deviation:.1e} (input x time over output, from the lowest lines); the rigid body of the model has none, so that it errs at low frequency and along moves: `lpv diagnose` fits it"
-    ))
+    Some([mean, deviation])
 }
 
-/// Whether the gain of the rigid body, `M^-1`, changes along the stroke, and whether between the axes.
-fn coupling(bodies: &[Body]) -> Option<String> {
+/// How far the gain of the rigid body, `M^-1`, changes along the stroke relative to its size: on the axes, and between them.
+fn coupling(bodies: &[Body]) -> (f64, f64) {
     let axes = bodies[0].mass.nrows();
-    if axes < 2 || bodies.len() < 2 {
-        return None;
-    }
     let gains: Option<Vec<DMatrix<f64>>> = bodies.iter().map(|b| b.mass.clone().try_inverse()).collect();
-    let gains = gains?;
+    let Some(gains) = gains else {
+        return (0.0, 0.0);
+    };
     // The largest change relative to the gain, on the axes and between them.
     let mut worst = [0.0f64; 2];
     for i in 0..axes {
@@ -112,15 +164,7 @@ fn coupling(bodies: &[Body]) -> Option<String> {
             }
         }
     }
-    let [own, between] = worst;
-    let varies = own.max(between);
-    (varies > VARIES).then(|| {
-        format!(
-            "warning: {}the gain of the rigid body varies by {:.0} % along the stroke; that of the model is constant, so decouple inputs and outputs for the rigid body at every position",
-            if between > VARIES { "the axes are coupled: " } else { "" },
-            100.0 * varies
-        )
-    })
+    (worst[0], worst[1])
 }
 
 /// Least squares of `Re = k - m w^2 + m' w^4`, `Im = d w + d' w^3` on every entry of `F^-1` behind the hold.

@@ -2,6 +2,7 @@
 
 mod between;
 mod data;
+mod local;
 
 use crate::PipelineError;
 use crate::config::IdentifyConfig;
@@ -12,10 +13,11 @@ use between::between;
 use data::{expected_residuals, frozen_data};
 use lfr_fit::moving::{MovingData, StaticLfr, StaticLfrSettings, fit_static};
 use lfr_fit::{
-    FitError, FrozenData, GainFit, GrowSettings, Grown, LocalSettings, RefineSettings, Refined, ResidualUnit,
-    RigidGain, StartKind, Units, grow_sizes, local_model, merge_lines, refine,
+    FitError, FrozenData, GainFit, GrowSettings, Grown, RefineSettings, Refined, ResidualUnit, StartKind,
+    Units, grow_sizes, merge_lines, refine,
 };
 use lfr_realize::RealizeError;
+use local::{Body, Local};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Continuous, DeltaBlock, Discrete, Frf, FrfEstimate, Lfr, SchedulingRange};
 use pole_fit::PoleFit;
@@ -137,16 +139,8 @@ fn attempt(
         .into());
     }
     begin(progress, "small LFR: the middle position");
-    let rigid = if poles.integrators == 0 {
-        RigidGain::Absent
-    } else {
-        RigidGain::Decide
-    };
-    let settings = LocalSettings {
-        rigid,
-        ..LocalSettings::default()
-    };
-    let local = local_model(Continuous, &middle, &modes, &settings)?;
+    let body = Body::of(poles);
+    let local = Local::new(&middle, (&scaled[nearest], units.clock()?), &modes, body)?;
     let mut reasons = moves.reasons.clone();
     // The gain of the rigid body comes from the middle position; the others know it better together.
     let mut settings = GrowSettings {
@@ -168,10 +162,9 @@ fn attempt(
             }]
         })
         .collect();
-    let gamma = local.gamma.as_ref();
     begin(progress, "small LFR: numbers of deltas");
-    let few = merge_lines(&local.flexible, gamma, data, &range, &settings)?;
-    let mut tried = grow_sizes(&local.flexible, gamma, &few, &deltas, &range, &settings)?;
+    let few = merge_lines(&local.model, local.rigid(), data, &range, &settings)?;
+    let mut tried = grow_sizes(&local.model, local.rigid(), &few, &deltas, &range, &settings)?;
     let sizes: Vec<SizeRow> = tried.grown.iter().map(SizeRow::new).collect();
     let best = tried.grown.swap_remove(tried.chosen);
     begin(progress, "small LFR: all lines");
@@ -196,7 +189,7 @@ fn attempt(
     reasons.push(format!(
         "small LFR: {} states{}, residual over the noise of the responses by deltas ({}); the {won} start won{}",
         best.refined.candidate.states(),
-        if gamma.is_some() { " with the rigid body exact" } else { "" },
+        body.words(),
         residuals.join(", "),
         if reached { "" } else { "; the noise is not reached" }
     ));
@@ -215,8 +208,8 @@ fn attempt(
     let (mut fit, mut moving) = (best.refined, None);
     let slow = slow(&modes, units, clock);
     begin(progress, "small LFR: coordinates along the moves");
-    match (&moves.data, &local.gamma) {
-        (Ok(moves), Some(_)) => match standing(&fit, &few, &units.moves(moves)?, config.seed) {
+    match (&moves.data, body) {
+        (Ok(moves), Body::Constant | Body::Varying | Body::Friction) => match standing(&fit, &few, &units.moves(moves)?, config.seed) {
             Ok(Some(found)) => {
                 let account = MovingStage::new(&found);
                 reasons.push(format!(
@@ -249,7 +242,7 @@ fn attempt(
             Err(refused) => reasons.push(format!("moving records: {refused}; {slow}")),
         },
         (Err(why), _) => reasons.push(format!("moving records: none, {why}; {slow}")),
-        (Ok(_), None) => reasons.push(format!("moving records: not used, the machine has no rigid body; {slow}")),
+        (Ok(_), Body::Absent) => reasons.push(format!("moving records: not used, the machine has no rigid body; {slow}")),
     }
     if moving.is_none() {
         begin(progress, "small LFR: all lines");

@@ -8,7 +8,9 @@ use super::{DeltaReach, GrowSettings};
 use crate::sampling::Sampling;
 use crate::sampling::hold::Derivative;
 use crate::shape::Shape;
-use crate::{Candidate, FitError, FrozenData, RandomChannels, RefineSettings, Refined, ResidualUnit, refine};
+use crate::{
+    Candidate, FitError, FrozenData, RandomChannels, RefineSettings, Refined, ResidualUnit, Rigid, refine,
+};
 use lpv_core::{Continuous, CoreError, Discrete, SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
 
@@ -48,12 +50,12 @@ impl<K: Sampling> Coherent<K> {
     /// their lines; of noisy ones each line knows a part, so that they are merged, about models that a first round gives.
     pub(super) fn in_few_lines(
         local: &StateSpace<K>,
-        gamma: Option<&DMatrix<f64>>,
+        rigid: Rigid<'_>,
         data: &FrozenData,
         range: &SchedulingRange,
         settings: &GrowSettings,
     ) -> Result<(Self, FrozenData), FitError> {
-        let around = |few: &FrozenData| Self::new(local, gamma, few, range, settings.reach);
+        let around = |few: &FrozenData| Self::new(local, rigid, few, range, settings.reach);
         let thinned = data.thinned(settings.lines);
         let rough = around(&thinned)?;
         if data.unit() == ResidualUnit::Relative {
@@ -66,20 +68,20 @@ impl<K: Sampling> Coherent<K> {
 
     pub(super) fn new(
         local: &StateSpace<K>,
-        gamma: Option<&DMatrix<f64>>,
+        rigid: Rigid<'_>,
         data: &FrozenData,
         range: &SchedulingRange,
         reach: DeltaReach,
     ) -> Result<Self, FitError> {
         let none = RandomChannels::default();
-        let whole = Candidate::flexible(local, gamma, &[], range.clone(), none)?;
+        let whole = Candidate::flexible(local, rigid, &[], range.clone(), none)?;
         let shape = Shape {
             states: local.states(),
             outputs: local.outputs(),
             inputs: local.inputs(),
         };
         let mut free = whole.free().clone();
-        let rigid = whole.states() - shape.states;
+        let beside = whole.states() - shape.states;
         let n = whole.states();
         match reach {
             DeltaReach::States => free.rows_mut(n, shape.outputs).fill(false),
@@ -118,7 +120,7 @@ impl<K: Sampling> Coherent<K> {
             let poles = &here.positions()[0].poles;
             if fitted.account.rms > MISSED * target(data.unit()) && !poles.is_empty() {
                 let mut m = start.matrix().clone();
-                let mut a = m.view_mut((rigid, rigid), (shape.states, shape.states));
+                let mut a = m.view_mut((beside, beside), (shape.states, shape.states));
                 a.copy_from(&moved(local.clock(), &a.clone_owned(), poles, data.clock())?);
                 // A start of its own kind: where it leads to nothing, the other one stands.
                 if let Ok(other) = fit(&start.clone().with_matrix(m))
@@ -138,7 +140,7 @@ impl<K: Sampling> Coherent<K> {
         let flexible = (shape.rows(), shape.columns());
         let models: Vec<(Vec<f64>, DMatrix<f64>)> = solved
             .into_iter()
-            .map(|(delta, c)| (delta, c.matrix().view((rigid, rigid), flexible).into_owned()))
+            .map(|(delta, c)| (delta, c.matrix().view((beside, beside), flexible).into_owned()))
             .collect();
         let rows = match reach {
             DeltaReach::States => shape.states,

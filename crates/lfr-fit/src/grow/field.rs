@@ -3,9 +3,10 @@
 use super::coherent::{Coherent, ERROR_FLOOR};
 use super::{DeltaReach, GainFit, GrowSettings, Grown, StartAccount, StartKind, StartOutcome, StartSearch};
 use crate::sampling::Sampling;
-use crate::{Candidate, FitError, FrozenData, RandomChannels, RefineSettings, Refined, ResidualUnit, refine};
+use crate::{
+    Candidate, FitError, FrozenData, RandomChannels, RefineSettings, Refined, ResidualUnit, Rigid, refine,
+};
 use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
-use nalgebra::DMatrix;
 use std::time::Instant;
 
 /// The damped fit ends at this relative rms: the fit to the data goes on from there.
@@ -20,7 +21,7 @@ const STAGE: usize = 8;
 /// What does not depend on the number of deltas.
 pub(crate) struct Field<'a, K: Sampling> {
     local: &'a StateSpace<K>,
-    gamma: Option<&'a DMatrix<f64>>,
+    rigid: Rigid<'a>,
     data: &'a FrozenData,
     scheduling: &'a SchedulingRange,
     settings: &'a GrowSettings,
@@ -34,17 +35,17 @@ pub(crate) struct Field<'a, K: Sampling> {
 impl<'a, K: Sampling> Field<'a, K> {
     pub(crate) fn new(
         local: &'a StateSpace<K>,
-        gamma: Option<&'a DMatrix<f64>>,
+        rigid: Rigid<'a>,
         data: &'a FrozenData,
         scheduling: &'a SchedulingRange,
         settings: &'a GrowSettings,
     ) -> Result<Self, FitError> {
         settings.check()?;
-        let (coherent, few) = Coherent::in_few_lines(local, gamma, data, scheduling, settings)?;
+        let (coherent, few) = Coherent::in_few_lines(local, rigid, data, scheduling, settings)?;
         Ok(Self {
             coherent,
             local,
-            gamma,
+            rigid,
             data,
             scheduling,
             settings,
@@ -168,32 +169,33 @@ impl<'a, K: Sampling> Field<'a, K> {
             target,
             ..RefineSettings::default()
         };
-        let start = |gamma: Option<&DMatrix<f64>>, seed: u64| {
+        let start = |rigid: Rigid<'_>, seed: u64| {
             let random = RandomChannels { seed, size: set.size };
-            let start = Candidate::flexible(self.local, gamma, deltas, self.scheduling.clone(), random)?;
+            let start = Candidate::flexible(self.local, rigid, deltas, self.scheduling.clone(), random)?;
             match set.reach {
                 DeltaReach::States => Ok(start),
                 DeltaReach::Outputs => start.with_free_outputs(),
             }
         };
+        let within = self.rigid.within();
         let flexible = match (account.kind, given) {
             (StartKind::Coherent { degree }, _) => {
-                self.coherent.factorised(start(None, set.seed)?, degree)?
+                self.coherent.factorised(start(within, set.seed)?, degree)?
             }
-            (StartKind::Given, Some(given)) => extended(start(None, set.seed)?, given),
-            (StartKind::Given, None) => start(None, set.seed)?,
-            (StartKind::Random { seed }, _) => start(None, seed)?,
+            (StartKind::Given, Some(given)) => extended(start(within, set.seed)?, given),
+            (StartKind::Given, None) => start(within, set.seed)?,
+            (StartKind::Random { seed }, _) => start(within, seed)?,
         };
         let (flexible, iterations) = self.coherent.fit(flexible, &quick(NEAR))?;
         account.iterations += iterations;
-        let whole = match (start(self.gamma, set.seed)?, set.gain, self.gamma) {
+        let whole = match (start(self.rigid, set.seed)?, set.gain, self.rigid.gain()) {
             (whole, GainFit::Free, Some(_)) => whole.with_free_gain()?,
             (whole, ..) => whole,
         };
-        let rigid = whole.states() - flexible.states();
+        let beside = whole.states() - flexible.states();
         let mut m = whole.matrix().clone();
         let part = flexible.matrix();
-        m.view_mut((rigid, rigid), part.shape()).copy_from(part);
+        m.view_mut((beside, beside), part.shape()).copy_from(part);
         let mut whole = whole.with_matrix(m);
         if let Some(floored) = &self.floored {
             let near = refine(&whole, floored, &quick(1.0))?;
@@ -247,7 +249,7 @@ fn agree(starts: &[StartAccount]) -> bool {
 /// those.
 fn extended<K: Sampling>(base: Candidate<K>, given: &Candidate<K>) -> Candidate<K> {
     let (shape, nc) = (base.shape(), base.channels().len());
-    let rigid = given.states() - shape.states;
+    let beside = given.states() - shape.states;
     // The k-th channel of a parameter becomes the k-th of that parameter.
     let mut taken = vec![false; nc];
     let places: Vec<Option<usize>> = given
@@ -271,7 +273,7 @@ fn extended<K: Sampling>(base: Candidate<K>, given: &Candidate<K>) -> Candidate<
     for (i, row) in all(shape.rows()).enumerate() {
         for (j, column) in all(shape.columns()).enumerate() {
             if let (Some(row), Some(column)) = (row, column) {
-                m[(row, column)] = old[(rigid + i, rigid + j)];
+                m[(row, column)] = old[(beside + i, beside + j)];
             }
         }
     }

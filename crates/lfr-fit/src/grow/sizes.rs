@@ -3,9 +3,8 @@
 use super::field::Field;
 use super::{GrowSettings, Grown, StartSearch};
 use crate::sampling::Sampling;
-use crate::{FitError, FrozenData};
+use crate::{FitError, FrozenData, Rigid};
 use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
-use nalgebra::DMatrix;
 use std::collections::VecDeque;
 
 /// Why a size was chosen.
@@ -38,16 +37,16 @@ pub struct Sizes<K: Sampling> {
 ///
 /// # Errors
 /// [`FitError::Empty`] without sizes, and those of [`super::grow`].
-pub fn grow_sizes<K: Sampling>(
+pub fn grow_sizes<'a, K: Sampling>(
     local: &StateSpace<K>,
-    gamma: Option<&DMatrix<f64>>,
+    rigid: impl Into<Rigid<'a>>,
     data: &FrozenData,
     sizes: &[Vec<DeltaBlock>],
     scheduling: &SchedulingRange,
     settings: &GrowSettings,
 ) -> Result<Sizes<K>, FitError> {
     let rms = |g: &Grown<K>| g.refined.account.rms;
-    let field = Field::new(local, gamma, data, scheduling, settings)?;
+    let field = Field::new(local, rigid.into(), data, scheduling, settings)?;
     let all = settings.search == StartSearch::All;
     let middle = if all { 0 } else { sizes.len().saturating_sub(1) / 2 };
     let mut grown: VecDeque<Grown<K>> = VecDeque::new();

@@ -10,6 +10,16 @@ use num_complex::Complex;
 
 type C64 = Complex<f64>;
 
+/// What there is beside the modes.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Beside<'a> {
+    Nothing,
+    /// Double integrators, whose gain is found along with the residues.
+    Gain,
+    /// This response.
+    Known(&'a Frf),
+}
+
 /// `F = gamma phi + sum_i R_i phi_i + conj(R_i phi_i)`, fitted with the relative weight `1 / ||G||_F` a line.
 pub(super) struct Residues {
     poles: Vec<C64>,
@@ -24,8 +34,9 @@ impl Residues {
         clock: K,
         data: &FrozenData,
         poles: &[C64],
-        has_rigid: bool,
+        beside: &Beside<'_>,
     ) -> Result<Self, FitError> {
+        let has_rigid = *beside == Beside::Gain;
         let position = &data.positions()[0];
         let (frf, z) = (&position.frf, &position.z);
         let (ny, nu) = (frf.outputs(), frf.inputs());
@@ -70,7 +81,7 @@ impl Residues {
             }
             .into());
         }
-        let solution = weighted_solution(&columns, frf)?;
+        let solution = weighted_solution(&columns, frf, beside)?;
         let matrix = |row: usize| DMatrix::from_fn(ny, nu, |o, u| solution[(row, u * ny + o)]);
         let gamma = if has_rigid {
             matrix(0)
@@ -174,7 +185,7 @@ impl Residues {
 }
 
 /// Least squares with one right-hand side a channel, every line divided by the size of the response there.
-fn weighted_solution(columns: &[Vec<C64>], frf: &Frf) -> Result<DMatrix<f64>, FitError> {
+fn weighted_solution(columns: &[Vec<C64>], frf: &Frf, beside: &Beside<'_>) -> Result<DMatrix<f64>, FitError> {
     let (lines, size, channels) = (frf.len(), columns.len(), frf.outputs() * frf.inputs());
     if 2 * lines < size {
         return Err(FitError::TooFewEquations {
@@ -186,7 +197,11 @@ fn weighted_solution(columns: &[Vec<C64>], frf: &Frf) -> Result<DMatrix<f64>, Fi
     for k in 0..lines {
         let weight = 1.0 / frf.line(k).norm().max(f64::MIN_POSITIVE);
         let known = columns.iter().map(|c| c[k]);
-        for (j, v) in known.chain(frf.line_slice(k).iter().copied()).enumerate() {
+        let wanted = frf.line_slice(k).iter().enumerate().map(|(at, v)| match beside {
+            Beside::Known(part) => v - part.line_slice(k)[at],
+            Beside::Nothing | Beside::Gain => *v,
+        });
+        for (j, v) in known.chain(wanted).enumerate() {
             all[(k, j)] = v.re * weight;
             all[(lines + k, j)] = v.im * weight;
         }

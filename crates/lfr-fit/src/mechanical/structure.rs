@@ -18,13 +18,14 @@ impl Candidate<Continuous> {
     ) -> Result<Self, FitError> {
         let good = random.size.is_finite() && random.size >= 0.0;
         FitError::unless(good, "size", random.size, "give a finite number, not negative")?;
-        let nm = self.channels().iter().filter(|c| **c == Channel::Direct).count();
+        let nd = self.channels().iter().filter(|c| **c == Channel::Direct).count();
         let (n, nu, ny) = (self.states(), self.inputs(), self.outputs());
         let nq = n / 2;
-        let nc = nm + split.total();
+        let nm = nq - ny;
+        let nc = nd + split.total();
         let sizes = self.mechanical_sizes();
         let m = self.matrix();
-        let (rows, columns) = (n + ny + nm, n + nu + nm);
+        let (rows, columns) = (n + ny + nd, n + nu + nd);
         let mut wide = DMatrix::zeros(n + ny + nc, n + nu + nc);
         wide.view_mut((0, 0), (rows, columns))
             .copy_from(&m.view((0, 0), (rows, columns)));
@@ -32,9 +33,9 @@ impl Candidate<Continuous> {
         let mut rng = ChaCha8Rng::seed_from_u64(random.seed);
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let (z, w) = (n + ny, n + nu);
-        let outputs = nm + split.forces;
+        let outputs = nd + split.forces;
         let accelerations = outputs + split.outputs;
-        for d in nm..outputs {
+        for d in nd..outputs {
             for i in 0..nq {
                 wide[(z + d, i)] = normal();
                 wide[(z + d, nq + i)] = random.size * normal();
@@ -52,7 +53,7 @@ impl Candidate<Continuous> {
             }
         }
         for d in accelerations..nc {
-            for f in 0..nm {
+            for f in 0..nd {
                 wide[(z + d, w + f)] = normal() / sizes.rate;
             }
             for j in 0..nu {
@@ -63,14 +64,21 @@ impl Candidate<Continuous> {
             }
         }
         // Chains of deltas: powers of p.
-        for group in [nm..outputs, outputs..accelerations, accelerations..nc] {
+        for group in [nd..outputs, outputs..accelerations, accelerations..nc] {
             for one in group.clone() {
                 for other in group.clone() {
                     wide[(z + one, w + other)] = 0.1 * random.size * normal();
                 }
             }
         }
-        let mask = Mask { nq, ny, nu, nm };
+        let friction = nd - nm;
+        let mask = Mask {
+            nq,
+            ny,
+            nu,
+            nm,
+            friction,
+        };
         let part = |at, size| wide.view(at, size).into_owned();
         let blocks = LfrBlocks {
             a: part((0, 0), (n, n)),
@@ -83,7 +91,7 @@ impl Candidate<Continuous> {
             d21: part((n, w), (ny, nc)),
             d22: part((n, n), (ny, nu)),
         };
-        let channels = std::iter::repeat_n(Channel::Direct, nm)
+        let channels = std::iter::repeat_n(Channel::Direct, nd)
             .chain(std::iter::repeat_n(Channel::Parameter(0), split.total()))
             .collect();
         let free = mask.mask(split);
@@ -120,6 +128,8 @@ pub(super) struct Mask {
     ny: usize,
     nu: usize,
     nm: usize,
+    /// Forces of friction.
+    friction: usize,
 }
 
 #[derive(PartialEq)]
@@ -128,6 +138,7 @@ enum Part {
     Speed,
     Port,
     Force,
+    Friction,
     Before,
     Output,
     After,
@@ -140,18 +151,22 @@ impl Mask {
             nq: m.a.nrows() / 2,
             ny: m.c2.nrows(),
             nu: m.b2.ncols(),
-            nm: m.d11.nrows(),
+            nm: m.a.nrows() / 2 - m.c2.nrows(),
+            friction: m.d11.nrows() + m.c2.nrows() - m.a.nrows() / 2,
         }
     }
 
     pub(super) fn mask(&self, split: DeltaSplit) -> DMatrix<bool> {
-        let channels = self.nm + split.total();
+        let channels = self.nm + self.friction + split.total();
         let (rows, columns) = (2 * self.nq + self.ny + channels, 2 * self.nq + self.nu + channels);
         DMatrix::from_fn(rows, columns, |i, j| {
             let from = self.part(j, self.nu, split);
             match self.part(i, self.ny, split) {
                 Part::Position => false,
-                Part::Speed | Part::After => matches!(from, Part::Force | Part::Port | Part::After),
+                Part::Speed | Part::After => {
+                    matches!(from, Part::Force | Part::Friction | Part::Port | Part::After)
+                }
+                Part::Friction => from == Part::Speed,
                 Part::Port | Part::Output => matches!(from, Part::Position | Part::Output),
                 Part::Force | Part::Before => matches!(from, Part::Position | Part::Speed | Part::Before),
             }
@@ -165,6 +180,7 @@ impl Mask {
             (self.nq, Part::Speed),
             (ports, Part::Port),
             (self.nm, Part::Force),
+            (self.friction, Part::Friction),
             (split.forces, Part::Before),
             (split.outputs, Part::Output),
         ];

@@ -54,6 +54,10 @@ fn estimate(
     )
 }
 
+fn said(estimates: &[FrfEstimate], clock: Discrete, first_mode_hz: f64) -> Vec<String> {
+    RigidEvidence::of(estimates, clock, first_mode_hz).map_or_else(Vec::new, |found| found.lines())
+}
+
 #[test]
 fn friction_over_three_decades_is_named_with_its_deviation() {
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
@@ -72,7 +76,7 @@ fn friction_over_three_decades_is_named_with_its_deviation() {
         let bend = 1e-3 * mass * std::f64::consts::TAU * body.lowest;
         within += usize::from((value - mass * rate).abs() < 3.0 * deviation + bend);
         all += 1;
-        let said = missing(std::slice::from_ref(&machine), clock, hz);
+        let said = said(std::slice::from_ref(&machine), clock, hz);
         if mass * rate > 10.0 * (deviation + bend) {
             assert!(
                 said.iter().any(|s| s.contains("viscous friction to ground:")),
@@ -95,7 +99,7 @@ fn a_free_mass_has_no_friction_and_constant_axes_no_coupling() {
             .map(|(i, p)| estimate(&mass, &zero, (120.0, noise), *p, 3 * seed + i as u64).0)
             .collect();
         let clock = Discrete::from_rate(2000.0).unwrap();
-        let said = missing(&places, clock, 120.0);
+        let said = said(&places, clock, 120.0);
         assert!(said.is_empty(), "seed {seed}: {said:?}");
     }
 }
@@ -112,7 +116,7 @@ fn a_gain_that_changes_along_the_stroke_is_named() {
         })
         .collect();
     let clock = Discrete::from_rate(2000.0).unwrap();
-    let said = missing(&places, clock, 120.0);
+    let said = said(&places, clock, 120.0);
     assert!(
         said.len() == 1 && said[0].contains("the axes are coupled"),
         "{said:?}"
@@ -137,7 +141,7 @@ fn axes_whose_masses_change_apart_are_not_called_coupled() {
         })
         .collect();
     let clock = Discrete::from_rate(2000.0).unwrap();
-    let said = missing(&places, clock, 120.0);
+    let said = said(&places, clock, 120.0);
     assert!(
         said.len() == 1 && said[0].contains("rigid body varies") && !said[0].contains("coupled"),
         "{said:?}"

@@ -25,6 +25,7 @@ pub(super) fn slope_start(
     let (n, nu, ny) = (plain.states(), plain.inputs(), plain.outputs());
     let nq = n / 2;
     let nm = nq - ny;
+    let nd = plain.channels().len() - split.total();
     let sizes = plain.mechanical_sizes();
     let mut m = plain.matrix().clone();
     let (z, w) = (n + ny, n + nu);
@@ -51,19 +52,19 @@ pub(super) fn slope_start(
         row /= *scale;
     }
     for (k, (left, right)) in low_rank(forces, split.forces)?.into_iter().enumerate() {
-        let k = nm + k;
+        let k = nd + k;
         m.view_mut((z + k, 0), (1, n)).copy_from(&right.transpose());
         m.view_mut((z, w + k), (nm, 1)).copy_from(&(left * sizes.rate));
     }
     for (k, (left, right)) in low_rank(outputs, split.outputs)?.into_iter().enumerate() {
-        let k = nm + split.forces + k;
+        let k = nd + split.forces + k;
         m.view_mut((z + k, 0), (1, nq)).copy_from(&right.transpose());
         for (i, scale) in form.scales().iter().enumerate() {
             m[(n + i, w + k)] = left[i] * scale;
         }
     }
     for (k, (left, right)) in low_rank(act, split.accelerations)?.into_iter().enumerate() {
-        let k = nm + split.forces + split.outputs + k;
+        let k = nd + split.forces + split.outputs + k;
         for f in 0..nm {
             m[(z + k, w + f)] = right[f];
         }

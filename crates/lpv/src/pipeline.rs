@@ -16,7 +16,8 @@ use lpv_core::linalg::{block_diagonal, from_blocks};
 use lpv_core::nalgebra::{DMatrix, dmatrix};
 use lpv_core::{Discrete, Frf, FrfEstimate, Model, StateSpace, WellPosedness, counted};
 use lpv_ident::{
-    Interpolation, LeaveOneOut, LocalFits, LpvObfModel, RegressionSettings, RigidTerm, recommend, regress,
+    IdentError, Interpolation, LeaveOneOut, LocalFits, LpvObfModel, RegressionSettings, RigidTerm, recommend,
+    regress,
 };
 use lpv_numerics::statistics::{amplitude_db, median};
 use modal_fit::ModalFit;
@@ -301,11 +302,20 @@ pub fn regress_on(
         },
         ..RegressionSettings::default()
     };
-    let functions = match rigid {
-        RigidTerms::Varying(count) => &beside_integrators(basis.basis.state_space(), count)?,
-        RigidTerms::Absent | RigidTerms::Constant => basis.basis.state_space(),
-    };
-    Ok(regress(estimates, functions, &settings)?)
+    let filters = basis.basis.state_space();
+    match rigid {
+        RigidTerms::Absent | RigidTerms::Constant => Ok(regress(estimates, filters, &settings)?),
+        RigidTerms::Varying(count) => {
+            let beside = |count| beside_integrators(filters, count);
+            match regress(estimates, &beside(count)?, &settings) {
+                // Filters with poles as slow as these lines cannot tell from an integrator are one: the other is what they lack.
+                Err(IdentError::RankDeficient { .. }) if count < MOST_INTEGRATORS => {
+                    Ok(regress(estimates, &beside(count + 1)?, &settings)?)
+                }
+                other => Ok(other?),
+            }
+        }
+    }
 }
 
 /// Most integrators of a model of several positions: those of a mass.

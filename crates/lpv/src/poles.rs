@@ -9,7 +9,7 @@ use crate::small::MOST_DAMPING;
 use lpv_core::{Clock, Discrete, FrfEstimate};
 use pole_fit::{NumeratorDegree, PoleFit, PoleFitSettings, Scan, Weighting};
 pub(crate) use search::upper_half;
-use search::{FLEXIBLE_ORDERS, Search, kind, over_noise};
+use search::{FLEXIBLE_ORDERS, MORE_THAN_NOISE, Search, kind, over_noise, stable};
 
 /// The poles at every position.
 #[derive(Debug, Clone)]
@@ -133,22 +133,26 @@ pub fn fit_poles(
         }
     }
     let mut rigid = None;
-    if estimates.len() > 1 && search.integrators + usize::from(one_by_slope) > 0 {
-        rigid = RigidEvidence::of(estimates, clock, first_mode_hz(&found.0, clock));
+    if estimates.len() > 1 && (count > 0 || one_by_slope) {
+        let evidence = |fits: &[PoleFit]| RigidEvidence::of(estimates, clock, first_mode_hz(fits, clock));
+        rigid = evidence(&found.0);
         let friction = rigid.as_ref().is_some_and(RigidEvidence::has_friction);
-        if friction && config.integrators.is_none() {
+        let missed = over_noise(&found.0) > MORE_THAN_NOISE || !stable(&found.0);
+        if (friction || missed || one_by_slope) && config.integrators.is_none() {
             // Friction leaves one integral an axis, and a slow pole for the other.
             search.integrate(1);
             let mut why = Vec::new();
             let other = search.run(&mut why)?;
-            if over_noise(&other.0) < over_noise(&found.0) * WORTH_A_POLE {
+            let as_near = over_noise(&other.0) < over_noise(&found.0) * WORTH_A_POLE;
+            let at_noise = over_noise(&other.0) <= MORE_THAN_NOISE && stable(&other.0);
+            if as_near || missed && at_noise {
                 reasons.truncate(before);
                 reasons.push(
                     "1 integrator instead: friction to ground makes a slow pole of the other".to_owned(),
                 );
                 reasons.extend(why);
                 found = other;
-                rigid = RigidEvidence::of(estimates, clock, first_mode_hz(&found.0, clock));
+                rigid = evidence(&found.0);
             } else {
                 search.integrate(count);
             }

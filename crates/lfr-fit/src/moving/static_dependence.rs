@@ -1,11 +1,12 @@
 //! From parameter-dependent state coordinates to parameter-independent ones, and an LFR there.
 
-use super::transformation::{StateTransformation, TransformationFit};
+use super::transformation::TransformationFit;
 use crate::frozen::{Closure, close};
 use crate::problem::{Cost, Linear, Problem};
 use crate::search::{Limits, Objective, search};
 use crate::{Candidate, DeltaSplit, FitError, FrozenData, MechanicalForm, RandomChannels, ResidualUnit};
-use lpv_core::Continuous;
+use lpv_core::linalg::{block_diagonal, pseudo_inverse};
+use lpv_core::{Continuous, StateSpace};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -50,33 +51,44 @@ pub fn static_dependence(
     starts: usize,
     seed: u64,
 ) -> Result<StaticDependence, FitError> {
-    let targets = targets(form, &fit.transformation)?;
-    let found: Vec<Result<(Candidate<Continuous>, f64), FitError>> = (0..starts.max(1))
+    let asked = targets(form, |delta, _| Ok(fit.transformation.basis(delta)))?;
+    let centre = form.frozen(&form.range().centre())?;
+    let still = targets(form, |_, frozen| constant_ports(form, &centre, frozen))?;
+    let starts = starts.max(1);
+    let found: Vec<Result<(Candidate<Continuous>, f64), FitError>> = (0..2 * starts)
         .into_par_iter()
-        .map(|start| {
+        .map(|at| {
+            let (targets, start) = if at < starts {
+                (&asked, at)
+            } else {
+                (&still, at - starts)
+            };
             // The first start leaves X alone.
             let random = RandomChannels {
                 seed: seed.wrapping_add(start as u64),
                 size: if start == 0 { 0.0 } else { 1.0 },
             };
-            let first = slope_start(form, split, &targets, random)?;
-            fit_matrices(&first, form.scales(), &targets)
+            let first = slope_start(form, split, targets, random)?;
+            fit_matrices(&first, form.scales(), targets)
         })
         .collect();
     let found: Vec<_> = found.into_iter().collect::<Result<_, _>>()?;
-    let starts: Vec<f64> = found.iter().map(|(_, difference)| *difference).collect();
+    let differences: Vec<f64> = found.iter().map(|(_, difference)| *difference).collect();
     let best = found
         .into_iter()
-        .filter(|(_, difference)| difference.is_finite())
-        .min_by(|a, b| a.1.total_cmp(&b.1));
-    let (near, difference) = best.ok_or_else(|| FitError::Start {
+        .enumerate()
+        .filter(|(_, (_, difference))| difference.is_finite())
+        .min_by(|(_, a), (_, b)| a.1.total_cmp(&b.1));
+    let (at, (near, difference)) = best.ok_or_else(|| FitError::Start {
         p: form.range().centre(),
         problem: "no LFR of this structure is well-posed over the range",
     })?;
-    let made_static = with_records(near, form, fit, data)?;
+    // Coordinates that the responses have given need no records yet.
+    let pull = if at < starts { 1.0 } else { 0.0 };
+    let made_static = with_records(near, form, (fit, pull), data)?;
     Ok(StaticDependence {
         difference,
-        starts,
+        starts: differences,
         ..made_static
     })
 }
@@ -93,11 +105,11 @@ const LINES: usize = 160;
 /// One standard deviation of an error of the records weighs as much as this relative error of a response without noise.
 const RELATIVE: f64 = 1e-3;
 
-/// The second step of [`static_dependence`].
+/// The second step of [`static_dependence`]; `pull`: the weight of the records, relative to what they ask for.
 fn with_records(
     near: Candidate<Continuous>,
     form: &MechanicalForm,
-    fit: &TransformationFit,
+    (fit, pull): (&TransformationFit, f64),
     data: &[FrozenData],
 ) -> Result<StaticDependence, FitError> {
     let coordinates = Coordinates::new(form, fit, &near)?;
@@ -136,7 +148,7 @@ fn with_records(
             problem: Problem::new(&before, data)?,
             coordinates: &coordinates,
             free: before.free_entries(),
-            weight: first_weight.powf(1.0 - part) * final_weight.powf(part),
+            weight: pull * first_weight.powf(1.0 - part) * final_weight.powf(part),
         };
         let limits = Limits {
             max_iterations: 40,
@@ -208,17 +220,21 @@ struct Target {
     s: DMatrix<f64>,
 }
 
-fn targets(form: &MechanicalForm, transformation: &StateTransformation) -> Result<Vec<Target>, FitError> {
+/// The frozen matrices in the coordinates `T(p) x~`, T from the normalised position and the frozen model.
+fn targets(
+    form: &MechanicalForm,
+    transformation: impl Fn(f64, &StateSpace<Continuous>) -> Result<DMatrix<f64>, FitError>,
+) -> Result<Vec<Target>, FitError> {
     (0..POSITIONS)
         .map(|i| {
             let delta = 2.0 * i as f64 / (POSITIONS - 1) as f64 - 1.0;
             let p = form.range().centre()[0] + delta * form.range().half_width()[0];
-            let t = transformation.basis(delta);
+            let frozen = form.frozen(&[p])?;
+            let t = transformation(delta, &frozen)?;
             let inverse = t.clone().try_inverse().ok_or(FitError::Start {
                 p: vec![p],
                 problem: "the state basis that the moving records ask for is singular there",
             })?;
-            let frozen = form.frozen(&[p])?;
             let (n, ny, nu) = (frozen.states(), frozen.outputs(), frozen.inputs());
             let mut s = DMatrix::zeros(n + ny, n + nu);
             s.view_mut((0, 0), (n, n))
@@ -228,6 +244,48 @@ fn targets(form: &MechanicalForm, transformation: &StateTransformation) -> Resul
             Ok(Target { delta, s })
         })
         .collect()
+}
+
+/// `T = diag(t, t)`, as near to the identity as may be, with which inputs act and outputs see as at the centre: those of a machine
+/// whose actuators and sensors stand where they are, whatever moves between them. The least squares of `t B~ = B_0`, `C~ = C_0 t`.
+fn constant_ports(
+    form: &MechanicalForm,
+    centre: &StateSpace<Continuous>,
+    frozen: &StateSpace<Continuous>,
+) -> Result<DMatrix<f64>, FitError> {
+    /// Part of the largest singular value below which a direction says nothing.
+    const CUT: f64 = 1e-3;
+    let (n, nu, ny) = (frozen.states(), frozen.inputs(), frozen.outputs());
+    let nq = n / 2;
+    let inputs: Vec<f64> = (0..nu)
+        .map(|j| centre.b().column(j).amax().max(f64::MIN_POSITIVE))
+        .collect();
+    let b = |of: &StateSpace<Continuous>, i: usize, j: usize| of.b()[(nq + i, j)] / inputs[j];
+    let c = |of: &StateSpace<Continuous>, i: usize, j: usize| of.c()[(i, j)] / form.scales()[i];
+    // vec(t - I), entry (i, j) at j nq + i.
+    let mut m = DMatrix::zeros(nq * (nu + ny), nq * nq);
+    let mut right = DVector::zeros(m.nrows());
+    for j in 0..nu {
+        for i in 0..nq {
+            let row = j * nq + i;
+            for k in 0..nq {
+                m[(row, k * nq + i)] = b(frozen, k, j);
+            }
+            right[row] = b(centre, i, j) - b(frozen, i, j);
+        }
+    }
+    for j in 0..nq {
+        for i in 0..ny {
+            let row = nu * nq + j * ny + i;
+            for k in 0..nq {
+                m[(row, j * nq + k)] = c(centre, i, k);
+            }
+            right[row] = c(frozen, i, j) - c(centre, i, j);
+        }
+    }
+    let change = pseudo_inverse(m, CUT)? * right;
+    let t = DMatrix::identity(nq, nq) + DMatrix::from_column_slice(nq, nq, change.as_slice());
+    Ok(block_diagonal(&t, &t))
 }
 
 /// The first step of [`static_dependence`]: range after range.

@@ -85,8 +85,15 @@ pub struct StaticLfr {
 /// A split whose frozen responses miss by more than this many times what the free model leaves is too small.
 const NEAR: f64 = 2.0;
 
+/// Residual of the responses over that of the free model beyond which the records have spoilt it.
+const SPOILT: f64 = 1.2;
+
 /// An error within this factor of what a free state transformation leaves has nothing left to explain.
 const EXPLAINED: f64 = 1.05;
+
+/// An error within this factor of it is worth more iterations, so many times those of the settings.
+const PROMISING: f64 = 10.0;
+const MORE: usize = 5;
 
 /// Relative errors that count beside the noise: a model that is not near yet must not be decided by lines that are known
 /// very well.
@@ -127,7 +134,20 @@ pub fn fit_static(
         tolerance: 1e-3,
         ..RefineSettings::default()
     };
+    // One that keeps the responses goes before one that does not.
     let mut best: Option<StaticLfr> = None;
+    let spoilt = |frozen_rms: f64| frozen_rms > SPOILT * fit.account.rms;
+    let mut consider = |candidate: Candidate<Continuous>, split: DeltaSplit, error: f64, frozen_rms: f64| {
+        let better = |b: &StaticLfr| (spoilt(frozen_rms), error) < (spoilt(b.frozen_rms), b.moving_rms[2]);
+        if best.as_ref().is_none_or(better) {
+            best = Some(StaticLfr {
+                candidate,
+                split,
+                moving_rms: [first, least, error],
+                frozen_rms,
+            });
+        }
+    };
     for &split in &set.splits {
         // With fewer deltas than the free model needs no structure can do.
         if split.total() < fit.candidate.delta_count() && split != set.splits[set.splits.len() - 1] {
@@ -141,19 +161,48 @@ pub fn fit_static(
         if made_static.frozen_rms > enough {
             continue;
         }
-        let refined = match refine_with_moves(&made_static.candidate, data, moves, &joint) {
+        let mut refined = match refine_with_moves(&made_static.candidate, data, moves, &joint) {
             Ok(refined) => refined,
             Err(FitError::Moving { .. }) => continue,
             Err(other) => return Err(other),
         };
+        let missed = |rms: f64| rms > EXPLAINED * least;
+        if missed(refined.account.moving_rms[1]) && refined.account.moving_rms[1] < PROMISING * least {
+            // On the way, where a few more steps may lead all of it.
+            let more = RefineSettings {
+                max_iterations: MORE * set.iterations,
+                ..joint
+            };
+            match refine_with_moves(&refined.candidate, data, moves, &more) {
+                Ok(further) if further.account.moving_rms[1] < refined.account.moving_rms[1] => {
+                    refined = further
+                }
+                Ok(_) | Err(FitError::Moving { .. }) => {}
+                Err(other) => return Err(other),
+            }
+        }
         let error = refined.account.moving_rms[1];
-        if best.as_ref().is_none_or(|b| error < b.moving_rms[2]) {
-            best = Some(StaticLfr {
-                candidate: refined.candidate,
-                split,
-                moving_rms: [first, least, error],
-                frozen_rms: refined.account.frozen_rms[1],
-            });
+        consider(refined.candidate, split, error, refined.account.frozen_rms[1]);
+        if spoilt(refined.account.frozen_rms[1]) {
+            // Records that no such LFR explains pull it away from the responses: as it was before them.
+            let none = RefineSettings {
+                max_iterations: 0,
+                ..joint
+            };
+            match refine_with_moves(&made_static.candidate, data, moves, &none) {
+                Ok(as_it_was) => {
+                    let account = as_it_was.account;
+                    consider(
+                        as_it_was.candidate,
+                        split,
+                        account.moving_rms[1],
+                        account.frozen_rms[1],
+                    );
+                }
+                Err(FitError::Moving { .. }) => {}
+                Err(other) => return Err(other),
+            }
+            continue;
         }
         if error <= EXPLAINED * least {
             break;

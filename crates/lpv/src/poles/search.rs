@@ -34,7 +34,7 @@ pub(super) fn over_noise(fits: &[PoleFit]) -> f64 {
 }
 
 /// Whether no estimated pole lies outside the unit circle.
-fn stable(fits: &[PoleFit]) -> bool {
+pub(super) fn stable(fits: &[PoleFit]) -> bool {
     fits.iter().all(|f| f.account.unstable_poles.is_empty())
 }
 
@@ -49,7 +49,7 @@ pub(super) fn description_length(fit: &PoleFit) -> f64 {
 const CLEAR_SLOPE: f64 = 0.05;
 
 /// Cost over its expectation beyond which another start is tried.
-const MORE_THAN_NOISE: f64 = 1.5;
+pub(super) const MORE_THAN_NOISE: f64 = 1.5;
 
 /// One of each pair of the estimated poles.
 pub(crate) fn upper_half(fit: &PoleFit) -> Vec<Complex<f64>> {

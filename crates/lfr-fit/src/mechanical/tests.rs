@@ -107,3 +107,73 @@ fn real_poles_are_refused() {
     let refused = MechanicalForm::in_sizes(&made, &[1.0]);
     assert!(matches!(refused, Err(FitError::Start { .. })));
 }
+
+/// A rigid body with friction, or with a gain that depends on p, keeps its integrals and its response.
+#[test]
+fn rigid_bodies_within_the_local_model() {
+    use crate::Rigid;
+    use lpv_core::linalg::{block_diagonal, from_blocks};
+    let (zero, one) = (DMatrix::zeros(2, 2), DMatrix::identity(2, 2));
+    let gain = dmatrix![1.0, 0.2; 0.1, 2.0];
+    let f = [0.05, 0.3, 0.5, 2.0];
+    let range = SchedulingRange::interval(-0.3, 0.3).unwrap();
+    for (rigid, rate, rank) in [
+        (Rigid::Varying, zero.clone(), (6, 4)),
+        (Rigid::Friction, dmatrix![0.05, 0.01; 0.0, 0.02], (6, 6)),
+    ] {
+        let body = from_blocks(&[&[&zero, &one], &[&zero, &-&rate]]).unwrap();
+        let modes = local();
+        let whole = StateSpace::new(
+            block_diagonal(&body, modes.a()),
+            from_blocks(&[&[&zero], &[&gain], &[modes.b()]]).unwrap(),
+            from_blocks(&[&[&one, &zero, modes.c()]]).unwrap(),
+            zero.clone(),
+            Continuous,
+        )
+        .unwrap();
+        let deltas = [lpv_core::DeltaBlock {
+            parameter: 0,
+            repetitions: 2,
+        }];
+        let channels = RandomChannels { seed: 2, size: 0.01 };
+        let made = Candidate::flexible(&whole, rigid, &deltas, range.clone(), channels).unwrap();
+        // Whatever the channels are, no position moves a speed: two poles at zero at least.
+        for p in [-0.3, 0.1] {
+            let a = made.frozen(&[p]).unwrap().a().clone();
+            assert_eq!(a.columns(0, 2).amax(), 0.0);
+            assert!((a.view((0, 2), (2, 2)) - &one).amax() == 0.0);
+        }
+        let gain_moves =
+            made.frozen(&[0.3]).unwrap().b().rows(2, 2) - made.frozen(&[-0.3]).unwrap().b().rows(2, 2);
+        assert!(gain_moves.amax() > 1e-6);
+        let form = MechanicalForm::in_sizes(&made, &[1.0, 0.05]).unwrap();
+        let own = form.frozen(&[0.0]).unwrap().frequency_response(&f).unwrap();
+        let truth = whole.frequency_response(&f).unwrap();
+        let error = own.relative_error(&truth).unwrap();
+        assert!(error.iter().all(|e| *e < 1e-3), "{rigid:?}: {error:?}");
+        let split = DeltaSplit {
+            forces: 1,
+            outputs: 1,
+            accelerations: 2,
+        };
+        let made = form
+            .candidate(split, RandomChannels { seed: 3, size: 0.3 })
+            .unwrap();
+        for p in [-0.3, 0.2] {
+            let system = made.frozen(&[p]).unwrap();
+            let a = system.a();
+            let of = |m: &DMatrix<f64>| svd(m.clone()).unwrap().rank(1e-9 * m.norm());
+            assert_eq!((of(a), of(&(a * a))), rank, "{rigid:?} at {p}");
+        }
+    }
+    // A local model too small for a rigid body.
+    let small = StateSpace::new(
+        dmatrix![-1.0],
+        dmatrix![1.0],
+        dmatrix![1.0],
+        dmatrix![0.0],
+        Continuous,
+    )
+    .unwrap();
+    assert!(Candidate::flexible(&small, Rigid::Friction, &[], range, RandomChannels::default()).is_err());
+}

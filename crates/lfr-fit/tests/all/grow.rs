@@ -3,11 +3,13 @@
 use crate::common::*;
 use lfr_fit::{
     Candidate, DeltaReach, FitError, FrozenData, GainFit, GrowSettings, RandomChannels, RefineSettings,
-    StartAccount, StartKind, StartOutcome, StartSearch, grow, merge_lines, refine,
+    Rigid, StartAccount, StartKind, StartOutcome, StartSearch, grow, local_body, merge_lines, refine,
 };
 use lpv_core::nalgebra::{DMatrix, dmatrix};
 use lpv_core::num_complex::Complex;
-use lpv_core::{Continuous, CoreError, DeltaBlock, Frf, FrfEstimate, Lfr, SchedulingRange, StateSpace};
+use lpv_core::{
+    Continuous, CoreError, DeltaBlock, Discrete, Frf, FrfEstimate, Lfr, SchedulingRange, StateSpace,
+};
 use rand::RngExt;
 
 fn centre(truth: &Candidate<Continuous>) -> StateSpace<Continuous> {
@@ -385,4 +387,70 @@ fn condensed_lines_know_what_all_lines_know() {
         judged.rank
     );
     assert!((judged.rms - 1.0).abs() < 0.01, "{}", judged.rms);
+}
+
+/// A mass with friction to ground behind a spring whose stiffness depends on p, from exact responses over three decades of friction.
+#[test]
+fn rigid_bodies_with_friction_grow() {
+    let clock = Discrete::new(0.05).unwrap();
+    let lines: Vec<f64> = (1..80).map(|k| 0.02 * f64::from(k)).collect();
+    for friction in [0.003, 0.03, 0.3, 3.0] {
+        let machine = |p: f64| {
+            // Two masses, 3 and 1, on a spring 4 (1 + p / 4); friction on the first.
+            let (k, d) = (4.0 * (1.0 + 0.25 * p), 0.04);
+            let a = dmatrix![
+                0.0, 0.0, 1.0, 0.0;
+                0.0, 0.0, 0.0, 1.0;
+                -k / 3.0, k / 3.0, -(d + friction) / 3.0, d / 3.0;
+                k, -k, d, -d
+            ];
+            let b = dmatrix![0.0; 0.0; 1.0 / 3.0; 0.0];
+            StateSpace::new(a, b, dmatrix![1.0, 0.0, 0.0, 0.0], dmatrix![0.0], Continuous).unwrap()
+        };
+        let responses: Vec<(Vec<f64>, Frf)> = [-1.0, -0.5, 0.0, 0.5, 1.0]
+            .into_iter()
+            .map(|p| {
+                let held = machine(p).zero_order_hold(clock).unwrap();
+                (vec![p], held.frequency_response(&lines).unwrap())
+            })
+            .collect();
+        let data = FrozenData::relative(clock, &responses).unwrap();
+        let middle = data.subset(|p| p[0] == 0.0).unwrap();
+        let held = machine(0.0).zero_order_hold(clock).unwrap();
+        let poles = lpv_core::linalg::eigenvalues(held.a()).unwrap();
+        let modes: Vec<_> = poles.into_iter().filter(|z| z.im != 0.0).collect();
+        let (gain, rate) = (dmatrix![0.25], dmatrix![0.25 * friction]);
+        let settings = RefineSettings::default();
+        let local = local_body(&middle, &modes, Rigid::Friction, (&gain, &rate), &settings).unwrap();
+        assert!(local.account.rms < 1e-4, "{friction}: {}", local.account.rms);
+        let range = SchedulingRange::interval(-1.0, 1.0).unwrap();
+        let settings = GrowSettings::default();
+        let grown = grow(
+            &local.model,
+            Rigid::Friction,
+            &data,
+            &one_parameter(2),
+            &range,
+            &settings,
+        )
+        .unwrap();
+        assert!(grown.reached, "{friction}: {:?}", grown.starts);
+        let between = grown.refined.candidate.frozen(&[0.3]).unwrap();
+        let own = between
+            .zero_order_hold(clock)
+            .unwrap()
+            .frequency_response(&lines)
+            .unwrap();
+        let truth = machine(0.3).zero_order_hold(clock).unwrap();
+        let truth = truth.frequency_response(&lines).unwrap();
+        let error = own.relative_error(&truth).unwrap();
+        assert!(error.iter().all(|e| *e < 1e-2), "{friction}: {error:?}");
+        // The integral is exact.
+        assert_eq!(between.a().column(0).amax(), 0.0);
+        // A rigid body of another kind is none within a local model, and two positions are no local model.
+        let other = local_body(&middle, &modes, Rigid::Absent, (&gain, &rate), &settings.refine);
+        assert!(matches!(other, Err(FitError::Empty { .. })));
+        let several = local_body(&data, &modes, Rigid::Friction, (&gain, &rate), &settings.refine);
+        assert!(matches!(several, Err(FitError::Data { .. })));
+    }
 }

@@ -17,7 +17,9 @@
 //!    mirrored, and B, D, the offset and the initial states, in which the predictions are linear, are solved for.
 //! 2. Levenberg-Marquardt with exact sensitivities over all filters of an order. The steps are orthogonal to the
 //!    directions that only change the basis of the state \[mckelvey2004\]; no canonical form, so no
-//!    ill-conditioned one. The coordinates are balanced anew at each step. Initial states are eliminated.
+//!    ill-conditioned one. The coordinates are balanced anew at each step. Initial states are eliminated. All
+//!    sensitivities are sums of the responses of `2 n` orthonormal functions to each known signal \[heuberger2005\], so
+//!    that a sample takes as many operations as there are such responses.
 //! 3. A climb through the orders: each also starts from the optima of the two orders below, with states fitted to their
 //!    residuals. So the cost never increases with the order. Of more than 10,000 samples a part is searched like this,
 //!    and the best of each order is then searched on over all.
@@ -76,6 +78,7 @@ mod rest;
 pub mod rigid_body;
 mod search;
 mod segment;
+mod sensitivity;
 mod settings;
 mod start;
 

@@ -4,6 +4,9 @@ use crate::{LtiIdentError, Offset};
 use lpv_core::linalg::{discrete_gramian, eigenvalues, from_blocks, real_schur, svd};
 use nalgebra::{Complex, DMatrix, DMatrixView, DVector};
 
+/// Most chunks of samples that are simulated side by side, and fewest samples of one.
+const CHUNKS: usize = 64;
+
 /// `x+ = A x + B w`, `y_hat = C x + D w + d`, kept as `[A B 0; C D d]`, which `[x; w; 1]` drives.
 ///
 /// For a simulation `w = u` and d is the output offset. For one-step predictions `w = [u; y]`, A stands for `A - K C`, B
@@ -85,6 +88,43 @@ impl Predictor {
         }
         let predictions = self.matrix.rows(n, self.outputs()) * &known;
         (predictions, known.rows(0, n).into_owned())
+    }
+
+    /// The predictions of [`Self::simulate`]. Chunks of samples are simulated side by side from rest, so that a step is a
+    /// product of matrices; then what their first states add, `C A^k x`.
+    pub(crate) fn predictions(&self, initial: &DVector<f64>, w: &DMatrix<f64>) -> DMatrix<f64> {
+        let (n, ny, samples) = (self.states, self.outputs(), w.ncols());
+        let length = samples.div_ceil(CHUNKS).max(CHUNKS);
+        let chunks = samples.div_ceil(length);
+        let (a, c) = (self.a(), self.c());
+        // B w, and once used, the state at its sample.
+        let mut states = (self.b() * w).resize_horizontally(length * chunks, 0.0);
+        let (mut x, mut next) = (DMatrix::zeros(n, chunks), DMatrix::zeros(n, chunks));
+        let (mut see, mut power) = (DMatrix::zeros(length * ny, n), c.into_owned());
+        for k in 0..length {
+            let mut here = states.columns_with_step_mut(k, chunks, length - 1);
+            next.copy_from(&here);
+            here.copy_from(&x);
+            next.gemm(1.0, &a, &x, 1.0);
+            std::mem::swap(&mut x, &mut next);
+            see.rows_mut(k * ny, ny).copy_from(&power);
+            power *= a;
+        }
+        let whole = a.into_owned().pow(length as u32);
+        let mut first = DMatrix::zeros(n, chunks);
+        first.set_column(0, initial);
+        for chunk in 1..chunks {
+            let arrived = &whole * first.column(chunk - 1) + x.column(chunk - 1);
+            first.set_column(chunk, &arrived);
+        }
+        let from_first = see * first;
+        let mut predictions =
+            DMatrix::from_iterator(ny, samples, from_first.iter().copied().take(ny * samples));
+        predictions.gemm(1.0, &c, &states.columns(0, samples), 1.0);
+        predictions.gemm(1.0, &self.d(), w, 1.0);
+        let offset = self.offset();
+        predictions.column_iter_mut().for_each(|mut y| y += &offset);
+        predictions
     }
 
     /// The same filter in balanced coordinates with its initial states, where the Gramians can be computed: the search

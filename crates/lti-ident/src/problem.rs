@@ -2,11 +2,9 @@
 
 use crate::Offset;
 use crate::predictor::{Predictor, Region};
+use crate::sensitivity::Sensitivities;
 use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector, Dyn};
 use rayon::prelude::*;
-
-/// Samples whose sensitivities are held at a time.
-const BLOCK: usize = 64;
 
 /// Smallest variance of a residual of signals of unit deviation: below it are rounding errors.
 const FLOOR: f64 = 1e-24;
@@ -104,7 +102,7 @@ impl Problem {
         if !predictor.is_within(self.region) {
             return None;
         }
-        let residual = |(run, x): (&Run, &DVector<f64>)| &run.outputs - predictor.simulate(x, &run.known).0;
+        let residual = |(run, x): (&Run, &DVector<f64>)| &run.outputs - predictor.predictions(x, &run.known);
         let residuals: Vec<_> = self.runs.iter().zip(&initial).map(residual).collect();
         let factor = covariance(&residuals).cholesky()?.unpack();
         let cost = 2.0 * factor.diagonal().map(f64::ln).sum();
@@ -164,23 +162,9 @@ impl Equations {
         directions: &DMatrix<f64>,
         initial: InitialStates,
     ) -> Option<Self> {
-        let whiten = point.factor.clone().try_inverse()?;
-        let stacked = stacked(&point.predictor, directions);
         let p = directions.ncols();
-        let sum = |(i, run): (usize, &Run)| {
-            Sensitivities {
-                predictor: &point.predictor,
-                stacked: &stacked,
-                directions: p,
-                free: if initial == InitialStates::Estimated {
-                    point.predictor.states
-                } else {
-                    0
-                },
-                whiten: &whiten,
-            }
-            .sum(run, &point.initial[i], &point.residuals[i])
-        };
+        let sensitivities = Sensitivities::new(point, directions, initial)?;
+        let sum = |(i, run): (usize, &Run)| sensitivities.sum(run, &point.initial[i], &point.residuals[i]);
         let sums: Vec<_> = problem.runs.par_iter().enumerate().map(sum).collect();
         let mut equations = Self {
             common: DMatrix::zeros(p, p),
@@ -232,84 +216,6 @@ fn damped(m: &DMatrix<f64>, damping: f64) -> DMatrix<f64> {
         m[(i, i)] += damping * m[(i, i)] + least;
     }
     m
-}
-
-/// Directions one below the other, each `(n + n_y) x (n + n_w + 1)`: their product with `[x; w; 1]` drives all sensitivities.
-fn stacked(predictor: &Predictor, directions: &DMatrix<f64>) -> DMatrix<f64> {
-    let (rows, columns) = predictor.matrix.shape();
-    DMatrix::from_fn(rows * directions.ncols(), columns, |i, j| {
-        directions[(j * rows + i % rows, i / rows)]
-    })
-}
-
-struct Sensitivities<'a> {
-    predictor: &'a Predictor,
-    stacked: &'a DMatrix<f64>,
-    directions: usize,
-    /// Initial states that are free: all or none.
-    free: usize,
-    whiten: &'a DMatrix<f64>,
-}
-
-impl Sensitivities<'_> {
-    /// `J' J` and `J' r` of one run. Sensitivities `Z = [dx/dtheta, dx/dx_0]` follow `Z+ = A Z + dM [x; w; 1]`, and
-    /// the rows of J are `C Z + dM [x; w; 1]`.
-    fn sum(
-        &self,
-        run: &Run,
-        initial: &DVector<f64>,
-        residual: &DMatrix<f64>,
-    ) -> (DMatrix<f64>, DVector<f64>) {
-        let (n, ny) = (self.predictor.states, self.predictor.outputs());
-        let (p, columns) = (self.directions, self.directions + self.free);
-        let states = self.predictor.simulate(initial, &run.known).1;
-        let left = self.predictor.matrix.columns(0, n);
-        let whitened = self.whiten * residual;
-        let mut z = DMatrix::zeros(n, columns);
-        z.view_mut((0, p), (self.free, self.free)).fill_with_identity();
-        let mut out = DMatrix::zeros(n + ny, columns);
-        let mut h = DMatrix::zeros(columns, columns);
-        let mut g = DVector::zeros(columns);
-        for from in (0..residual.ncols()).step_by(BLOCK) {
-            let samples = BLOCK.min(residual.ncols() - from);
-            let forces = self.forces(&states, &run.known, from, samples);
-            let mut jacobian = DMatrix::zeros(columns, ny * samples);
-            for k in 0..samples {
-                out.gemm(1.0, &left, &z, 0.0);
-                let force = forces.column(k);
-                for (v, f) in out.as_mut_slice().iter_mut().zip(force.as_slice()) {
-                    *v += f;
-                }
-                z.copy_from(&out.rows(0, n));
-                let rows = self.whiten * out.rows(n, ny);
-                jacobian.columns_mut(ny * k, ny).copy_from(&rows.transpose());
-            }
-            let r = whitened.columns(from, samples);
-            g.gemv(
-                1.0,
-                &jacobian,
-                &DVector::from_iterator(ny * samples, r.iter().copied()),
-                1.0,
-            );
-            h.gemm(1.0, &jacobian, &jacobian.transpose(), 1.0);
-        }
-        (h, g)
-    }
-
-    fn forces(
-        &self,
-        states: &DMatrix<f64>,
-        known: &DMatrix<f64>,
-        from: usize,
-        samples: usize,
-    ) -> DMatrix<f64> {
-        let n = states.nrows();
-        let mut both = DMatrix::from_element(n + known.nrows() + 1, samples, 1.0);
-        both.rows_mut(0, n).copy_from(&states.columns(from, samples));
-        both.rows_mut(n, known.nrows())
-            .copy_from(&known.columns(from, samples));
-        self.stacked * both
-    }
 }
 
 /// Row and column of the first entry of a block, and its shape.

@@ -153,3 +153,17 @@ fn balancing_and_reflection_keep_what_they_promise() {
         assert!((found - expected).abs() < 1e-10, "{radii:?}");
     }
 }
+
+#[test]
+fn predictions_in_chunks_are_those_of_one_sample_after_the_other() {
+    let (_, point) = example();
+    for samples in [1, 63, 64, 65, 1000, 5000] {
+        let w = numbers(2, samples, 0.2);
+        let (plain, _) = point.predictor.simulate(&point.initial[0], &w);
+        let fast = point.predictor.predictions(&point.initial[0], &w);
+        assert!(
+            (&fast - &plain).amax() < 1e-12 * plain.amax(),
+            "{samples} samples"
+        );
+    }
+}

@@ -96,35 +96,34 @@ impl Predictor {
         let (n, ny, samples) = (self.states, self.outputs(), w.ncols());
         let length = samples.div_ceil(CHUNKS).max(CHUNKS);
         let chunks = samples.div_ceil(length);
-        let (a, c) = (self.a(), self.c());
-        // B w, and once used, the state at its sample.
-        let mut states = (self.b() * w).resize_horizontally(length * chunks, 0.0);
-        let (mut x, mut next) = (DMatrix::zeros(n, chunks), DMatrix::zeros(n, chunks));
-        let (mut see, mut power) = (DMatrix::zeros(length * ny, n), c.into_owned());
+        let (rows, left) = (n + ny, self.matrix.columns(0, n));
+        let driven = (self.matrix.columns(n, w.nrows()) * w).resize_horizontally(length * chunks, 0.0);
+        let mut predictions = DMatrix::zeros(ny, length * chunks);
+        let (mut x, mut next) = (DMatrix::zeros(n, chunks), DMatrix::zeros(rows, chunks));
+        let (mut see, mut power) = (DMatrix::zeros(length * ny, n), self.c().into_owned());
         for k in 0..length {
-            let mut here = states.columns_with_step_mut(k, chunks, length - 1);
-            next.copy_from(&here);
-            here.copy_from(&x);
-            next.gemm(1.0, &a, &x, 1.0);
-            std::mem::swap(&mut x, &mut next);
+            next.copy_from(&driven.columns_with_step(k, chunks, length - 1));
+            next.gemm(1.0, &left, &x, 1.0);
+            x.copy_from(&next.rows(0, n));
+            predictions
+                .columns_with_step_mut(k, chunks, length - 1)
+                .copy_from(&next.rows(n, ny));
             see.rows_mut(k * ny, ny).copy_from(&power);
-            power *= a;
+            power *= self.a();
         }
-        let whole = a.into_owned().pow(length as u32);
+        let whole = self.a().into_owned().pow(length as u32);
         let mut first = DMatrix::zeros(n, chunks);
         first.set_column(0, initial);
         for chunk in 1..chunks {
             let arrived = &whole * first.column(chunk - 1) + x.column(chunk - 1);
             first.set_column(chunk, &arrived);
         }
-        let from_first = see * first;
-        let mut predictions =
-            DMatrix::from_iterator(ny, samples, from_first.iter().copied().take(ny * samples));
-        predictions.gemm(1.0, &c, &states.columns(0, samples), 1.0);
-        predictions.gemm(1.0, &self.d(), w, 1.0);
-        let offset = self.offset();
+        let (from_first, offset) = (see * first, self.offset());
+        for (y, added) in predictions.as_mut_slice().iter_mut().zip(from_first.as_slice()) {
+            *y += added;
+        }
         predictions.column_iter_mut().for_each(|mut y| y += &offset);
-        predictions
+        predictions.resize_horizontally(samples, 0.0)
     }
 
     /// The same filter in balanced coordinates with its initial states, where the Gramians can be computed: the search

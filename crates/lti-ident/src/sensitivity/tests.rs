@@ -29,9 +29,9 @@ fn poles(n: usize) -> DMatrix<f64> {
     a.view((0, 0), (n, n)).into_owned()
 }
 
-fn example(n: usize, samples: usize) -> (Problem, Point) {
+fn example(n: usize, nw: usize, samples: usize) -> (Problem, Point) {
     let runs = vec![Run {
-        known: numbers(2, samples, 0.1),
+        known: numbers(nw, samples, 0.1),
         outputs: numbers(3, samples, 0.4),
     }];
     let (direct, offset, region) = (1, Offset::Estimated, Region::circle(1.0));
@@ -42,12 +42,12 @@ fn example(n: usize, samples: usize) -> (Problem, Point) {
         region,
     };
     let q = (DMatrix::identity(n, n) + numbers(n, n, 2.0) * 0.3).qr().q();
-    let mut matrix = numbers(n + 3, n + 3, 3.0) * 0.4;
+    let mut matrix = numbers(n + 3, n + nw + 1, 3.0) * 0.4;
     matrix
         .view_mut((0, 0), (n, n))
         .copy_from(&(&q * poles(n) * q.transpose()));
-    matrix.view_mut((n, n + 1), (3, 1)).fill(0.0);
-    matrix.view_mut((0, n + 2), (n, 1)).fill(0.0);
+    matrix.view_mut((n, n + 1), (3, nw - 1)).fill(0.0);
+    matrix.view_mut((0, n + nw), (n, 1)).fill(0.0);
     let initial = vec![DVector::from_element(n, 0.5)];
     let point = problem.point(Predictor { states: n, matrix }, initial).unwrap();
     (problem, point)
@@ -55,14 +55,24 @@ fn example(n: usize, samples: usize) -> (Problem, Point) {
 
 #[test]
 fn moments_give_what_simulation_gives() {
-    for n in [1, 2, 3, 5, 8] {
-        let (problem, point) = example(n, 2000);
+    let (estimated, held) = (InitialStates::Estimated, InitialStates::Held);
+    // Three known signals and an impulse fill the lanes; four need more.
+    for (n, nw, initial) in [
+        (1, 2, estimated),
+        (2, 3, held),
+        (3, 3, estimated),
+        (5, 4, estimated),
+        (8, 2, held),
+        (8, 5, estimated),
+    ] {
+        let (problem, point) = example(n, nw, 2000);
         let directions = local_directions(&problem, &point.predictor);
-        let all = Sensitivities::new(&point, &directions, InitialStates::Estimated).unwrap();
+        let all = Sensitivities::new(&point, &directions, initial).unwrap();
         let (cascade, tangents) = all.fast.as_ref().unwrap();
         let (run, x, e) = (&problem.runs[0], &point.initial[0], &point.residuals[0]);
         let (h, g) = all.by_moments(cascade, tangents, run, x, e);
         let (h_plain, g_plain) = all.by_simulation(run, x, e);
+        assert_eq!(h.shape(), h_plain.shape());
         for i in 0..h.nrows() {
             for j in 0..=i {
                 let scale = (h_plain[(i, i)] * h_plain[(j, j)]).sqrt();

@@ -5,6 +5,7 @@
 
 use crate::TaskError;
 use experiment_data::Bundle;
+use lpv::lpv_core::linalg::eigenvalues;
 use lpv::lpv_core::nalgebra::{DMatrix, DVector};
 use lpv::validation::{Scope, validate};
 use lpv::{IdentifyConfig, ModelFile, identify_bundle, silent};
@@ -263,11 +264,18 @@ impl Machine {
         columns
     }
 
-    /// The natural frequency of the mode at p: that of the spring between the masses that it joins, without friction.
-    fn frequency_hz(&self, p: f64) -> f64 {
-        let h = (self.spring)(p);
-        let compliance: f64 = h.iter().zip(self.mass.iter()).map(|(h, m)| h * h / m).sum();
-        (self.stiffness * (1.0 + self.slope * p) * compliance).sqrt() / std::f64::consts::TAU
+    /// The natural frequency of the mode at p, `|s| / 2 pi` of the fastest pole.
+    fn frequency_hz(&self, p: f64) -> Result<f64, TaskError> {
+        let n = self.mass.len();
+        let still = DVector::zeros(n);
+        let mut a = DMatrix::zeros(2 * n, 2 * n);
+        for j in 0..2 * n {
+            let unit = DVector::from_fn(2 * n, |i, _| f64::from(u8::from(i == j)));
+            a.set_column(j, &self.rate_of(p, &unit, &still));
+        }
+        let poles = eigenvalues(&a)?;
+        let fastest = poles.iter().map(|s| s.norm()).fold(0.0, f64::max);
+        Ok(fastest / std::f64::consts::TAU)
     }
 }
 
@@ -286,7 +294,7 @@ fn lead(mass: f64, crossover_hz: f64, rate: f64) -> [f64; 3] {
 }
 
 /// Noise of a sample, relative to the output of the periodic experiments.
-const NOISE: f64 = 5e-4;
+const NOISE: f64 = 5e-3;
 
 /// Samples of a period, and periods.
 const PERIOD: usize = 2000;
@@ -440,7 +448,7 @@ fn judge(
         && let lpv::Identified::Lpv(stage) = identified.as_ref()
     {
         for (fit, &p) in stage.poles.fits.iter().zip(&machine.positions) {
-            let truth = machine.frequency_hz(p);
+            let truth = machine.frequency_hz(p)?;
             let nearest = fit.modes().into_iter().min_by(|a, b| {
                 (a.frequency_hz - truth)
                     .abs()

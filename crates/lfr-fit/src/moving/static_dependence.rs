@@ -45,23 +45,26 @@ const POSITIONS: usize = 13;
 /// [`FitError::Start`] if T(p) is singular, or no start is well-posed over the range; those of the structure.
 pub fn static_dependence(
     form: &MechanicalForm,
-    fit: &TransformationFit,
+    fit: Option<&TransformationFit>,
     data: &[FrozenData],
     split: DeltaSplit,
     starts: usize,
     seed: u64,
 ) -> Result<StaticDependence, FitError> {
-    let asked = targets(form, |delta, _| Ok(fit.transformation.basis(delta)))?;
+    let asked = match fit {
+        Some(fit) => targets(form, |delta, _| Ok(fit.transformation.basis(delta)))?,
+        None => Vec::new(),
+    };
     let centre = form.frozen(&form.range().centre())?;
     let still = targets(form, |_, frozen| constant_ports(form, &centre, frozen))?;
     let starts = starts.max(1);
-    let found: Vec<Result<(Candidate<Continuous>, f64), FitError>> = (0..2 * starts)
+    let by_records = if fit.is_some() { starts } else { 0 };
+    let found: Vec<Result<(Candidate<Continuous>, f64), FitError>> = (0..by_records + starts)
         .into_par_iter()
         .map(|at| {
-            let (targets, start) = if at < starts {
-                (&asked, at)
-            } else {
-                (&still, at - starts)
+            let (targets, start) = match at < by_records {
+                true => (&asked, at),
+                false => (&still, at - by_records),
             };
             // The first start leaves X alone.
             let random = RandomChannels {
@@ -84,8 +87,7 @@ pub fn static_dependence(
         problem: "no LFR of this structure is well-posed over the range",
     })?;
     // Coordinates that the responses have given need no records yet.
-    let pull = if at < starts { 1.0 } else { 0.0 };
-    let made_static = with_records(near, form, (fit, pull), data)?;
+    let made_static = with_records(near, form, fit.filter(|_| at < by_records), data)?;
     Ok(StaticDependence {
         difference,
         starts: differences,
@@ -105,14 +107,14 @@ const LINES: usize = 160;
 /// One standard deviation of an error of the records weighs as much as this relative error of a response without noise.
 const RELATIVE: f64 = 1e-3;
 
-/// The second step of [`static_dependence`]; `pull`: the weight of the records, relative to what they ask for.
+/// The second step of [`static_dependence`]; without a fit to the records, on the responses alone.
 fn with_records(
     near: Candidate<Continuous>,
     form: &MechanicalForm,
-    (fit, pull): (&TransformationFit, f64),
+    fit: Option<&TransformationFit>,
     data: &[FrozenData],
 ) -> Result<StaticDependence, FitError> {
-    let coordinates = Coordinates::new(form, fit, &near)?;
+    let coordinates = fit.map(|fit| Coordinates::new(form, fit, &near)).transpose()?;
     let thinned: Vec<FrozenData> = data.iter().map(|d| d.thinned(LINES)).collect();
     let (Some(first), Some(last)) = (thinned.first(), thinned.last()) else {
         return Err(FitError::Empty {
@@ -128,10 +130,13 @@ fn with_records(
     let frozen = problem
         .cost(&problem.theta(&near))
         .ok_or_else(|| problem.no_start())?;
-    let moving = coordinates
-        .residual(&near)
-        .ok_or_else(|| problem.no_start())?
-        .norm_squared();
+    let moving = match &coordinates {
+        Some(coordinates) => {
+            let residual = coordinates.residual(&near).ok_or_else(|| problem.no_start())?;
+            residual.norm_squared()
+        }
+        None => f64::NAN,
+    };
     let first_weight = (frozen.total / moving).sqrt().min(final_weight);
     let mut made_static = StaticDependence {
         candidate: near,
@@ -146,9 +151,9 @@ fn with_records(
         let before = made_static.candidate.clone();
         let objective = StaticObjective {
             problem: Problem::new(&before, data)?,
-            coordinates: &coordinates,
+            coordinates: coordinates.as_ref(),
             free: before.free_entries(),
-            weight: pull * first_weight.powf(1.0 - part) * final_weight.powf(part),
+            weight: first_weight.powf(1.0 - part) * final_weight.powf(part),
         };
         let limits = Limits {
             max_iterations: 40,
@@ -161,11 +166,16 @@ fn with_records(
         let candidate = objective.problem.candidate(&found.theta);
         let cost = |c: Option<Cost>| c.map_or(f64::NAN, |c| c.total);
         let frozen = cost(objective.problem.cost(&found.theta));
-        let moving = coordinates
-            .residual(&candidate)
-            .map_or(f64::NAN, |r| r.norm_squared());
         made_static.frozen_rms = (frozen / data.rms_count(data.equations())).sqrt();
-        made_static.moving_rms = (moving / fit.equations as f64).sqrt();
+        made_static.moving_rms = coordinates
+            .as_ref()
+            .zip(fit)
+            .map_or(f64::NAN, |(coordinates, fit)| {
+                let moving = coordinates
+                    .residual(&candidate)
+                    .map_or(f64::NAN, |r| r.norm_squared());
+                (moving / fit.equations as f64).sqrt()
+            });
         made_static.candidate = candidate;
         // Where tolerant weights are missed already, those that count are out of reach.
         if step > 0 && data.unit() == ResidualUnit::StandardDeviation && made_static.frozen_rms > MISSED {
@@ -179,7 +189,8 @@ fn with_records(
 /// Frozen responses and the coordinates that the records ask for.
 struct StaticObjective<'a> {
     problem: Problem<'a, Continuous>,
-    coordinates: &'a Coordinates,
+    /// None where the responses are all that is fitted.
+    coordinates: Option<&'a Coordinates>,
     /// Free entries of the candidate, all of which the problem keeps.
     free: Vec<(usize, usize)>,
     weight: f64,
@@ -191,14 +202,18 @@ impl Objective for StaticObjective<'_> {
     }
     fn cost(&self, theta: &DVector<f64>) -> Option<Cost> {
         let mut cost = self.problem.cost(theta)?;
-        let moves = self.coordinates.residual(&self.problem.candidate(theta))?;
+        let Some(coordinates) = self.coordinates else {
+            return Some(cost);
+        };
+        let moves = coordinates.residual(&self.problem.candidate(theta))?;
         cost.total += self.weight.powi(2) * moves.norm_squared();
         Some(cost)
     }
     fn linearise(&self, theta: &DVector<f64>) -> Option<Linear> {
-        let mut moves = self
-            .coordinates
-            .linearise(&self.problem.candidate(theta), &self.free)?;
+        let Some(coordinates) = self.coordinates else {
+            return self.problem.linearise(theta);
+        };
+        let mut moves = coordinates.linearise(&self.problem.candidate(theta), &self.free)?;
         moves.jacobian *= self.weight;
         moves.residual *= self.weight;
         Some(self.problem.linearise(theta)?.above(moves))

@@ -127,8 +127,15 @@ pub fn fit_static(
         tolerance: 0.1,
         ..RefineSettings::default()
     };
-    let transformed = fit_transformation(&form, moves, set.degree, &nearly)?;
-    let [first, _, least] = transformed.account.rms;
+    // Fast moves may make the frozen model run away; the responses then give the coordinates alone.
+    let transformed = match fit_transformation(&form, moves, set.degree, &nearly) {
+        Ok(found) => Some(found),
+        Err(FitError::Moving { .. }) if form.range().parameters() == 1 => None,
+        Err(other) => return Err(other),
+    };
+    let [first, _, least] = transformed
+        .as_ref()
+        .map_or([f64::INFINITY, f64::INFINITY, 1.0], |t| t.account.rms);
     let joint = RefineSettings {
         max_iterations: set.iterations,
         tolerance: 1e-3,
@@ -153,11 +160,12 @@ pub fn fit_static(
         if split.total() < fit.candidate.delta_count() && split != set.splits[set.splits.len() - 1] {
             continue;
         }
-        let made_static = match static_dependence(&form, &transformed, &stages, split, set.starts, set.seed) {
-            Ok(made_static) => made_static,
-            Err(FitError::Start { .. }) => continue,
-            Err(other) => return Err(other),
-        };
+        let made_static =
+            match static_dependence(&form, transformed.as_ref(), &stages, split, set.starts, set.seed) {
+                Ok(made_static) => made_static,
+                Err(FitError::Start { .. }) => continue,
+                Err(other) => return Err(other),
+            };
         if made_static.frozen_rms > enough {
             continue;
         }

@@ -146,7 +146,7 @@ fn coordinates_that_stand_still_are_found_from_records() {
     };
     let made_static = static_dependence(
         &form,
-        &transformed,
+        Some(&transformed),
         std::slice::from_ref(&bench.data),
         split,
         2,

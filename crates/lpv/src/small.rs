@@ -59,8 +59,8 @@ pub struct MovingStage {
     /// Deltas of the inner forces, of the outputs, and of the accelerations.
     pub deltas: [usize; 3],
     /// Rms error along the records in units of the noise of a sample: the frozen model, with its coordinates turned, and
-    /// after the joint refinement.
-    pub over_noise: [f64; 3],
+    /// after the joint refinement; none where the frozen model runs away from them.
+    pub over_noise: [Option<f64>; 3],
     /// Rms residual of the frozen responses after it.
     pub frozen_residual: f64,
 }
@@ -212,11 +212,11 @@ fn attempt(
         (Ok(moves), Body::Constant | Body::Varying | Body::Friction) => match standing(&fit, &few, &units.moves(moves)?, config.seed) {
             Ok(Some(found)) => {
                 let account = MovingStage::new(&found);
+                let [own, turned, joint] = account.over_noise.map(|error| {
+                    error.map_or_else(|| "beyond bounds".to_owned(), |e| format!("{e:.3} times the noise"))
+                });
                 reasons.push(format!(
-                    "moving records: error {:.3} times the noise with the coordinates of the frozen model, {:.3} with parameter-dependent ones, {:.3} after the joint refinement in parameter-independent coordinates ({} + {} + {} deltas); frozen residual {:.3}",
-                    account.over_noise[0],
-                    account.over_noise[1],
-                    account.over_noise[2],
+                    "moving records: error {own} with the coordinates of the frozen model, {turned} with parameter-dependent ones, {joint} after the joint refinement in parameter-independent coordinates ({} + {} + {} deltas); frozen residual {:.3}",
                     account.deltas[0],
                     account.deltas[1],
                     account.deltas[2],
@@ -224,7 +224,8 @@ fn attempt(
                 ));
                 let whole = refine(&found.candidate, data, &as_it_is)?;
                 if enough.is_none_or(|enough| whole.account.rms <= enough) {
-                    if account.over_noise[2] > MISSED * account.over_noise[1].max(1.0) {
+                    let [_, turned, joint] = account.over_noise;
+                    if joint.is_none_or(|e| e > MISSED * turned.unwrap_or(1.0).max(1.0)) {
                         reasons.push(format!("warning: moving records are not explained to their noise; {slow}"));
                     }
                     fit = whole;

@@ -76,8 +76,8 @@ pub struct StaticLfr {
     /// Where its deltas act.
     pub split: DeltaSplit,
     /// Rms error along the records in units of the noise: of the frozen model, of the frozen model with a
-    /// parameter-dependent state transformation, and of the LFR.
-    pub moving_rms: [f64; 3],
+    /// parameter-dependent state transformation, and of the LFR; none where the frozen model runs away from the records.
+    pub moving_rms: [Option<f64>; 3],
     /// Rms residual of the frozen responses, in their unit.
     pub frozen_rms: f64,
 }
@@ -133,9 +133,11 @@ pub fn fit_static(
         Err(FitError::Moving { .. }) if form.range().parameters() == 1 => None,
         Err(other) => return Err(other),
     };
-    let [first, _, least] = transformed
-        .as_ref()
-        .map_or([f64::INFINITY, f64::INFINITY, 1.0], |t| t.account.rms);
+    let (first, known) = match &transformed {
+        Some(found) => (Some(found.account.rms[0]), Some(found.account.rms[2])),
+        None => (None, None),
+    };
+    let least = known.unwrap_or(1.0);
     let joint = RefineSettings {
         max_iterations: set.iterations,
         tolerance: 1e-3,
@@ -145,12 +147,14 @@ pub fn fit_static(
     let mut best: Option<StaticLfr> = None;
     let spoilt = |frozen_rms: f64| frozen_rms > SPOILT * fit.account.rms;
     let mut consider = |candidate: Candidate<Continuous>, split: DeltaSplit, error: f64, frozen_rms: f64| {
-        let better = |b: &StaticLfr| (spoilt(frozen_rms), error) < (spoilt(b.frozen_rms), b.moving_rms[2]);
+        let better = |b: &StaticLfr| {
+            (spoilt(frozen_rms), error) < (spoilt(b.frozen_rms), b.moving_rms[2].unwrap_or(f64::INFINITY))
+        };
         if best.as_ref().is_none_or(better) {
             best = Some(StaticLfr {
                 candidate,
                 split,
-                moving_rms: [first, least, error],
+                moving_rms: [first, known, Some(error)],
                 frozen_rms,
             });
         }

@@ -57,7 +57,11 @@ fn along(moving: &MovingStage) -> Table {
         "joint fit, parameter-independent coordinates",
     ];
     for (name, error) in names.into_iter().zip(moving.over_noise) {
-        table = table.row([Cell::text(name), Cell::number(error, Format::Significant(4))]);
+        let error = match error {
+            Some(error) => Cell::number(error, Format::Significant(4)),
+            None => Cell::text("it runs away"),
+        };
+        table = table.row([Cell::text(name), error]);
     }
     table
 }

@@ -38,7 +38,8 @@ const POSITIONS: usize = 13;
 /// Takes a frozen model in mechanical coordinates, with the rate of its state transformation, to `x = T(p) x~`, where the
 /// machine's coordinates do not depend on p, and fits an LFR of the mechanical structure with the given deltas, in two steps that
 /// simulate nothing. From `starts` random starts it is fitted to the matrices `T A T^-1, T B, C T^-1` over the range; the
-/// one that comes nearest is then fitted to frozen responses and to what the records say about G together. `data` are
+/// one that comes nearest is then fitted to frozen responses and to what the records say about G together. Without a fit to records
+/// T(p) is that with which inputs act and outputs see as at the centre, and the responses alone are fitted. `data` are
 /// the responses, from tolerant weights to those that count; the weight of the records grows along with them.
 ///
 /// # Errors
@@ -51,46 +52,37 @@ pub fn static_dependence(
     starts: usize,
     seed: u64,
 ) -> Result<StaticDependence, FitError> {
-    let asked = match fit {
-        Some(fit) => targets(form, |delta, _| Ok(fit.transformation.basis(delta)))?,
-        None => Vec::new(),
-    };
     let centre = form.frozen(&form.range().centre())?;
-    let still = targets(form, |_, frozen| constant_ports(form, &centre, frozen))?;
-    let starts = starts.max(1);
-    let by_records = if fit.is_some() { starts } else { 0 };
-    let found: Vec<Result<(Candidate<Continuous>, f64), FitError>> = (0..by_records + starts)
+    let targets = targets(form, |delta, frozen| match fit {
+        Some(fit) => Ok(fit.transformation.basis(delta)),
+        None => constant_ports(form, &centre, frozen),
+    })?;
+    let found: Vec<Result<(Candidate<Continuous>, f64), FitError>> = (0..starts.max(1))
         .into_par_iter()
-        .map(|at| {
-            let (targets, start) = match at < by_records {
-                true => (&asked, at),
-                false => (&still, at - by_records),
-            };
+        .map(|start| {
             // The first start leaves X alone.
             let random = RandomChannels {
                 seed: seed.wrapping_add(start as u64),
                 size: if start == 0 { 0.0 } else { 1.0 },
             };
-            let first = slope_start(form, split, targets, random)?;
-            fit_matrices(&first, form.scales(), targets)
+            let first = slope_start(form, split, &targets, random)?;
+            fit_matrices(&first, form.scales(), &targets)
         })
         .collect();
     let found: Vec<_> = found.into_iter().collect::<Result<_, _>>()?;
-    let differences: Vec<f64> = found.iter().map(|(_, difference)| *difference).collect();
+    let starts: Vec<f64> = found.iter().map(|(_, difference)| *difference).collect();
     let best = found
         .into_iter()
-        .enumerate()
-        .filter(|(_, (_, difference))| difference.is_finite())
-        .min_by(|(_, a), (_, b)| a.1.total_cmp(&b.1));
-    let (at, (near, difference)) = best.ok_or_else(|| FitError::Start {
+        .filter(|(_, difference)| difference.is_finite())
+        .min_by(|a, b| a.1.total_cmp(&b.1));
+    let (near, difference) = best.ok_or_else(|| FitError::Start {
         p: form.range().centre(),
         problem: "no LFR of this structure is well-posed over the range",
     })?;
-    // Coordinates that the responses have given need no records yet.
-    let made_static = with_records(near, form, fit.filter(|_| at < by_records), data)?;
+    let made_static = with_records(near, form, fit, data)?;
     Ok(StaticDependence {
         difference,
-        starts: differences,
+        starts,
         ..made_static
     })
 }

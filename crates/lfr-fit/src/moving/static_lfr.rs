@@ -159,17 +159,20 @@ pub fn fit_static(
             });
         }
     };
-    for &split in &set.splits {
+    // Coordinates that the records ask for, and those of actuators and sensors that stand still.
+    let families = transformed.as_ref().map(Some).into_iter().chain([None]);
+    for (coordinates, &split) in
+        families.flat_map(|family| set.splits.iter().map(move |split| (family, split)))
+    {
         // With fewer deltas than the free model needs no structure can do.
         if split.total() < fit.candidate.delta_count() && split != set.splits[set.splits.len() - 1] {
             continue;
         }
-        let made_static =
-            match static_dependence(&form, transformed.as_ref(), &stages, split, set.starts, set.seed) {
-                Ok(made_static) => made_static,
-                Err(FitError::Start { .. }) => continue,
-                Err(other) => return Err(other),
-            };
+        let made_static = match static_dependence(&form, coordinates, &stages, split, set.starts, set.seed) {
+            Ok(made_static) => made_static,
+            Err(FitError::Start { .. }) => continue,
+            Err(other) => return Err(other),
+        };
         if made_static.frozen_rms > enough {
             continue;
         }

@@ -13,7 +13,7 @@ use std::path::Path;
 /// | `structure` | `lpv` with several positions, else `lti` | what kind of model |
 /// | `skip-periods` | from the decay between periods | periods dropped as transient |
 /// | `order` | minimum description length | order of the common denominator, integrators included; states of a time-domain fit |
-/// | `integrators` | slope at the lowest lines | poles held at z = 1 |
+/// | `integrators` | slope at the lowest lines, and friction to ground there | poles held at z = 1 |
 /// | `functions` | truncation a tenth of the FRF noise | number of basis functions n_g |
 /// | `fuzziness` | 35 | m of Fuzzy-Kolmogorov c-Max |
 /// | `polish` | `minimax` | what follows FKcM |
@@ -267,7 +267,7 @@ const TEMPLATE: &str = r#"# Settings of `lpv identify`. A line that is commented
 # Order of the common denominator, integrators included; for records without periods the number of states.
 # order = 8
 
-# Poles held at z = 1: 2 for a position that follows a force, 1 for a speed, 0 for a spring to ground.
+# Poles held at z = 1: 2 for a position that follows a force, 1 with friction to ground or for a speed, 0 for a spring to ground.
 # integrators = 2
 
 # Number of orthonormal basis functions n_g.

@@ -39,7 +39,8 @@ pub struct RigidEvidence {
 }
 
 impl RigidEvidence {
-    /// Of all positions together. None where the machine has not as many inputs as outputs, or where too few lines lie below its modes.
+    /// Of all positions together. None where the machine has not as many inputs as outputs, where too few lines lie below its modes, and
+    /// where these show no mass, or friction that makes a pole as fast as the modes.
     ///
     /// `first_mode_hz`: the lowest natural frequency of a flexible mode, over all positions.
     pub(crate) fn of(estimates: &[FrfEstimate], clock: Discrete, first_mode_hz: f64) -> Option<Self> {
@@ -48,6 +49,13 @@ impl RigidEvidence {
             .map(|e| body(e, clock, BELOW_MODES * first_mode_hz))
             .collect::<Option<_>>()?;
         let axes = bodies.first()?.mass.nrows();
+        // A speed, or a lag, has no mass: what would be its friction is another quantity.
+        let has_mass = |b: &Body| (0..axes).all(|i| b.mass[(i, i)] > SIGNIFICANT * b.mass_deviation[(i, i)]);
+        let fast = std::f64::consts::TAU * BELOW_MODES * first_mode_hz;
+        let is_slow = |b: &Body| (0..axes).all(|i| b.friction[(i, i)].abs() < fast * b.mass[(i, i)]);
+        if !bodies.iter().all(|b| has_mass(b) && is_slow(b)) {
+            return None;
+        }
         let (own, between) = coupling(&bodies);
         Some(Self {
             friction: (0..axes).map(|i| friction(&bodies, i)).collect(),

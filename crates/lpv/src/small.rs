@@ -139,7 +139,7 @@ fn attempt(
         .into());
     }
     begin(progress, "small LFR: the middle position");
-    let body = Body::of(poles);
+    let body = Body::of(poles)?;
     let local = Local::new(&middle, (&scaled[nearest], units.clock()?), &modes, body)?;
     let mut reasons = moves.reasons.clone();
     // The gain of the rigid body comes from the middle position; the others know it better together.

@@ -2,8 +2,10 @@
 
 use crate::PipelineError;
 use crate::poles::{PoleStage, RigidTerms};
-use crate::rigid::gain_and_rate;
-use lfr_fit::{FrozenData, LocalSettings, RefineSettings, Rigid, RigidGain, local_body, local_model};
+use crate::rigid::{RigidEvidence, gain_and_rate};
+use lfr_fit::{
+    FitError, FrozenData, LocalSettings, RefineSettings, Rigid, RigidGain, local_body, local_model,
+};
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Continuous, Discrete, FrfEstimate, StateSpace};
@@ -21,12 +23,19 @@ pub(super) enum Body {
 }
 
 impl Body {
-    pub(super) fn of(poles: &PoleStage) -> Self {
+    /// # Errors
+    /// One integrator without friction to ground, which no such LFR has.
+    pub(super) fn of(poles: &PoleStage) -> Result<Self, PipelineError> {
+        let friction = poles.rigid.as_ref().is_some_and(RigidEvidence::has_friction);
         match poles.rigid_terms() {
-            RigidTerms::Absent => Self::Absent,
-            RigidTerms::Constant => Self::Constant,
-            RigidTerms::Varying(1) => Self::Friction,
-            RigidTerms::Varying(_) => Self::Varying,
+            RigidTerms::Absent => Ok(Self::Absent),
+            RigidTerms::Constant => Ok(Self::Constant),
+            RigidTerms::Varying(1) if friction => Ok(Self::Friction),
+            RigidTerms::Varying(1) => Err(FitError::Empty {
+                what: "masses with friction to ground, which one integrator stands for; set `integrators` to 0 or 2, or take position as output",
+            }
+            .into()),
+            RigidTerms::Varying(_) => Ok(Self::Varying),
         }
     }
 
@@ -65,8 +74,8 @@ impl Local {
                 let first = modes.iter().map(|z| z.ln().norm() / clock.sample_time());
                 let first = first.fold(f64::INFINITY, f64::min) / std::f64::consts::TAU;
                 let (gain, mut rate) =
-                    gain_and_rate(estimate, clock, first).ok_or(PipelineError::Structure {
-                        problem: "the lowest lines do not tell the mass of the rigid body, which depends on p or has friction: excite more lines below a quarter of the first mode, or set `lfr = \"exact\"`",
+                    gain_and_rate(estimate, clock, first).ok_or(FitError::Empty {
+                        what: "lines below a quarter of the first mode that tell the mass of the rigid body, which depends on p or has friction",
                     })?;
                 let kind = if body == Body::Friction {
                     Rigid::Friction

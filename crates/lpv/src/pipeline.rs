@@ -293,7 +293,7 @@ pub fn regress_on(
     let settings = RegressionSettings {
         rigid_body: match rigid {
             RigidTerms::Constant => RigidTerm::diagonal(axes),
-            RigidTerms::Absent | RigidTerms::Varying(_) => Vec::new(),
+            RigidTerms::Absent | RigidTerms::Varying { .. } => Vec::new(),
         },
         model_error: config.model_error.unwrap_or_else(|| basis.model_error()),
         weighting: match config.weighting {
@@ -305,12 +305,12 @@ pub fn regress_on(
     let filters = basis.basis.state_space();
     match rigid {
         RigidTerms::Absent | RigidTerms::Constant => Ok(regress(estimates, filters, &settings)?),
-        RigidTerms::Varying(count) => {
-            let beside = |count| beside_integrators(filters, count);
-            match regress(estimates, &beside(count)?, &settings) {
-                // Filters with poles as slow as these lines cannot tell from an integrator are one: the other is what they lack.
-                Err(IdentError::RankDeficient { .. }) if count < MOST_INTEGRATORS => {
-                    Ok(regress(estimates, &beside(count + 1)?, &settings)?)
+        RigidTerms::Varying { single, double } => {
+            let beside = |kinds| beside_integrators(filters, kinds);
+            match regress(estimates, &beside([single, double])?, &settings) {
+                // Filters with poles as slow as these lines cannot tell from an integrator are one: the other kind is what they lack.
+                Err(IdentError::RankDeficient { .. }) if single => {
+                    Ok(regress(estimates, &beside([false, true])?, &settings)?)
                 }
                 other => Ok(other?),
             }
@@ -325,34 +325,34 @@ const TOO_MANY: PipelineError = PipelineError::Structure {
     problem: "a model of several positions has at most two integrators; set `integrators` to 0, 1 or 2, or take another quantity as output",
 };
 
-/// The filters with one more before them, of size one at the lowest of the frequencies that a sampled machine is moved at: `1 / (z - 1)`
-/// or `(z + 1) / (z - 1)^2`, whose gain then depends on p as all others do.
+/// The filters with `1 / (z - 1)` before them, or with `(z + 1) / (z - 1)^2`, or with both: gains that depend on p as all others do. They
+/// have size one where a sampled machine moves slowly.
 fn beside_integrators(
     basis: &StateSpace<Discrete>,
-    count: usize,
+    [single, double]: [bool; 2],
 ) -> Result<StateSpace<Discrete>, PipelineError> {
-    /// Radians a sample at which the filter has size one.
+    /// Radians a sample at which the filters have size one.
     const SLOW: f64 = 0.01;
-    let (a, b, c) = match count {
-        1 => (dmatrix![1.0], dmatrix![SLOW], dmatrix![1.0]),
-        2 => (
-            dmatrix![1.0, 1.0; 0.0, 1.0],
-            dmatrix![0.5; 1.0] * (SLOW * SLOW),
-            dmatrix![1.0, 0.0],
-        ),
-        _ => return Err(TOO_MANY),
-    };
-    let ng = basis.outputs();
-    Ok(StateSpace::new(
-        block_diagonal(&a, basis.a()),
-        from_blocks(&[&[&b], &[basis.b()]])?,
-        block_diagonal(&c, basis.c()),
-        from_blocks(&[
-            &[&DMatrix::zeros(1, 1)],
-            &[&basis.d().view((0, 0), (ng, 1)).into_owned()],
-        ])?,
-        basis.clock(),
-    )?)
+    let one = (dmatrix![1.0], dmatrix![SLOW], dmatrix![1.0]);
+    let two = (
+        dmatrix![1.0, 1.0; 0.0, 1.0],
+        dmatrix![0.5; 1.0] * (SLOW * SLOW),
+        dmatrix![1.0, 0.0],
+    );
+    let mut all = basis.clone();
+    for (a, b, c) in [double.then_some(two), single.then_some(one)]
+        .into_iter()
+        .flatten()
+    {
+        all = StateSpace::new(
+            block_diagonal(&a, all.a()),
+            from_blocks(&[&[&b], &[all.b()]])?,
+            block_diagonal(&c, all.c()),
+            from_blocks(&[&[&DMatrix::zeros(1, 1)], &[all.d()]])?,
+            basis.clock(),
+        )?;
+    }
+    Ok(all)
 }
 
 /// Highest polynomial order that is tried.

@@ -6,10 +6,10 @@ use crate::PipelineError;
 use crate::config::IdentifyConfig;
 use crate::rigid::RigidEvidence;
 use crate::small::MOST_DAMPING;
-use lpv_core::{Clock, Discrete, FrfEstimate};
+use lpv_core::{Clock, Discrete, FrfEstimate, counted};
 use pole_fit::{NumeratorDegree, PoleFit, PoleFitSettings, Scan, Weighting};
 pub(crate) use search::upper_half;
-use search::{FLEXIBLE_ORDERS, MORE_THAN_NOISE, Search, kind, over_noise, stable};
+use search::{FLEXIBLE_ORDERS, MORE_THAN_NOISE, Search, description_length, kind, over_noise, stable};
 
 /// The poles at every position.
 #[derive(Debug, Clone)]
@@ -18,6 +18,8 @@ pub struct PoleStage {
     pub order: usize,
     /// Poles held at z = 1.
     pub integrators: usize,
+    /// Whether friction to ground makes slow poles beside them.
+    pub slow_poles: bool,
     /// Relative error beside the noise in the weights, where noise does not explain what is left; else zero.
     pub relative_error: f64,
     /// Whether the fits have a direct term.
@@ -41,18 +43,26 @@ pub enum RigidTerms {
     Absent,
     /// Two integrators in every diagonal channel, their gains the same at all positions: as in the paper.
     Constant,
-    /// So many integrators in every channel, one or two, with gains that depend on p.
-    Varying(usize),
+    /// Integrators in every channel, with gains that depend on p: single ones, double ones, or both.
+    Varying {
+        /// `1 / (z - 1)`.
+        single: bool,
+        /// phi_R.
+        double: bool,
+    },
 }
 
 impl PoleStage {
     /// The rigid body that the integrators and the lowest lines ask for.
     pub fn rigid_terms(&self) -> RigidTerms {
         let varies = self.rigid.as_ref().is_some_and(RigidEvidence::gain_varies);
-        match self.integrators {
-            0 => RigidTerms::Absent,
-            2 if !varies => RigidTerms::Constant,
-            count => RigidTerms::Varying(count),
+        match (self.integrators, self.slow_poles) {
+            (0, _) => RigidTerms::Absent,
+            (2, false) if !varies => RigidTerms::Constant,
+            (count, slow) => RigidTerms::Varying {
+                single: count == 1 || slow,
+                double: count > 1,
+            },
         }
     }
 }
@@ -123,6 +133,7 @@ pub fn fit_poles(
             ..PoleFitSettings::new(count + FLEXIBLE_ORDERS[0])
         },
         integrators: count,
+        slow_poles: config.integrators == Some(1),
     };
     let before = reasons.len();
     let mut found = search.run(&mut reasons)?;
@@ -139,23 +150,31 @@ pub fn fit_poles(
         let friction = rigid.as_ref().is_some_and(RigidEvidence::has_friction);
         let missed = over_noise(&found.0) > MORE_THAN_NOISE || !stable(&found.0);
         if (friction || missed || one_by_slope) && config.integrators.is_none() {
-            // Friction leaves one integral an axis, and a slow pole for the other.
-            search.integrate(1);
-            let mut why = Vec::new();
-            let other = search.run(&mut why)?;
-            let as_near = over_noise(&other.0) < over_noise(&found.0) * WORTH_A_POLE;
-            let at_noise = over_noise(&other.0) <= MORE_THAN_NOISE && stable(&other.0);
-            if as_near || missed && at_noise {
-                reasons.truncate(before);
-                reasons.push(
-                    "1 integrator instead: friction to ground makes a slow pole of the other".to_owned(),
-                );
-                reasons.extend(why);
-                found = other;
-                rigid = evidence(&found.0);
-            } else {
-                search.integrate(count);
+            // Friction leaves one integral an axis, and a slow pole for the other; an axis without it keeps both.
+            search.slow_poles = true;
+            let mut kept = count;
+            for integrators in [1, 2] {
+                search.integrate(integrators);
+                let mut why = Vec::new();
+                let other = search.run(&mut why)?;
+                let shorter = length(&other.0) < length(&found.0);
+                let at_noise = over_noise(&other.0) <= MORE_THAN_NOISE && stable(&other.0);
+                let missed = over_noise(&found.0) > MORE_THAN_NOISE || !stable(&found.0);
+                let seen = evidence(&other.0).filter(RigidEvidence::has_friction);
+                if seen.is_some() && (shorter || missed && at_noise) {
+                    reasons.truncate(before);
+                    reasons.push(format!(
+                        "{} instead, and slow poles: there is friction to ground",
+                        counted(integrators, "integrator")
+                    ));
+                    reasons.extend(why);
+                    (found, rigid, kept) = (other, seen, integrators);
+                }
+                if over_noise(&found.0) <= MORE_THAN_NOISE && stable(&found.0) {
+                    break;
+                }
             }
+            search.integrate(kept);
         }
     }
     let misfit = over_noise(&found.0);
@@ -192,6 +211,7 @@ pub fn fit_poles(
     Ok(PoleStage {
         order,
         integrators: search.integrators,
+        slow_poles: search.slow_poles && rigid.as_ref().is_some_and(RigidEvidence::has_friction),
         relative_error,
         smoothing,
         direct: search.settings.numerator == NumeratorDegree::Proper,
@@ -211,8 +231,10 @@ fn first_mode_hz(fits: &[PoleFit], clock: Discrete) -> f64 {
     light.fold(clock.nyquist_hz(), f64::min)
 }
 
-/// Misfit over that without friction up to which its pole is worth having.
-const WORTH_A_POLE: f64 = 1.02;
+/// Description length of the fits at all positions.
+fn length(fits: &[PoleFit]) -> f64 {
+    fits.iter().map(description_length).sum()
+}
 
 /// Complex degrees of freedom of a covariance from which on it serves as a weight line by line.
 const ENOUGH_FREEDOM: f64 = 12.0;

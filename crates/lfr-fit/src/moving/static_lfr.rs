@@ -223,5 +223,7 @@ pub fn fit_static(
             break;
         }
     }
-    Ok(best)
+    // Worse than the frozen model in its own coordinates is no explanation.
+    let helps = |b: &StaticLfr| first.is_none_or(|own| b.moving_rms[2].is_some_and(|error| error <= own));
+    Ok(best.filter(helps))
 }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// Orders that are tried at several positions where none is given, beyond the integrators: modes come in pairs.
 pub(super) const FLEXIBLE_ORDERS: [usize; 6] = [2, 4, 6, 8, 10, 12];
 
-/// The same beside a single integrator, where friction adds a real pole an axis.
+/// The same where friction adds a real pole an axis.
 const FLEXIBLE_ORDERS_OF_FRICTION: [usize; 12] = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12];
 
 /// The same at one position, where a single lag, or nothing beside the integrators, may be all there is.
@@ -78,6 +78,8 @@ pub(super) struct Search<'a> {
     pub(super) order: Option<usize>,
     pub(super) settings: PoleFitSettings,
     pub(super) integrators: usize,
+    /// Whether friction adds real poles to those of the modes.
+    pub(super) slow_poles: bool,
 }
 
 impl Search<'_> {
@@ -165,10 +167,9 @@ impl Search<'_> {
 
     /// Orders to try, integrators included.
     fn orders(&self) -> Vec<usize> {
-        let flexible = match (self.estimates.len(), self.integrators) {
-            (1, _) => FLEXIBLE_ORDERS_LTI.as_slice(),
-            // With the slow poles of friction, one an axis.
-            (_, 1) => &FLEXIBLE_ORDERS_OF_FRICTION,
+        let flexible = match self.estimates.len() {
+            1 => FLEXIBLE_ORDERS_LTI.as_slice(),
+            _ if self.slow_poles => &FLEXIBLE_ORDERS_OF_FRICTION,
             _ => &FLEXIBLE_ORDERS,
         };
         let orders = flexible.iter().map(|n| n + self.integrators);

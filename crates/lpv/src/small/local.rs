@@ -2,7 +2,7 @@
 
 use crate::PipelineError;
 use crate::poles::{PoleStage, RigidTerms};
-use crate::rigid::{RigidEvidence, gain_and_rate};
+use crate::rigid::gain_and_rate;
 use lfr_fit::{
     FitError, FrozenData, LocalSettings, RefineSettings, Rigid, RigidGain, local_body, local_model,
 };
@@ -26,16 +26,15 @@ impl Body {
     /// # Errors
     /// One integrator without friction to ground, which no such LFR has.
     pub(super) fn of(poles: &PoleStage) -> Result<Self, PipelineError> {
-        let friction = poles.rigid.as_ref().is_some_and(RigidEvidence::has_friction);
         match poles.rigid_terms() {
             RigidTerms::Absent => Ok(Self::Absent),
             RigidTerms::Constant => Ok(Self::Constant),
-            RigidTerms::Varying(1) if friction => Ok(Self::Friction),
-            RigidTerms::Varying(1) => Err(FitError::Empty {
+            RigidTerms::Varying { .. } if poles.slow_poles => Ok(Self::Friction),
+            RigidTerms::Varying { double: true, .. } => Ok(Self::Varying),
+            RigidTerms::Varying { .. } => Err(FitError::Empty {
                 what: "masses with friction to ground, which one integrator stands for; set `integrators` to 0 or 2, or take position as output",
             }
             .into()),
-            RigidTerms::Varying(_) => Ok(Self::Varying),
         }
     }
 

@@ -108,6 +108,9 @@ impl fmt::Display for Cause {
                     Run::OpenLoop => "simulated",
                     Run::OneStep => "predicted one step",
                 };
+                if !error_percent.is_finite() || over_noise.is_some_and(|over| !over.is_finite()) {
+                    return write!(f, "{output} of record {record}, {run}, runs away");
+                }
                 write!(f, "{output} of record {record}, {run}, errs by ")?;
                 match over_noise {
                     Some(over) => write!(

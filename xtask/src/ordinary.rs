@@ -32,6 +32,9 @@ pub(crate) struct Options {
     /// Seeds a machine; a twentieth of them of the largest.
     #[arg(long, default_value_t = 20)]
     seeds: u64,
+    /// Only the machines of several positions; what the page says of the others is kept.
+    #[arg(long, conflicts_with = "quick")]
+    places: bool,
     /// Where the results go.
     #[arg(long, value_name = "FOLDER", default_value = "target/ordinary")]
     output: PathBuf,
@@ -133,8 +136,12 @@ struct Rows {
 /// What cannot be identified or written.
 pub(crate) fn run(options: &Options) -> Result<bool, TaskError> {
     let mut rows = Vec::new();
+    if options.places {
+        let kept = std::fs::read_to_string(root().join("docs/metrics/ordinary.json"))?;
+        rows = serde_json::from_str::<Rows>(&kept)?.one;
+    }
     for (index, kind) in KINDS.iter().enumerate() {
-        if options.quick && (kind.large || kind.modes == 30) {
+        if options.places || options.quick && (kind.large || kind.modes == 30) {
             continue;
         }
         let seeds = match (options.quick, kind.large) {
@@ -452,7 +459,10 @@ impl Row {
 fn page(rows: &Rows, options: &Options) -> String {
     let command = match options.quick {
         true => "--quick".to_owned(),
-        false => format!("--seeds {}", options.seeds),
+        false => format!(
+            "--seeds {}",
+            rows.one.first().map_or(options.seeds, |r| r.cases.len() as u64)
+        ),
     };
     let lines: Vec<String> = rows.one.iter().map(Row::line).collect();
     let places: Vec<String> = rows.places.iter().map(places::Row::line).collect();

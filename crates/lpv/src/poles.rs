@@ -152,7 +152,7 @@ pub fn fit_poles(
         if (friction || missed || one_by_slope) && config.integrators.is_none() {
             // Friction leaves one integral an axis, and a slow pole for the other; an axis without it keeps both.
             search.slow_poles = true;
-            let mut kept = count;
+            let mut kept = None;
             for integrators in [1, 2] {
                 search.integrate(integrators);
                 let mut why = Vec::new();
@@ -168,13 +168,18 @@ pub fn fit_poles(
                         counted(integrators, "integrator")
                     ));
                     reasons.extend(why);
-                    (found, rigid, kept) = (other, seen, integrators);
+                    (found, rigid, kept) = (other, seen, Some(integrators));
                 }
                 if over_noise(&found.0) <= MORE_THAN_NOISE && stable(&found.0) {
                     break;
                 }
             }
-            search.integrate(kept);
+            search.slow_poles = kept.is_some();
+            search.integrate(kept.unwrap_or(count));
+            if search.integrators == 0 {
+                // What a spring or a lag bends at the lowest lines is neither.
+                rigid = None;
+            }
         }
     }
     let misfit = over_noise(&found.0);

@@ -147,3 +147,87 @@ fn axes_whose_masses_change_apart_are_not_called_coupled() {
         "{said:?}"
     );
 }
+
+fn stage(estimates: &[FrfEstimate], clock: Discrete) -> crate::PoleStage {
+    crate::fit_poles(estimates, clock, &crate::IdentifyConfig::default()).unwrap()
+}
+
+/// Friction on both axes, on one, on none, over three decades: integrators and slow poles as the machine has them.
+#[test]
+fn poles_follow_the_friction() {
+    let mass = dmatrix![2.0, 0.0; 0.0, 5.0];
+    for (d1, d2) in [
+        (0.0, 0.0),
+        (0.4, 0.0),
+        (4.0, 0.0),
+        (40.0, 0.0),
+        (4.0, 40.0),
+        (40.0, 8.0),
+    ] {
+        let friction = dmatrix![d1, 0.0; 0.0, d2];
+        let places: Vec<FrfEstimate> = (0..3)
+            .map(|i| {
+                let p = f64::from(i);
+                estimate(&mass, &friction, (110.0 + 5.0 * p, 1e-3), p, 40 + i as u64).0
+            })
+            .collect();
+        let clock = Discrete::from_rate(2000.0).unwrap();
+        let found = stage(&places, clock);
+        let rigid = found.rigid.as_ref().unwrap();
+        let seen: Vec<bool> = rigid.friction.iter().map(Option::is_some).collect();
+        assert_eq!(seen, [d1 > 0.0, d2 > 0.0], "{d1}, {d2}: {:?}", rigid.friction);
+        assert_eq!(found.slow_poles, d1 + d2 > 0.0, "{d1}, {d2}: {:?}", found.reasons);
+        if d1 + d2 == 0.0 {
+            assert_eq!(found.rigid_terms(), crate::RigidTerms::Constant);
+        }
+        assert!(!rigid.gain_varies());
+        let cost = found
+            .fits
+            .iter()
+            .map(|f| f.account.cost / f.account.expected_cost);
+        assert!(cost.fold(0.0, f64::max) < 1.5, "{d1}, {d2}: {:?}", found.reasons);
+    }
+}
+
+/// A speed has no mass in position, and a spring no friction, whatever bends the lowest lines.
+#[test]
+fn speeds_and_springs_are_no_friction() {
+    let clock = Discrete::from_rate(2000.0).unwrap();
+    let lines: Vec<f64> = (1..400).map(|k| 2.0 * f64::from(k)).collect();
+    let of = |position: f64, numerator: [f64; 2], denominator: [f64; 3]| {
+        // (n0 + n1 s) / (d0 + d1 s + d2 s^2) beside a mode that moves.
+        let w = std::f64::consts::TAU * (110.0 + position);
+        let a = dmatrix![
+            0.0, 1.0, 0.0, 0.0;
+            -denominator[0] / denominator[2], -denominator[1] / denominator[2], 0.0, 0.0;
+            0.0, 0.0, 0.0, 1.0;
+            0.0, 0.0, -w * w, -0.03 * w
+        ];
+        let b = dmatrix![0.0; 1.0 / denominator[2]; 0.0; 0.3];
+        let c = dmatrix![numerator[0], numerator[1], 1.0, 0.0];
+        let machine = StateSpace::new(a, b, c, dmatrix![0.0], Continuous).unwrap();
+        let held = machine.zero_order_hold(clock).unwrap();
+        let frf = held.frequency_response(&lines).unwrap();
+        let deviation: Vec<C64> = (0..frf.len())
+            .map(|k| C64::from((1e-3 * frf.line(k).norm()).powi(2)))
+            .collect();
+        let one = vec![C64::from(1.0); frf.len()];
+        FrfEstimate::new(frf, deviation, one, f64::INFINITY, Some(position.into())).unwrap()
+    };
+    for (numerator, denominator) in [
+        // A speed without and with friction, a spring of 5 Hz without and with.
+        ([0.0, 1.0], [0.0, 0.0, 5.0]),
+        ([0.0, 1.0], [0.0, 30.0, 5.0]),
+        ([1.0, 0.0], [5000.0, 1.0, 5.0]),
+        ([1.0, 0.0], [5000.0, 30.0, 5.0]),
+    ] {
+        let places: Vec<FrfEstimate> = [0.0, 5.0, 10.0].map(|p| of(p, numerator, denominator)).to_vec();
+        let found = stage(&places, clock);
+        assert!(!found.slow_poles, "{denominator:?}: {:?}", found.reasons);
+        assert!(
+            found.reasons.iter().all(|r| !r.contains("viscous friction")),
+            "{:?}",
+            found.reasons
+        );
+    }
+}

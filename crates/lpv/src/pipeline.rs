@@ -144,7 +144,7 @@ pub fn identify(
         return Ok(Identified::Lti(Box::new(LtiStage { poles, modal, model })));
     }
     if let Some(rigid) = &poles.rigid {
-        poles.reasons.extend(rigid.lines());
+        poles.reasons.extend(rigid.lines(poles.slow_poles));
     }
     let position = |e: &FrfEstimate| e.single_position().unwrap_or(0.0);
     let positions: Vec<f64> = estimates.iter().map(position).collect();

@@ -1,15 +1,16 @@
 //! Frequency responses in, poles at every position out: order and integrators chosen where they are not given.
 
+mod friction;
 mod search;
 
 use crate::PipelineError;
 use crate::config::IdentifyConfig;
 use crate::rigid::RigidEvidence;
-use crate::small::MOST_DAMPING;
-use lpv_core::{Clock, Discrete, FrfEstimate, counted};
+use friction::evidence;
+use lpv_core::{Discrete, FrfEstimate, counted};
 use pole_fit::{NumeratorDegree, PoleFit, PoleFitSettings, Scan, Weighting};
 pub(crate) use search::upper_half;
-use search::{FLEXIBLE_ORDERS, MORE_THAN_NOISE, Search, description_length, kind, over_noise, stable};
+use search::{FLEXIBLE_ORDERS, Search, kind, missed, over_noise};
 
 /// The poles at every position.
 #[derive(Debug, Clone)]
@@ -135,7 +136,7 @@ pub fn fit_poles(
         integrators: count,
         slow_poles: config.integrators == Some(1),
     };
-    let before = reasons.len();
+    let mut before = reasons.len();
     let mut found = search.run(&mut reasons)?;
     if estimates.len() == 1 && config.integrators.is_none() {
         let (slope, _) = integrators_from_slope(middle);
@@ -145,40 +146,23 @@ pub fn fit_poles(
     }
     let mut rigid = None;
     if estimates.len() > 1 && (count > 0 || one_by_slope) {
-        let evidence = |fits: &[PoleFit]| RigidEvidence::of(estimates, clock, first_mode_hz(fits, clock));
-        rigid = evidence(&found.0);
-        let friction = rigid.as_ref().is_some_and(RigidEvidence::has_friction);
-        let missed = over_noise(&found.0) > MORE_THAN_NOISE || !stable(&found.0);
-        if (friction || missed || one_by_slope) && config.integrators.is_none() {
-            // Friction leaves one integral an axis, and a slow pole for the other; an axis without it keeps both.
-            search.slow_poles = true;
-            let mut kept = None;
-            for integrators in [1, 2] {
-                search.integrate(integrators);
-                let mut why = Vec::new();
-                let other = search.run(&mut why)?;
-                let shorter = length(&other.0) < length(&found.0);
-                let at_noise = over_noise(&other.0) <= MORE_THAN_NOISE && stable(&other.0);
-                let missed = over_noise(&found.0) > MORE_THAN_NOISE || !stable(&found.0);
-                let seen = evidence(&other.0).filter(RigidEvidence::has_friction);
-                if seen.is_some() && (shorter || missed && at_noise) {
+        rigid = evidence(estimates, clock, &found.0);
+        let seen = rigid.as_ref().is_some_and(RigidEvidence::has_friction);
+        if (seen || one_by_slope || missed(&found.0)) && config.integrators.is_none() {
+            match search.with_friction(&found.0)? {
+                Some(other) => {
                     reasons.truncate(before);
                     reasons.push(format!(
                         "{} instead, and slow poles: there is friction to ground",
-                        counted(integrators, "integrator")
+                        counted(search.integrators, "integrator")
                     ));
-                    reasons.extend(why);
-                    (found, rigid, kept) = (other, seen, Some(integrators));
+                    before = reasons.len();
+                    reasons.extend(other.reasons);
+                    (found, rigid) = (other.fits, Some(other.rigid));
                 }
-                if over_noise(&found.0) <= MORE_THAN_NOISE && stable(&found.0) {
-                    break;
-                }
-            }
-            search.slow_poles = kept.is_some();
-            search.integrate(kept.unwrap_or(count));
-            if search.integrators == 0 {
-                // What a spring or a lag bends at the lowest lines is neither.
-                rigid = None;
+                // What a spring or a lag bends at the lowest lines is neither mass nor friction.
+                None if count == 0 => rigid = None,
+                None => {}
             }
         }
     }
@@ -225,20 +209,6 @@ pub fn fit_poles(
         rigid,
         reasons,
     })
-}
-
-/// The lowest natural frequency of a lightly damped mode over all positions; the highest frequency there is where none is.
-fn first_mode_hz(fits: &[PoleFit], clock: Discrete) -> f64 {
-    let modes = fits.iter().flat_map(PoleFit::modes);
-    let light = modes
-        .filter(|m| m.damping <= MOST_DAMPING)
-        .map(|m| m.frequency_hz);
-    light.fold(clock.nyquist_hz(), f64::min)
-}
-
-/// Description length of the fits at all positions.
-fn length(fits: &[PoleFit]) -> f64 {
-    fits.iter().map(description_length).sum()
 }
 
 /// Complex degrees of freedom of a covariance from which on it serves as a weight line by line.

@@ -60,7 +60,7 @@ impl RigidEvidence {
         Some(Self {
             friction: (0..axes).map(|i| friction(&bodies, i)).collect(),
             varies: own.max(between),
-            coupled: between > 0.0 && axes > 1,
+            coupled: between > VARIES,
         })
     }
 
@@ -74,15 +74,23 @@ impl RigidEvidence {
         self.varies > VARIES
     }
 
-    /// In words.
-    pub(crate) fn lines(&self) -> Vec<String> {
+    /// In words; a warning where the model has no friction.
+    pub(crate) fn lines(&self, model_has_friction: bool) -> Vec<String> {
         let axes = self.friction.len();
+        let (warning, missing) = if model_has_friction {
+            ("", "")
+        } else {
+            (
+                "warning: ",
+                "; the rigid body of the model has none, so that it errs at low frequency and along moves: leave `integrators` to the data, or let `lpv diagnose` fit it",
+            )
+        };
         let mut lines: Vec<String> = (0..axes)
             .filter_map(|axis| {
                 let [value, deviation] = self.friction[axis]?;
                 let of = if axes == 1 { String::new() } else { format!(" of axis {}", axis + 1) };
                 Some(format!(
-                    "viscous friction to ground{of}: {value:.4e} +- {deviation:.1e} (input x time over output, from the lowest lines)"
+                    "{warning}viscous friction to ground{of}: {value:.4e} +- {deviation:.1e} (input x time over output, from the lowest lines){missing}"
                 ))
             })
             .collect();

@@ -38,6 +38,11 @@ pub(super) fn stable(fits: &[PoleFit]) -> bool {
     fits.iter().all(|f| f.account.unstable_poles.is_empty())
 }
 
+/// Whether noise is not reached, or not with stable poles.
+pub(super) fn missed(fits: &[PoleFit]) -> bool {
+    over_noise(fits) > MORE_THAN_NOISE || !stable(fits)
+}
+
 /// `N ln(cost) + k ln(N)`: the description length when the size of the noise is not trusted.
 pub(super) fn description_length(fit: &PoleFit) -> f64 {
     let a = &fit.account;
@@ -108,7 +113,7 @@ impl Search<'_> {
         reasons: &mut Vec<String>,
     ) -> Option<Fits> {
         let own = (self.integrators, self.settings.numerator);
-        let missed = over_noise(found) > MORE_THAN_NOISE || !stable(found);
+        let missed = missed(found);
         let doubtful = (slope - slope.round()).abs() > CLEAR_SLOPE;
         if !doubtful && !missed {
             return None;

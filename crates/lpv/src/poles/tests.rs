@@ -1,7 +1,7 @@
 use super::*;
 use crate::{Identified, Moves, identify, silent};
-use lpv_core::Frf;
 use lpv_core::num_complex::Complex;
+use lpv_core::{Clock as _, Frf};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 

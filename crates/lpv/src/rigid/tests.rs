@@ -55,7 +55,7 @@ fn estimate(
 }
 
 fn said(estimates: &[FrfEstimate], clock: Discrete, first_mode_hz: f64) -> Vec<String> {
-    RigidEvidence::of(estimates, clock, first_mode_hz).map_or_else(Vec::new, |found| found.lines())
+    RigidEvidence::of(estimates, clock, first_mode_hz).map_or_else(Vec::new, |found| found.lines(true))
 }
 
 #[test]
@@ -177,6 +177,11 @@ fn poles_follow_the_friction() {
         let seen: Vec<bool> = rigid.friction.iter().map(Option::is_some).collect();
         assert_eq!(seen, [d1 > 0.0, d2 > 0.0], "{d1}, {d2}: {:?}", rigid.friction);
         assert_eq!(found.slow_poles, d1 + d2 > 0.0, "{d1}, {d2}: {:?}", found.reasons);
+        // A model without it says so where the machine has some, and nothing where it has none.
+        let (modelled, not) = (rigid.lines(true), rigid.lines(false));
+        assert_eq!(modelled.len(), seen.iter().filter(|s| **s).count());
+        assert!(modelled.iter().all(|l| !l.contains("warning")), "{modelled:?}");
+        assert!(not.iter().all(|l| l.starts_with("warning: ")) && not.len() == modelled.len());
         if d1 + d2 == 0.0 {
             assert_eq!(found.rigid_terms(), crate::RigidTerms::Constant);
         }

@@ -54,7 +54,7 @@ impl Body {
 /// The model of the middle position.
 pub(super) struct Local {
     pub(super) model: StateSpace<Continuous>,
-    pub(super) gamma: Option<DMatrix<f64>>,
+    gamma: Option<DMatrix<f64>>,
     body: Body,
 }
 

@@ -4,6 +4,7 @@ mod body;
 mod residues;
 mod settings;
 
+use crate::data::Position;
 use crate::sampling::Sampling;
 use crate::{Candidate, FitError, FrozenData, RandomChannels, RefineAccount, RefineSettings, refine};
 pub use body::{LocalBody, local_body};
@@ -57,30 +58,22 @@ pub fn local_model<K: Sampling>(
     settings: &LocalSettings,
 ) -> Result<LocalModel<K>, FitError> {
     settings.check()?;
-    if data.len() != 1 {
-        return Err(FitError::Data {
-            index: 1,
-            what: "positions of a local model",
-            expected: 1,
-            found: data.len(),
-        });
-    }
+    let frf = &only_position(data)?.frf;
     clock.agrees(data.clock())?;
     let set = settings;
     let sampled = upper_half(clock, poles, set.rigid)?;
-    let frf = &data.positions()[0].frf;
-    let known = match set.rigid {
+    let beside = match set.rigid {
         RigidGain::Absent => Beside::Nothing,
         _ => Beside::Gain,
     };
-    let all = Residues::new(clock, data, &sampled, &known)?;
+    let all = Residues::new(clock, data, &sampled, beside)?;
     let mut modes: Vec<LocalMode> = (0..sampled.len()).map(|i| all.mode(i, frf)).collect();
     keep_strongest(&mut modes, set.states);
     let kept: Vec<C64> = modes.iter().filter(|m| m.kept).map(|m| m.pole).collect();
     let residues = if kept.len() == sampled.len() {
         all
     } else {
-        Residues::new(clock, data, &kept, &known)?
+        Residues::new(clock, data, &kept, beside)?
     };
     let (flexible, gamma) = residues.realise(clock, data)?;
     let fit = |gamma: Option<&DMatrix<f64>>, diagonal: Diagonal| {
@@ -105,6 +98,25 @@ pub fn local_model<K: Sampling>(
         modes,
         account: fitted.account,
     })
+}
+
+/// The position of a local model.
+fn only_position(data: &FrozenData) -> Result<&Position, FitError> {
+    match data.positions() {
+        [only] => Ok(only),
+        several => Err(FitError::Data {
+            index: 1,
+            what: "positions of a local model",
+            expected: 1,
+            found: several.len(),
+        }),
+    }
+}
+
+/// A range about one position, which a candidate needs whatever it is.
+fn around(p: &[f64]) -> Result<SchedulingRange, FitError> {
+    let of = |p: &f64| [p - p.abs().max(1.0), p + p.abs().max(1.0)];
+    Ok(SchedulingRange::new(p.iter().map(of).collect())?)
 }
 
 /// One pole of each pair, refused where the clock has no such pole.
@@ -183,11 +195,7 @@ impl<K: Sampling> Fit<K> {
         data: &FrozenData,
         settings: &RefineSettings,
     ) -> Result<Self, FitError> {
-        let p = &data.positions()[0].p;
-        let around = p
-            .iter()
-            .map(|p| [p - p.abs().max(1.0), p + p.abs().max(1.0)])
-            .collect();
+        let around = around(&data.positions()[0].p)?;
         let started = gamma.map(|gamma| match diagonal {
             Diagonal::All => gamma.clone(),
             Diagonal::Only => DMatrix::from_fn(gamma.nrows(), gamma.ncols(), |i, j| {
@@ -195,7 +203,6 @@ impl<K: Sampling> Fit<K> {
             }),
         });
         let random = RandomChannels::default();
-        let around = SchedulingRange::new(around)?;
         let mut candidate = Candidate::flexible(flexible, started.as_ref(), &[], around, random)?;
         if gamma.is_some() {
             candidate = candidate.with_free_gain()?;

@@ -1,12 +1,12 @@
 //! A local model whose rigid body has friction to ground, or a gain that depends on p.
 
 use super::residues::{Beside, Residues};
-use super::{RigidGain, upper_half};
+use super::{RigidGain, around, only_position, upper_half};
 use crate::{
     Candidate, FitError, FrozenData, RandomChannels, RefineAccount, RefineSettings, Rigid, refine, sampled,
 };
 use lpv_core::linalg::{block_diagonal, dimension, from_blocks};
-use lpv_core::{Continuous, CoreError, SchedulingRange, StateSpace};
+use lpv_core::{Continuous, CoreError, StateSpace};
 use nalgebra::DMatrix;
 use num_complex::Complex;
 
@@ -36,14 +36,7 @@ pub fn local_body(
     settings: &RefineSettings,
 ) -> Result<LocalBody, FitError> {
     settings.check()?;
-    if data.len() != 1 {
-        return Err(FitError::Data {
-            index: 1,
-            what: "positions of a local model",
-            expected: 1,
-            found: data.len(),
-        });
-    }
+    let position = only_position(data)?;
     if !matches!(rigid, Rigid::Varying | Rigid::Friction) {
         return Err(FitError::Empty {
             what: "rigid bodies within the local model",
@@ -61,13 +54,12 @@ pub fn local_body(
         DMatrix::zeros(ny, nu),
         Continuous,
     )?;
-    let position = &data.positions()[0];
     let held = sampled(&body, data.clock())?.ok_or(CoreError::Singular {
         operation: "the hold of a rigid body",
     })?;
     let alone = held.frequency_response(position.frf.frequencies_hz())?;
     let upper = upper_half(Continuous, poles, RigidGain::Full)?;
-    let residues = Residues::new(Continuous, data, &upper, &Beside::Known(&alone))?;
+    let residues = Residues::new(Continuous, data, &upper, Beside::Known(&alone))?;
     let (modes, _) = residues.realise(Continuous, data)?;
     let whole = StateSpace::new(
         block_diagonal(body.a(), modes.a()),
@@ -76,12 +68,13 @@ pub fn local_body(
         DMatrix::zeros(ny, nu),
         Continuous,
     )?;
-    let around = position
-        .p
-        .iter()
-        .map(|p| [p - p.abs().max(1.0), p + p.abs().max(1.0)]);
-    let around = SchedulingRange::new(around.collect())?;
-    let candidate = Candidate::flexible(&whole, rigid, &[], around, RandomChannels::default())?;
+    let candidate = Candidate::flexible(
+        &whole,
+        rigid,
+        &[],
+        around(&position.p)?,
+        RandomChannels::default(),
+    )?;
     let fitted = refine(&candidate, data, settings)?;
     let model = fitted
         .candidate

@@ -34,9 +34,9 @@ impl Residues {
         clock: K,
         data: &FrozenData,
         poles: &[C64],
-        beside: &Beside<'_>,
+        beside: Beside<'_>,
     ) -> Result<Self, FitError> {
-        let has_rigid = *beside == Beside::Gain;
+        let has_rigid = beside == Beside::Gain;
         let position = &data.positions()[0];
         let (frf, z) = (&position.frf, &position.z);
         let (ny, nu) = (frf.outputs(), frf.inputs());
@@ -185,7 +185,7 @@ impl Residues {
 }
 
 /// Least squares with one right-hand side a channel, every line divided by the size of the response there.
-fn weighted_solution(columns: &[Vec<C64>], frf: &Frf, beside: &Beside<'_>) -> Result<DMatrix<f64>, FitError> {
+fn weighted_solution(columns: &[Vec<C64>], frf: &Frf, beside: Beside<'_>) -> Result<DMatrix<f64>, FitError> {
     let (lines, size, channels) = (frf.len(), columns.len(), frf.outputs() * frf.inputs());
     if 2 * lines < size {
         return Err(FitError::TooFewEquations {

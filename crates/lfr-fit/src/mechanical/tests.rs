@@ -38,6 +38,23 @@ fn form(channels: RandomChannels) -> MechanicalForm {
     MechanicalForm::in_sizes(&flexible, &[1.0, 0.05]).unwrap()
 }
 
+/// With large random deltas everywhere.
+fn with_deltas(form: &MechanicalForm) -> Candidate<Continuous> {
+    let split = DeltaSplit {
+        forces: 1,
+        outputs: 1,
+        accelerations: 2,
+    };
+    form.candidate(split, RandomChannels { seed: 3, size: 0.3 })
+        .unwrap()
+}
+
+/// Rank of A and of its square: how many chains of what length end at zero.
+fn ranks(a: &DMatrix<f64>) -> (usize, usize) {
+    let rank = |m: &DMatrix<f64>| svd(m.clone()).unwrap().rank(1e-9 * m.norm());
+    (rank(a), rank(&(a * a)))
+}
+
 #[test]
 fn the_response_is_that_of_the_candidate() {
     let form = form(RandomChannels { seed: 1, size: 0.05 });
@@ -71,26 +88,13 @@ fn the_response_is_that_of_the_candidate() {
 #[test]
 fn integrators_are_exact_with_any_deltas() {
     let form = form(RandomChannels { seed: 1, size: 0.05 });
-    let split = DeltaSplit {
-        forces: 1,
-        outputs: 1,
-        accelerations: 2,
-    };
-    let made = form
-        .candidate(split, RandomChannels { seed: 3, size: 0.3 })
-        .unwrap();
+    let made = with_deltas(&form);
     assert_eq!((made.states(), made.delta_count()), (8, 4));
     for p in [-0.3, -0.1, 0.2] {
         let system = made.frozen(&[p]).unwrap();
         // A has rank 6, and A^2 rank 4: two chains of length two at zero.
         let a = system.a();
-        let rank = |m: &DMatrix<f64>| svd(m.clone()).unwrap().rank(1e-9 * m.norm());
-        assert_eq!(
-            (rank(a), rank(&(a * a))),
-            (6, 4),
-            "{p}: {:?}",
-            (a * a).singular_values()
-        );
+        assert_eq!(ranks(a), (6, 4), "{p}: {:?}", (a * a).singular_values());
         assert!((system.c() * system.b()).amax() < 1e-14);
     }
     assert_eq!(made.to_lfr().unwrap().delta_count(), 4);
@@ -151,19 +155,11 @@ fn rigid_bodies_within_the_local_model() {
         let truth = whole.frequency_response(&f).unwrap();
         let error = own.relative_error(&truth).unwrap();
         assert!(error.iter().all(|e| *e < 1e-3), "{rigid:?}: {error:?}");
-        let split = DeltaSplit {
-            forces: 1,
-            outputs: 1,
-            accelerations: 2,
-        };
-        let made = form
-            .candidate(split, RandomChannels { seed: 3, size: 0.3 })
-            .unwrap();
+        let made = with_deltas(&form);
         for p in [-0.3, 0.2] {
             let system = made.frozen(&[p]).unwrap();
             let a = system.a();
-            let of = |m: &DMatrix<f64>| svd(m.clone()).unwrap().rank(1e-9 * m.norm());
-            assert_eq!((of(a), of(&(a * a))), rank, "{rigid:?} at {p}");
+            assert_eq!(ranks(a), rank, "{rigid:?} at {p}");
         }
     }
     // A local model too small for a rigid body.

@@ -1,6 +1,6 @@
 //! From a frozen model and moving records to an LFR in parameter-independent state coordinates that explains both.
 
-use super::{MovingData, fit_transformation, refine_with_moves, static_dependence};
+use super::{Jointly, MovingData, fit_transformation, refine_with_moves, static_dependence};
 use crate::{
     Candidate, DeltaSplit, FitError, FrozenData, MechanicalForm, RefineSettings, Refined, ResidualUnit,
 };
@@ -138,21 +138,30 @@ pub fn fit_static(
         None => (None, None),
     };
     let least = known.unwrap_or(1.0);
-    let joint = RefineSettings {
-        max_iterations: set.iterations,
-        tolerance: 1e-3,
-        ..RefineSettings::default()
+    // None where the model runs away from the records.
+    let joint = |start: &Candidate<Continuous>, max_iterations: usize| {
+        let settings = RefineSettings {
+            max_iterations,
+            tolerance: 1e-3,
+            ..RefineSettings::default()
+        };
+        match refine_with_moves(start, data, moves, &settings) {
+            Err(FitError::Moving { .. }) => Ok(None),
+            other => other.map(Some),
+        }
     };
     // One that keeps the responses goes before one that does not.
     let mut best: Option<StaticLfr> = None;
     let spoilt = |frozen_rms: f64| frozen_rms > SPOILT * fit.account.rms;
-    let mut consider = |candidate: Candidate<Continuous>, split: DeltaSplit, error: f64, frozen_rms: f64| {
+    let mut consider = |refined: Jointly, split: DeltaSplit| {
+        let [_, error] = refined.account.moving_rms;
+        let [_, frozen_rms] = refined.account.frozen_rms;
         let better = |b: &StaticLfr| {
             (spoilt(frozen_rms), error) < (spoilt(b.frozen_rms), b.moving_rms[2].unwrap_or(f64::INFINITY))
         };
         if best.as_ref().is_none_or(better) {
             best = Some(StaticLfr {
-                candidate,
+                candidate: refined.candidate,
                 split,
                 moving_rms: [first, known, Some(error)],
                 frozen_rms,
@@ -176,54 +185,32 @@ pub fn fit_static(
         if made_static.frozen_rms > enough {
             continue;
         }
-        let mut refined = match refine_with_moves(&made_static.candidate, data, moves, &joint) {
-            Ok(refined) => refined,
-            Err(FitError::Moving { .. }) => continue,
-            Err(other) => return Err(other),
-        };
-        let missed = |rms: f64| rms > EXPLAINED * least;
-        if missed(refined.account.moving_rms[1]) && refined.account.moving_rms[1] < PROMISING * least {
-            // On the way, where a few more steps may lead all of it.
-            let more = RefineSettings {
-                max_iterations: MORE * set.iterations,
-                ..joint
-            };
-            match refine_with_moves(&refined.candidate, data, moves, &more) {
-                Ok(further) if further.account.moving_rms[1] < refined.account.moving_rms[1] => {
-                    refined = further
-                }
-                Ok(_) | Err(FitError::Moving { .. }) => {}
-                Err(other) => return Err(other),
-            }
-        }
-        let error = refined.account.moving_rms[1];
-        consider(refined.candidate, split, error, refined.account.frozen_rms[1]);
-        if spoilt(refined.account.frozen_rms[1]) {
-            // Records that no such LFR explains pull it away from the responses: as it was before them.
-            let none = RefineSettings {
-                max_iterations: 0,
-                ..joint
-            };
-            match refine_with_moves(&made_static.candidate, data, moves, &none) {
-                Ok(as_it_was) => {
-                    let account = as_it_was.account;
-                    consider(
-                        as_it_was.candidate,
-                        split,
-                        account.moving_rms[1],
-                        account.frozen_rms[1],
-                    );
-                }
-                Err(FitError::Moving { .. }) => {}
-                Err(other) => return Err(other),
-            }
+        let Some(mut refined) = joint(&made_static.candidate, set.iterations)? else {
             continue;
+        };
+        let error = |refined: &Jointly| refined.account.moving_rms[1];
+        if (EXPLAINED * least..PROMISING * least).contains(&error(&refined)) {
+            // On the way, where a few more steps may lead all of it.
+            let further = joint(&refined.candidate, MORE * set.iterations)?;
+            if let Some(further) = further.filter(|further| error(further) < error(&refined)) {
+                refined = further;
+            }
         }
-        if error <= EXPLAINED * least {
+        let is_spoilt = spoilt(refined.account.frozen_rms[1]);
+        let explained = !is_spoilt && error(&refined) <= EXPLAINED * least;
+        consider(refined, split);
+        if is_spoilt {
+            // Records that no such LFR explains pull it away from the responses: as it was before them.
+            if let Some(as_it_was) = joint(&made_static.candidate, 0)? {
+                consider(as_it_was, split);
+            }
+        }
+        if explained {
             break;
         }
     }
-    // Worse than the frozen model in its own coordinates is no explanation.
-    let helps = |b: &StaticLfr| first.is_none_or(|own| b.moving_rms[2].is_some_and(|error| error <= own));
+    // Worse than the frozen model in its own coordinates is no explanation; as good as it, up to the noise, is one.
+    let helps =
+        |b: &StaticLfr| first.is_none_or(|own| b.moving_rms[2].is_some_and(|error| error <= EXPLAINED * own));
     Ok(best.filter(helps))
 }

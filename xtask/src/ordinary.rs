@@ -398,8 +398,7 @@ impl Row {
     }
 
     fn within(&self) -> f64 {
-        let sum = |i: usize| self.cases.iter().map(|c| c.within[i]).sum::<usize>() as f64;
-        100.0 * sum(0) / sum(1)
+        percent_within(self.cases.iter().map(|c| c.within))
     }
 
     /// The bars that do not hold.
@@ -447,13 +446,23 @@ impl Row {
             self.of(|c| c.over_bound),
             self.within(),
             self.most(|c| c.seconds),
-            if broken.is_empty() {
-                "hold".to_owned()
-            } else {
-                format!("missed: {}", broken.join(", "))
-            }
+            bars(&broken)
         )
     }
+}
+
+/// The last column of a row: the bars that do not hold.
+fn bars(broken: &[&str]) -> String {
+    match broken {
+        [] => "hold".to_owned(),
+        broken => format!("missed: {}", broken.join(", ")),
+    }
+}
+
+/// Percent of the figures that lie within their deviations, from how many of how many.
+fn percent_within(cases: impl Iterator<Item = [usize; 2]>) -> f64 {
+    let [within, of] = cases.fold([0, 0], |sum, case| [sum[0] + case[0], sum[1] + case[1]]);
+    100.0 * within as f64 / of as f64
 }
 
 fn page(rows: &Rows, options: &Options) -> String {
@@ -466,6 +475,7 @@ fn page(rows: &Rows, options: &Options) -> String {
     };
     let lines: Vec<String> = rows.one.iter().map(Row::line).collect();
     let places: Vec<String> = rows.places.iter().map(places::Row::line).collect();
+    let machines = rows.places.iter().map(places::Row::machines).max().unwrap_or(0);
     format!(
         "# Ordinary machines\n\n\
          Made by `cargo xtask ordinary {command}`. Many modes and many channels at one position: responses are sums of partial fractions in z, with \
@@ -481,7 +491,7 @@ fn page(rows: &Rows, options: &Options) -> String {
          | channels | modes | states | found | residual, dB | cost | over the bound | deviations | seconds | bars |\n\
          |---|---|---|---|---|---|---|---|---|---|\n{}\n\n\
          ## Friction to ground and coupled axes\n\n\
-         Records in closed loop at several positions and along moves, from masses and springs that are integrated with Runge-Kutta steps of a \
+         Made by `cargo xtask ordinary --places --seeds {machines}` where not with the above. Records in closed loop at several positions and along moves, from masses and springs that are integrated with Runge-Kutta steps of a \
          twentieth of a sample. The axis: two masses on a spring whose stiffness depends on p, friction at the drive. The gantry: two drives on a \
          beam with a carriage on a spring at p along it, so that the gain of the rigid body is full and depends on p. Masses and springs are drawn \
          within a quarter of their means.\n\n\

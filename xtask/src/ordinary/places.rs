@@ -3,6 +3,7 @@
 //! `M q'' + D q' + (K + c K')(h(p)) = B u`, `y = C q`: free masses joined by springs whose stiffness or place depends on p, integrated
 //! with Runge-Kutta steps of a twentieth of a sample. Nothing here comes from the code that estimates.
 
+use super::{bars, percent_within};
 use crate::TaskError;
 use experiment_data::Bundle;
 use lpv::lpv_core::linalg::eigenvalues;
@@ -111,9 +112,12 @@ impl Row {
         self.cases.iter().map(value).fold(f64::NEG_INFINITY, f64::max)
     }
 
+    pub(super) fn machines(&self) -> usize {
+        self.cases.len()
+    }
+
     fn within(&self) -> f64 {
-        let sum = |i: usize| self.cases.iter().map(|c| c.within[i]).sum::<usize>() as f64;
-        100.0 * sum(0) / sum(1).max(1.0)
+        percent_within(self.cases.iter().map(|c| c.within))
     }
 
     pub(super) fn line(&self) -> String {
@@ -130,11 +134,7 @@ impl Row {
             self.most(|c| c.moves),
             self.within(),
             self.most(|c| c.seconds),
-            if broken.is_empty() {
-                "hold".to_owned()
-            } else {
-                format!("missed: {}", broken.join(", "))
-            }
+            bars(&broken)
         )
     }
 }

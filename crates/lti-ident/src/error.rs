@@ -95,6 +95,18 @@ pub enum LtiIdentError {
         /// Its standard deviation.
         deviation: f64,
     },
+    /// An axis whose force stands out of what inverse dynamics leaves at no frequency.
+    #[error(
+        "input `{input}` and output `{output}`: at no frequency does the force stand out of what inertia and friction leave of it, so that noise would set the inertia; excite with larger motion or higher frequencies, give references, or set a regression cut-off near {force_band_hz:.3} Hz, below which the force has its power"
+    )]
+    NotExcited {
+        /// The input.
+        input: String,
+        /// The output.
+        output: String,
+        /// Frequency below which the force has its power.
+        force_band_hz: f64,
+    },
     /// An input that drives the axis backwards.
     #[error(
         "input `{input}` and output `{output}` have opposite signs: a positive input accelerates the output backwards (inertia {inertia:.4e}, standard deviation {deviation:.1e}); set scale = [-1.0] in [channels.input], -1.0 at the place of `{input}`"

@@ -1,7 +1,9 @@
 //! Rigid-body axes by inverse dynamics.
 //!
-//! For each axis `J q'' + F_v q' + o = u` is linear in J, F_v and o, so that least squares need no simulation and no
-//! start \[janot2014\], \[janot2019\]. What has to be got right are the derivatives:
+//! For each axis `J q'' + F_v q' + o = u` is linear in J, F_v and o, so that no simulation and no start are needed
+//! \[janot2014\], \[janot2019\]. Where nothing else is asked for, the equation is solved between windowed spectra, at the
+//! lines at which the force stands out, with instruments that noise has not reached (`spectral`). With cut-offs of the
+//! user, dry friction beside or references that say as much, it is solved between filtered derivatives:
 //!
 //! 1. The measured position is low-pass filtered forth and back, which shifts nothing in time, and differentiated by
 //!    central differences.
@@ -15,15 +17,21 @@
 //! than the cut-off of the regression for 0.4 % there, and much less below.
 
 mod cutoff;
+mod dry;
 mod filter;
+mod found;
+mod lines;
 mod regression;
+mod rounding;
 mod settings;
+mod spectral;
 
 pub use cutoff::Filter;
 pub use settings::{Estimator, RigidBodySettings};
 
 use crate::{LtiIdentError, Segment};
 use cutoff::ROUNDING;
+use found::Found;
 use lpv_core::{Discrete, Record, RigidBody, RigidBodyAxis, Signals};
 use nalgebra::DVector;
 use regression::{Rows, Solution, solution, stacked};
@@ -40,13 +48,14 @@ pub struct RigidBodyFit {
 /// What the fit of an axis says about itself.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AxisAccount {
-    /// Cut-off of the filter on the position.
+    /// Cut-off of the filter on the position; of lines of the spectrum, that below which steps and direction of the motion
+    /// are looked at.
     pub position_cutoff_hz: f64,
-    /// Cut-off of the filter on the equations.
+    /// Cut-off of the filter on the equations, or the highest line used.
     pub regression_cutoff_hz: f64,
-    /// Samples a row of the regression.
+    /// Samples a row of the regression; 1 for lines.
     pub decimation: usize,
-    /// Rows of the regression.
+    /// Rows of the regression: two a line.
     pub rows: usize,
     /// Condition number of the regressors, columns scaled to norm one.
     pub condition_number: f64,
@@ -236,17 +245,39 @@ fn identify_axis(
         force: DVector::from_vec(force),
     };
     let instruments = with_references.then(|| stacked(&instruments));
-    let (estimator, solution) = solution(&rows, instruments, settings.estimator)?;
-    let ([inertia, viscous, offset], deviations) = (
-        [solution.theta[0], solution.theta[1], solution.theta[2]],
-        solution.deviations,
-    );
+    let forces: Vec<Vec<f64>> = segments.iter().map(|s| channel(s, |r| &r.inputs)).collect();
+    let force_runs: Vec<&[f64]> = forces.iter().map(Vec::as_slice).collect();
+    let force_band_hz = cutoff::band_hz(&force_runs, clock);
     let names = |signals: &Signals| signals.names.get(axis).cloned().unwrap_or_default();
     let (input, output) = segments.first().map_or_else(Default::default, |s| {
         (names(&s.record.inputs), names(&s.record.outputs))
     });
+    let references: Vec<Vec<f64>> = match with_references && settings.estimator == Estimator::Automatic {
+        true => segments.iter().map(|s| channel(s, |r| &r.references)).collect(),
+        false => Vec::new(),
+    };
+    let lines = found::asked(settings).then(|| {
+        let of = |i: usize| spectral::Run {
+            force: &forces[i],
+            position: &positions[i],
+            reference: references.get(i).map(Vec::as_slice),
+        };
+        let runs: Vec<spectral::Run<'_>> = (0..segments.len()).map(of).collect();
+        spectral::estimate(&runs, clock, found::limit_hz(settings, clock))
+    });
+    let lines = lines.flatten();
+    let plain = solution(&rows, instruments, settings.estimator);
+    let found = Found::new(lines, plain, settings)?;
+    if found.is_doubtful(regression_cutoff_hz, force_band_hz, settings) {
+        return Err(LtiIdentError::NotExcited {
+            input,
+            output,
+            force_band_hz,
+        });
+    }
+    let ([inertia, viscous, offset], deviations) = (found.theta, found.deviations);
     let moves_as_told = inertia > 0.0 && inertia.is_finite();
-    let left = solution.relative_error_percent;
+    let left = found.relative_error_percent;
     let motion = |position: &[f64]| Motion::new(position, clock, position_cutoff_hz);
     if !moves_as_told || left > SPEED_DOUBTED {
         let of_speed = |m: &Motion| Ok(vec![reduced(&m.velocity)?, reduced(&m.position)?]);
@@ -305,20 +336,15 @@ fn identify_axis(
         viscous_deviation: deviations[1],
         offset_deviation: deviations[2],
     };
-    let forces: Vec<Vec<f64>> = segments.iter().map(|s| channel(s, |r| &r.inputs)).collect();
-    let runs: Vec<&[f64]> = forces.iter().map(Vec::as_slice).collect();
-    let force_band_hz = cutoff::band_hz(&runs, clock);
-    let account = AxisAccount {
-        position_cutoff_hz,
-        regression_cutoff_hz,
-        decimation,
-        rows: rows.force.len(),
-        condition_number: solution.condition_number,
-        relative_force_error_percent: solution.relative_error_percent,
-        estimator,
+    let account = found.account(
+        Filter {
+            position_cutoff_hz,
+            regression_cutoff_hz,
+            decimation,
+        },
+        rows.force.len(),
         force_band_hz,
-        effective_rows: solution.effective_rows,
-    };
+    );
     Ok((body, account))
 }
 

@@ -5,13 +5,18 @@ use crate::LtiIdentError;
 /// How the linear equations are solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Estimator {
-    /// Instruments if there are references and they say as much as the measured motion, otherwise least squares.
+    /// Instruments from the references if there are any and they say as much as the measured motion, otherwise from the
+    /// inputs. With a cut-off of the user or dry friction estimated beside, least squares takes the place of the latter.
     #[default]
     Automatic,
     /// Least squares. Forces that disturb a closed loop make the inertia too small, since the motion answers them.
     LeastSquares,
     /// Instruments from the reference of the same index as the axis, which no noise has reached.
     ReferenceInstruments,
+    /// Instruments from the input: the motion that the force makes by the estimate itself, at the lines of the spectrum
+    /// at which the force stands out. In open loop no noise has reached them; in a loop that feeds noise back the bias
+    /// is of the second order at such lines.
+    InputInstruments,
 }
 
 /// How to fit. What takes them checks every field against this table.
@@ -31,7 +36,8 @@ pub struct RigidBodySettings {
     /// How the equations are solved.
     pub estimator: Estimator,
     /// Whether a constant force against the motion is estimated beside. Where it is larger than the inertial force, equations without it
-    /// give an inertia that no mass has.
+    /// give an inertia that no mass has. Lines of the spectrum show it by its harmonics: where it is there beyond doubt,
+    /// the inertia is that beside it, and the viscous friction takes its place.
     pub dry_friction: bool,
 }
 

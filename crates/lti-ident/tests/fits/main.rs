@@ -1,6 +1,7 @@
 //! Fits of systems made by hand and of measured machines.
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up must fail")]
 
+mod axes;
 mod emps;
 mod exact;
 mod measured;

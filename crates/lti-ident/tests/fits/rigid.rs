@@ -250,7 +250,7 @@ fn what_is_wrong_with_the_channels_is_named() {
         let mut same = right.clone();
         same.references = same.inputs.clone();
         let fit = of(&same).unwrap();
-        assert_eq!(fit.axes[0].estimator, Estimator::LeastSquares);
+        assert_ne!(fit.axes[0].estimator, Estimator::ReferenceInstruments);
         assert!((fit.model.axes()[0].inertia / found - 1.0).abs() < 1e-9);
     }
 }

@@ -174,6 +174,38 @@ impl FrozenData {
         }
     }
 
+    /// All positions of several data of one clock and unit.
+    pub(crate) fn together(all: &[Self]) -> Result<Self, FitError> {
+        let first = all.first().ok_or(FitError::Empty { what: "positions" })?;
+        let positions = all.iter().flat_map(|data| data.positions.iter().cloned());
+        Self::joined(first.clock, first.unit, positions.collect())
+    }
+
+    /// Midway between neighbours along the first parameter, on the lines and with the weights of one of them, the responses of the
+    /// model that is given for there.
+    pub(crate) fn between(
+        &self,
+        model: impl Fn(&[f64]) -> Result<StateSpace<Discrete>, FitError>,
+    ) -> Result<Self, FitError> {
+        let mut order: Vec<&Position> = self.positions.iter().collect();
+        order.sort_by(|a, b| a.p[0].total_cmp(&b.p[0]));
+        let positions = order.windows(2).map(|pair| {
+            let p: Vec<f64> = pair[0]
+                .p
+                .iter()
+                .zip(&pair[1].p)
+                .map(|(a, b)| 0.5 * (a + b))
+                .collect();
+            let frf = model(&p)?.frequency_response(pair[0].frf.frequencies_hz())?;
+            Ok(Position {
+                p,
+                frf,
+                ..pair[0].clone()
+            })
+        });
+        Self::joined(self.clock, self.unit, positions.collect::<Result<_, FitError>>()?)
+    }
+
     /// The positions whose index `keep` accepts.
     pub fn some(&self, keep: impl Fn(usize) -> bool) -> Result<Self, FitError> {
         let kept = self.positions.iter().enumerate().filter(|(i, _)| keep(*i));

@@ -15,6 +15,7 @@ pub(crate) use field::Field;
 use lpv_core::{DeltaBlock, SchedulingRange, StateSpace};
 pub use settings::{DeltaReach, GainFit, GrowSettings, StartSearch};
 pub use sizes::{SizeChoice, Sizes, grow_sizes};
+pub(crate) use weights::roots;
 
 /// Where the channels of a start come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -27,26 +27,44 @@ pub(crate) fn tangents(
     for (at, &(i, j)) in free.iter().enumerate() {
         place[j * m.nrows() + i] = Some(at);
     }
-    let fixed: Vec<usize> = (0..place.len()).filter(|&at| place[at].is_none()).collect();
-    let (mut admitted, mut others, mut moved) = (Vec::new(), Vec::new(), Vec::new());
+    let mut admitted = Vec::new();
+    // What each of the others does to the free entries, and which fixed ones it moves and by how much.
+    let mut others: Vec<DVector<f64>> = Vec::new();
+    let mut moved: Vec<Vec<(usize, f64)>> = Vec::new();
     for generator in generators(m, shape, channels) {
         let on_free = DVector::from_iterator(free.len(), free.iter().map(|&at| generator[at]));
-        let on_fixed = DVector::from_iterator(fixed.len(), fixed.iter().map(|&at| generator[at]));
-        let size = on_fixed.norm();
-        if size == 0.0 {
+        let on_fixed: Vec<(usize, f64)> = (0..place.len())
+            .filter(|&at| place[at].is_none() && generator[at] != 0.0)
+            .map(|at| (at, generator[at]))
+            .collect();
+        if on_fixed.is_empty() {
             admitted.push(on_free);
         } else {
+            let size = on_fixed.iter().map(|(_, v)| v * v).sum::<f64>().sqrt();
             others.push(on_free / size);
-            moved.push(on_fixed / size);
+            moved.push(on_fixed.into_iter().map(|(at, v)| (at, v / size)).collect());
         }
     }
-    if !others.is_empty() {
-        let (values, vectors) = right_singular(&DMatrix::from_columns(&moved))?;
+    for group in groups(&moved, place.len()) {
+        let mut rows: Vec<usize> = group
+            .iter()
+            .flat_map(|&g| moved[g].iter().map(|(at, _)| *at))
+            .collect();
+        rows.sort_unstable();
+        rows.dedup();
+        let mut on_fixed = DMatrix::zeros(rows.len().max(group.len()), group.len());
+        for (column, &g) in group.iter().enumerate() {
+            for (at, v) in &moved[g] {
+                let row = rows.partition_point(|r| r < at);
+                on_fixed[(row, column)] = *v;
+            }
+        }
+        let (values, vectors) = right_singular(&on_fixed)?;
         let largest = values.max();
-        let combine = DMatrix::from_columns(&others);
         for (value, combination) in values.iter().zip(vectors.column_iter()) {
             if *value <= NULL * largest {
-                admitted.push(&combine * combination);
+                let sum = group.iter().zip(combination.iter());
+                admitted.push(sum.fold(DVector::zeros(free.len()), |sum, (&g, c)| sum + &others[g] * *c));
             }
         }
     }
@@ -54,6 +72,33 @@ pub(crate) fn tangents(
         return Ok(DMatrix::zeros(free.len(), 0));
     }
     Ok(DMatrix::from_columns(&admitted))
+}
+
+/// Generators that move fixed entries in common, directly or through others: only these can undo what one of them does.
+fn groups(moved: &[Vec<(usize, f64)>], entries: usize) -> Vec<Vec<usize>> {
+    // The first generator that moved an entry, and to which one each generator leads.
+    let mut first = vec![None; entries];
+    let mut leads: Vec<usize> = (0..moved.len()).collect();
+    fn root(leads: &mut [usize], mut at: usize) -> usize {
+        while leads[at] != at {
+            leads[at] = leads[leads[at]];
+            at = leads[at];
+        }
+        at
+    }
+    for (g, on_fixed) in moved.iter().enumerate() {
+        for (at, _) in on_fixed {
+            let other: usize = *first[*at].get_or_insert(g);
+            let (a, b) = (root(&mut leads, g), root(&mut leads, other));
+            leads[a.max(b)] = a.min(b);
+        }
+    }
+    let mut groups: Vec<Vec<usize>> = vec![Vec::new(); moved.len()];
+    for g in 0..moved.len() {
+        groups[root(&mut leads, g)].push(g);
+    }
+    groups.retain(|group| !group.is_empty());
+    groups
 }
 
 fn generators(m: &DMatrix<f64>, shape: Shape, channels: &[Channel]) -> Vec<DMatrix<f64>> {

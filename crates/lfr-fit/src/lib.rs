@@ -63,11 +63,13 @@
 //! ```
 
 mod candidate;
+mod constant_poles;
 mod covariance;
 mod data;
 mod error;
 mod frozen;
 mod grow;
+mod ho_kalman;
 mod indistinguishable;
 mod lines;
 mod local;
@@ -89,6 +91,7 @@ mod units;
 mod whiten;
 
 pub use candidate::{Candidate, Channel};
+pub use constant_poles::{ConstantPoles, ShapesAt, constant_poles};
 pub use data::{FrozenData, ResidualUnit};
 pub use error::FitError;
 pub use grow::{

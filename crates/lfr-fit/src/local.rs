@@ -11,7 +11,7 @@ pub use body::{LocalBody, local_body};
 use lpv_core::{SchedulingRange, StateSpace};
 use nalgebra::DMatrix;
 use num_complex::Complex;
-use residues::{Beside, Residues};
+pub(crate) use residues::{Beside, Residues};
 pub use settings::{LocalSettings, RigidGain};
 
 type C64 = Complex<f64>;
@@ -114,7 +114,7 @@ fn only_position(data: &FrozenData) -> Result<&Position, FitError> {
 }
 
 /// A range about one position, which a candidate needs whatever it is.
-fn around(p: &[f64]) -> Result<SchedulingRange, FitError> {
+pub(crate) fn around(p: &[f64]) -> Result<SchedulingRange, FitError> {
     let of = |p: &f64| [p - p.abs().max(1.0), p + p.abs().max(1.0)];
     Ok(SchedulingRange::new(p.iter().map(of).collect())?)
 }

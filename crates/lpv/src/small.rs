@@ -3,6 +3,7 @@
 mod between;
 mod data;
 mod local;
+mod shapes;
 
 use crate::PipelineError;
 use crate::config::IdentifyConfig;
@@ -22,6 +23,7 @@ use lpv_core::num_complex::Complex;
 use lpv_core::{Continuous, DeltaBlock, Discrete, Frf, FrfEstimate, Lfr, SchedulingRange};
 use pole_fit::PoleFit;
 use serde::{Deserialize, Serialize};
+use shapes::shapes;
 
 /// A small LFR with its account.
 #[derive(Debug, Clone)]
@@ -138,9 +140,7 @@ fn attempt(
         }
         .into());
     }
-    begin(progress, "small LFR: the middle position");
     let body = Body::of(poles)?;
-    let local = Local::new(&middle, (&scaled[nearest], units.clock()?), &modes, body)?;
     let mut reasons = moves.reasons.clone();
     // The gain of the rigid body comes from the middle position; the others know it better together.
     let mut settings = GrowSettings {
@@ -162,6 +162,11 @@ fn attempt(
             }]
         })
         .collect();
+    if let Some(stage) = shapes(data, body, (units, &range), (enough, &settings), moves, progress)? {
+        return Ok(stage);
+    }
+    begin(progress, "small LFR: the middle position");
+    let local = Local::new(&middle, (&scaled[nearest], units.clock()?), &modes, body)?;
     begin(progress, "small LFR: numbers of deltas");
     let few = merge_lines(&local.model, local.rigid(), data, &range, &settings)?;
     let mut tried = grow_sizes(&local.model, local.rigid(), &few, &deltas, &range, &settings)?;

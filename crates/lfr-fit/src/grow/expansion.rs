@@ -1,6 +1,7 @@
 //! A polynomial in the deltas, and the few channels that realise most of it.
 
 use super::weights::Weights;
+use crate::ho_kalman::HoKalman;
 use crate::{Channel, FitError};
 use lpv_core::linalg::{eigenvalues, least_squares, svd};
 use nalgebra::DMatrix;
@@ -20,9 +21,6 @@ pub(super) struct Channels {
     /// Channels that the expansion had a direction for.
     pub(super) found: Vec<bool>,
 }
-
-/// Singular values below this part of the largest are no direction.
-const NOTHING: f64 = 1e-9;
 
 /// Spectral radius above which the D11 of a start is scaled down, so that it is well-posed.
 const LARGEST_D11: f64 = 0.9;
@@ -101,38 +99,15 @@ impl Expansion {
                 powers[parameter] = k;
                 weighted(&powers).unwrap_or_else(|| DMatrix::zeros(rows, columns))
             };
-            let d = self.degree;
-            let hankel = |shift: usize| {
-                let mut h = DMatrix::zeros(rows * d, columns * d);
-                for i in 0..d {
-                    for j in 0..d {
-                        h.view_mut((i * rows, j * columns), (rows, columns))
-                            .copy_from(&power(i + j + 1 + shift));
-                    }
-                }
-                h
-            };
-            let svd = svd(hankel(0))?;
-            let (Some(u), Some(v)) = (&svd.u, &svd.v_t) else {
-                continue;
-            };
-            let values = &svd.singular_values;
-            let rank = own
-                .len()
-                .min(values.iter().filter(|v| **v > NOTHING * values[0]).count());
-            let (u, v) = (u.columns(0, rank), v.rows(0, rank));
-            let middle = u.transpose() * hankel(1) * v.transpose();
+            let powers: Vec<DMatrix<f64>> = (1..=self.degree).map(power).collect();
+            let found = HoKalman::new(&powers)?.cut(own.len());
+            let rank = found.inner.nrows();
             for (a, &i) in own.iter().take(rank).enumerate() {
-                let root = values[a].sqrt();
                 all.found[i] = true;
-                all.left
-                    .column_mut(i)
-                    .copy_from(&(u.view((0, a), (rows, 1)) * root));
-                all.right
-                    .row_mut(i)
-                    .copy_from(&(v.view((a, 0), (1, columns)) * root));
+                all.left.column_mut(i).copy_from(&found.left.column(a));
+                all.right.row_mut(i).copy_from(&found.right.row(a));
                 for (b, &j) in own.iter().take(rank).enumerate() {
-                    all.inner[(i, j)] = middle[(a, b)] / (root * values[b].sqrt());
+                    all.inner[(i, j)] = found.inner[(a, b)];
                 }
             }
         }

@@ -90,7 +90,7 @@ impl Default for GrowSettings {
 
 impl GrowSettings {
     /// The target in the unit of the data.
-    pub(super) fn target(&self, unit: ResidualUnit) -> f64 {
+    pub(crate) fn target(&self, unit: ResidualUnit) -> f64 {
         self.target.unwrap_or(match unit {
             ResidualUnit::Relative => 3e-5,
             ResidualUnit::StandardDeviation => 1.1,

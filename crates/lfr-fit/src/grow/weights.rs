@@ -67,7 +67,8 @@ impl Weights {
     }
 }
 
-fn roots(m: &DMatrix<f64>) -> Result<[DMatrix<f64>; 2], FitError> {
+/// The symmetric root of a weight, and its inverse.
+pub(crate) fn roots(m: &DMatrix<f64>) -> Result<[DMatrix<f64>; 2], FitError> {
     let eigen = symmetric_eigen(m.clone())?;
     let floor = FLOOR * eigen.eigenvalues.max();
     // No weight at all: every direction alike.

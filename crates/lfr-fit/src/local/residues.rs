@@ -12,7 +12,7 @@ type C64 = Complex<f64>;
 
 /// What there is beside the modes.
 #[derive(Clone, Copy, PartialEq)]
-pub(super) enum Beside<'a> {
+pub(crate) enum Beside<'a> {
     Nothing,
     /// Double integrators, whose gain is found along with the residues.
     Gain,
@@ -21,7 +21,7 @@ pub(super) enum Beside<'a> {
 }
 
 /// `F = gamma phi + sum_i R_i phi_i + conj(R_i phi_i)`, fitted with the relative weight `1 / ||G||_F` a line.
-pub(super) struct Residues {
+pub(crate) struct Residues {
     poles: Vec<C64>,
     /// `phi_i` on the lines of the data.
     fractions: Vec<Vec<C64>>,
@@ -30,7 +30,7 @@ pub(super) struct Residues {
 }
 
 impl Residues {
-    pub(super) fn new<K: Sampling>(
+    pub(crate) fn new<K: Sampling>(
         clock: K,
         data: &FrozenData,
         poles: &[C64],
@@ -127,7 +127,7 @@ impl Residues {
 
     /// The modal form with rank-one residues `R_i = c_i b_i`: for a pair with the pole `s = sigma + j omega`,
     /// `A = [sigma, -omega; omega, sigma]`, `B = sqrt(2) [Re b; Im b]`, `C = sqrt(2) [Re c, -Im c]`, `||b|| = ||c||`.
-    pub(super) fn realise<K: Sampling>(
+    pub(crate) fn realise<K: Sampling>(
         &self,
         clock: K,
         data: &FrozenData,

@@ -1,0 +1,279 @@
+//! Machines whose poles do not depend on p: mode shapes at the actuators and the sensors do.
+//!
+//! A plate over fixed sensors, a stage with fixed coils, a carriage on a stiff beam: `x' = A x + B(p) u`, `y = C(p) x` with one A for
+//! every p. In modal coordinates the frozen models of all positions are known but for one change of coordinates a mode, which
+//! commutes with A; with that chosen, B and C are smooth functions of p, and a polynomial through them has an LFR with as many deltas
+//! as the block Hankel matrix of its coefficients has rank (Ho and Kalman, with delta in the place of the shift). Deltas reach the
+//! inputs and the outputs only, so that A stays constant, and with only one of B and C a function of p the states are those of the
+//! machine while p moves too.
+
+mod coordinates;
+mod model;
+mod place;
+mod sides;
+
+use crate::problem::Problem;
+use crate::{Candidate, FitError, FrozenData, GrowSettings, RefineSettings, Refined, ResidualUnit, refine};
+use coordinates::{aligned, chained, constant_sides, smoothed};
+use lpv_core::{Continuous, SchedulingRange};
+use num_complex::Complex;
+use place::{Place, places};
+use sides::{Sides, Weights};
+
+type C64 = Complex<f64>;
+
+/// What of the model is a function of p.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ShapesAt {
+    /// C alone: sensors that see another point of the machine as it moves.
+    Outputs,
+    /// B alone: actuators that act at another point of it.
+    Inputs,
+    /// B and C.
+    Both,
+}
+
+/// An LFR with constant poles.
+#[derive(Debug, Clone)]
+pub struct ConstantPoles {
+    /// The model, fitted to the few lines.
+    pub refined: Refined<Continuous>,
+    /// What it was fitted to: the data in few lines, those merged that the models of the positions cannot tell apart, and the responses
+    /// of the polynomials midway between the positions.
+    pub few: FrozenData,
+    /// What depends on p.
+    pub shapes: ShapesAt,
+    /// Degree of the polynomials in p that the deltas realise before the fit.
+    pub degree: usize,
+    /// Rank of the gain of the rigid body.
+    pub rank: usize,
+    /// Numbers of deltas that were fitted, with the rms residual of each.
+    pub sizes: Vec<(usize, f64)>,
+    /// Inner positions, by index, with the rms residual that a polynomial of at most this degree through the others leaves there.
+    pub left_out: Vec<(usize, f64)>,
+}
+
+/// Positions below which nothing tells a function of p.
+const LEAST_POSITIONS: usize = 3;
+
+/// Highest degree of a polynomial in p.
+const HIGHEST: usize = 6;
+
+/// A frozen model with constant poles may leave this many times the target at its position: its poles come from all of them.
+const SLACK: f64 = 1.5;
+
+/// Part of the squares of the target that a start may add to them.
+const ADDED: f64 = 0.1;
+
+/// Iterations of the fit of one size: the polynomials leave little to do.
+const ITERATIONS: usize = 12;
+
+/// Free entries up to which the functions of p are fitted too.
+const MOST_FREE: usize = 1200;
+
+/// Sizes that are fitted at most, and the part of their deltas by which they shrink or grow.
+const MOST_SIZES: usize = 4;
+const LESS: usize = 8;
+const MORE: usize = 4;
+
+/// Fits an LFR with constant poles to responses whose poles are known ([`FrozenData::with_poles`]); `rigid`: whether there are double
+/// integrators. None where the poles, or the order, differ from position to position, or no such model reaches the target.
+///
+/// # Errors
+/// Failures of the numerics, as in [`crate::refine`].
+pub fn constant_poles(
+    data: &FrozenData,
+    rigid: bool,
+    range: &SchedulingRange,
+    settings: &GrowSettings,
+) -> Result<Option<ConstantPoles>, FitError> {
+    settings.check()?;
+    if data.len() < LEAST_POSITIONS || range.parameters() != 1 {
+        return Ok(None);
+    }
+    let Some(poles) = common_poles(data) else {
+        return Ok(None);
+    };
+    let target = settings.target(data.unit());
+    let Some(found) = places(data, &poles, rigid, SLACK * target)? else {
+        return Ok(None);
+    };
+    let (modal, few) = (found.modal, found.few);
+    let weights = Weights::new(&modal, &found.places, &few)?;
+    let deltas: Vec<f64> = few.scheduling().map(|p| range.normalise(p)[0]).collect();
+    // What noise leaves of a function through the positions, and what may come on top.
+    let per_entry = match data.unit() {
+        ResidualUnit::StandardDeviation => 1.0,
+        ResidualUnit::Relative => 0.0,
+    };
+    let room = ADDED * target * target * few.rms_count(few.equations());
+    let allowed = |unknowns: usize| 2.0 * per_entry * unknowns as f64 + room;
+    let middle = nearest_to_zero(&deltas);
+    let align = |shapes| aligned(&modal, &found.places, middle, shapes, &weights);
+    let (Some(with_b), Some(with_c), Some(mut turned)) = (
+        align(ShapesAt::Outputs)?,
+        align(ShapesAt::Inputs)?,
+        chained(&modal, &found.places, &deltas),
+    ) else {
+        return Ok(None);
+    };
+    let stands = |turned: &[Place], shapes: ShapesAt| {
+        let free = weights.unknowns(shapes.other()) * (deltas.len() - 1);
+        weights.spread(turned, shapes) <= allowed(free)
+    };
+    let mut settled = vec![false; modal.blocks().count()];
+    let mut starts = vec![with_b, with_c, turned.clone()];
+    let shapes = if stands(&starts[0], ShapesAt::Outputs) {
+        turned.clone_from(&starts[0]);
+        ShapesAt::Outputs
+    } else if stands(&starts[1], ShapesAt::Inputs) {
+        turned.clone_from(&starts[1]);
+        ShapesAt::Inputs
+    } else {
+        let sides = [starts[0].as_slice(), &starts[1]];
+        constant_sides(&modal, sides, (&weights, room), &mut turned, &mut settled)?;
+        starts.insert(0, turned);
+        turned = match smoothed(&modal, &starts, &deltas, &settled)? {
+            Some(turned) => turned,
+            None => return Ok(None),
+        };
+        ShapesAt::Both
+    };
+    let highest = HIGHEST.min(deltas.len() - 1);
+    let mut chosen = None;
+    for degree in 1..=highest {
+        let sides = Sides::new(&deltas, &turned, shapes, degree)?;
+        let free = weights.unknowns(shapes) * (deltas.len() - 1 - degree);
+        let good = weights.misfit(&sides, &deltas, &turned) <= allowed(free);
+        chosen = Some((sides, degree));
+        if good {
+            break;
+        }
+    }
+    let Some((sides, degree)) = chosen else {
+        return Ok(None);
+    };
+    let whole = sides.hankel(&weights)?;
+    // What rational functions of few deltas do between the positions, the polynomials say.
+    let between = few.between(|p| modal.held(&sides.at(range.normalise(p)[0]), few.clock()))?;
+    let both = FrozenData::together(&[few.clone(), between.clone()])?;
+    let most = whole.rank();
+    let fit = |size: usize| -> Result<Option<(Refined<Continuous>, f64)>, FitError> {
+        let realised = whole.cut(size);
+        let mut start = modal.candidate(&realised, range, true)?;
+        // Many functions of p stay those of the polynomials.
+        if start.free_entries().len() > MOST_FREE {
+            start = modal.candidate(&realised, range, false)?;
+        }
+        let settings = RefineSettings {
+            max_iterations: ITERATIONS,
+            tolerance: 1e-2,
+            ..RefineSettings::default()
+        };
+        let fitted = match refine(&start, &both, &settings) {
+            Err(FitError::Start { .. }) => return Ok(None),
+            other => other?,
+        };
+        let rms = |data: &FrozenData| residual(&fitted.candidate, data);
+        let (own, other) = (rms(&few)?, rms(&between)?);
+        // The polynomials have no noise.
+        Ok(Some((fitted, own.max(target * other))))
+    };
+    let mut sizes = Vec::new();
+    let mut best: Option<Refined<Continuous>> = None;
+    let mut size = whole.enough(room);
+    while sizes.len() < MOST_SIZES {
+        let found = fit(size)?;
+        let rms = found.as_ref().map_or(f64::INFINITY, |(_, rms)| *rms);
+        sizes.push((size, rms));
+        let reached = rms <= target;
+        let before = best.is_some();
+        if reached {
+            best = found.map(|(fitted, _)| fitted);
+        }
+        size = match (reached, before) {
+            (true, false) if sizes.len() > 1 => break,
+            (true, _) if size > 1 => size - size.div_ceil(LESS),
+            (false, false) if size < most => (size + size.div_ceil(MORE)).min(most),
+            _ => break,
+        };
+    }
+    sizes.sort_by_key(|s| s.0);
+    let left_out = weights.left_out(&deltas, &turned, &few, (shapes, degree))?;
+    Ok(best.map(|refined| ConstantPoles {
+        left_out,
+        refined,
+        few: both,
+        shapes,
+        degree,
+        rank: modal.rank(),
+        sizes,
+    }))
+}
+
+impl ShapesAt {
+    fn other(self) -> Self {
+        match self {
+            Self::Outputs => Self::Inputs,
+            Self::Inputs => Self::Outputs,
+            Self::Both => Self::Both,
+        }
+    }
+
+    fn has_outputs(self) -> bool {
+        self != Self::Inputs
+    }
+
+    fn has_inputs(self) -> bool {
+        self != Self::Outputs
+    }
+}
+
+/// Rms residual of a model.
+fn residual(candidate: &Candidate<Continuous>, data: &FrozenData) -> Result<f64, FitError> {
+    let problem = Problem::new(candidate, data)?;
+    let cost = problem
+        .cost(&problem.theta(candidate))
+        .ok_or_else(|| problem.no_start())?;
+    Ok((cost.total / data.rms_count(data.equations())).sqrt())
+}
+
+fn nearest_to_zero(deltas: &[f64]) -> usize {
+    let by_size = |a: &usize, b: &usize| deltas[*a].abs().total_cmp(&deltas[*b].abs());
+    (0..deltas.len()).min_by(by_size).unwrap_or(0)
+}
+
+/// The poles that most positions have, above the real axis, sampled: the medians of frequency and damping over them. None where a
+/// position that has as many does not have one of them.
+fn common_poles(data: &FrozenData) -> Option<Vec<C64>> {
+    /// Part of its frequency, and times its half-width, by which a constant pole may scatter.
+    const NEAR: [f64; 2] = [2e-3, 0.5];
+    let all: Vec<Vec<C64>> = data
+        .positions()
+        .iter()
+        .map(|position| {
+            let upper = position.poles.iter().filter(|z| z.im > 0.0);
+            let mut rates: Vec<C64> = upper.map(|z| z.ln()).collect();
+            rates.sort_by(|a, b| a.im.total_cmp(&b.im));
+            rates
+        })
+        .collect();
+    let mut counts: Vec<usize> = all.iter().map(Vec::len).collect();
+    counts.sort_unstable();
+    let count = counts[counts.len() / 2];
+    let usual: Vec<&Vec<C64>> = all.iter().filter(|rates| rates.len() == count).collect();
+    let first = usual.first().filter(|rates| !rates.is_empty())?;
+    (0..first.len())
+        .map(|k| {
+            let median = |of: fn(&C64) -> f64| {
+                lpv_numerics::statistics::median(&usual.iter().map(|r| of(&r[k])).collect::<Vec<_>>())
+            };
+            let rate = C64::new(median(|s| s.re), median(|s| s.im));
+            let near = |s: &C64| (s.im - rate.im).abs() <= NEAR[0] * rate.im + NEAR[1] * rate.re.abs();
+            usual.iter().all(|r| near(&r[k])).then(|| rate.exp())
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,360 @@
+//! Coordinates of the positions that make B and C smooth functions of p: changes that commute with A.
+
+use super::model::Modal;
+use super::sides::Weights;
+use super::{Place, ShapesAt, nearest_to_zero};
+use crate::FitError;
+use lpv_core::linalg::{least_squares, symmetric_eigen};
+use nalgebra::{DMatrix, DVector};
+
+/// Gauss-Newton iterations of a change.
+const ITERATIONS: usize = 100;
+
+/// Part of the squares that a step must win.
+const SETTLED: f64 = 1e-4;
+
+/// Length over which B and C change, in halves of the range of p.
+const LENGTH: f64 = 3.0;
+
+/// Dampings of a step that are tried.
+const TRIALS: usize = 12;
+
+/// All positions with the B of the one at `middle`, as near in weighted squares as a change of coordinates gets, or with its C where
+/// inputs see the shapes: linear least squares in the change, or in its inverse.
+pub(super) fn aligned(
+    modal: &Modal,
+    places: &[Place],
+    middle: usize,
+    shapes: ShapesAt,
+    weights: &Weights,
+) -> Result<Option<Vec<Place>>, FitError> {
+    let mut found = places.to_vec();
+    for block in modal.blocks() {
+        let (first, size) = block;
+        let [lb, rb, lc, rc] = weights.of_block(block)?;
+        let generators = modal.generators(block);
+        let to = &places[middle];
+        for place in &mut found {
+            let b = place.b.rows(first, size).into_owned();
+            let c = place.c.columns(first, size).into_owned();
+            let on_b = shapes.has_outputs();
+            let of = |change: &DMatrix<f64>| match on_b {
+                true => &lb * (change * &b) * &rb,
+                false => &lc * (&c * change) * &rc,
+            };
+            let goal = match on_b {
+                true => &lb * to.b.rows(first, size) * &rb,
+                false => &lc * to.c.columns(first, size) * &rc,
+            };
+            let columns: Vec<DVector<f64>> = generators
+                .iter()
+                .map(|e| DVector::from_column_slice(of(e).as_slice()))
+                .collect();
+            let target = DMatrix::from_column_slice(goal.len(), 1, goal.as_slice());
+            let solved = least_squares(DMatrix::from_columns(&columns), &target, 1e-14)
+                .map_err(|_| no_coordinates())?;
+            let change = generators
+                .iter()
+                .zip(solved.iter())
+                .fold(DMatrix::zeros(size, size), |sum, (e, v)| sum + e * *v);
+            let Some(back) = change.clone().try_inverse() else {
+                return Ok(None);
+            };
+            let (left, right) = if on_b { (change, back) } else { (back, change) };
+            place.b.rows_mut(first, size).copy_from(&(left * b));
+            place.c.columns_mut(first, size).copy_from(&(c * right));
+        }
+    }
+    Ok(Some(found))
+}
+
+fn no_coordinates() -> FitError {
+    FitError::NoConvergence {
+        operation: "the coordinates in which B and C are smooth",
+    }
+}
+
+/// Each position with B and C as near to those of its neighbour towards the middle as they come.
+pub(super) fn chained(modal: &Modal, places: &[Place], deltas: &[f64]) -> Option<Vec<Place>> {
+    let middle = nearest_to_zero(deltas);
+    let mut order: Vec<usize> = (0..places.len()).collect();
+    order.sort_by(|a, b| deltas[*a].total_cmp(&deltas[*b]));
+    let at = order.iter().position(|i| *i == middle)?;
+    let mut found = places.to_vec();
+    for step in order[at..].windows(2) {
+        found[step[1]] = nearest(modal, &found[step[1]], &found[step[0]], [1.0, 1.0])?;
+    }
+    for step in order[..=at].windows(2).rev() {
+        found[step[0]] = nearest(modal, &found[step[0]], &found[step[1]], [1.0, 1.0])?;
+    }
+    Some(found)
+}
+
+/// Takes over every block that has a constant B in the first of two sets of coordinates, or a constant C in the second, up to this sum
+/// of squares: a rigid body has, whose directions are the same wherever its sensors are.
+pub(super) fn constant_sides(
+    modal: &Modal,
+    [with_b, with_c]: [&[Place]; 2],
+    (weights, enough): (&Weights, f64),
+    turned: &mut [Place],
+    settled: &mut [bool],
+) -> Result<(), FitError> {
+    for (block, settled) in modal.blocks().zip(settled) {
+        let (first, size) = block;
+        let [lb, rb, lc, rc] = weights.of_block(block)?;
+        let spread = |all: Vec<DMatrix<f64>>| {
+            let mean = all.iter().skip(1).fold(all[0].clone(), |sum, x| sum + x) / all.len() as f64;
+            all.iter().map(|x| (x - &mean).norm_squared()).sum::<f64>()
+        };
+        let of_b = spread(with_b.iter().map(|p| &lb * p.b.rows(first, size) * &rb).collect());
+        let of_c = spread(
+            with_c
+                .iter()
+                .map(|p| &lc * p.c.columns(first, size) * &rc)
+                .collect(),
+        );
+        let from = if of_b <= of_c { with_b } else { with_c };
+        if of_b.min(of_c) <= enough {
+            *settled = true;
+            for (place, from) in turned.iter_mut().zip(from) {
+                place.b.rows_mut(first, size).copy_from(&from.b.rows(first, size));
+                place
+                    .c
+                    .columns_mut(first, size)
+                    .copy_from(&from.c.columns(first, size));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// All positions in the coordinates in which polynomials in p of this degree miss B and C least, block by block from the best of several
+/// starts, by Gauss-Newton: with the polynomials eliminated, `Q^T [X_i B_i]` and `Q^T [C_i X_i^-1]` are left, Q the complement of the
+/// polynomials on the positions. Blocks that are settled stay; one is where less than `enough` is left.
+pub(super) fn smoothed(
+    modal: &Modal,
+    starts: &[Vec<Place>],
+    deltas: &[f64],
+    settled: &[bool],
+) -> Result<Option<Vec<Place>>, FitError> {
+    let Some(mut best) = starts.first().cloned() else {
+        return Ok(None);
+    };
+    let beside = roughness(deltas, LENGTH)?;
+    for (block, settled) in modal.blocks().zip(settled) {
+        let (first, size) = block;
+        let mut least = f64::INFINITY;
+        // In coordinates of a lower degree it is as smooth as it can be.
+        for start in starts.iter().filter(|_| !*settled) {
+            let (found, cost) = smooth_block(modal, block, start, &beside)?;
+            if cost < least {
+                least = cost;
+                for (place, found) in best.iter_mut().zip(found) {
+                    place
+                        .b
+                        .rows_mut(first, size)
+                        .copy_from(&found.b.rows(first, size));
+                    let columns = found.c.columns(first, size);
+                    place.c.columns_mut(first, size).copy_from(&columns);
+                }
+            }
+        }
+    }
+    Ok(Some(best))
+}
+
+/// One block of [`smoothed`], and what its polynomials miss.
+fn smooth_block(
+    modal: &Modal,
+    block: (usize, usize),
+    start: &[Place],
+    beside: &DMatrix<f64>,
+) -> Result<(Vec<Place>, f64), FitError> {
+    let (first, size) = block;
+    let count = start.len();
+    let mut found = start.to_vec();
+    let generators = modal.generators(block);
+    let (ny, nu) = (start[0].c.nrows(), start[0].b.ncols());
+    let of_place = size * (ny + nu);
+    let parts = |found: &[Place], i: usize| {
+        (
+            found[i].b.rows(first, size).into_owned(),
+            found[i].c.columns(first, size).into_owned(),
+        )
+    };
+    let rms = |of: &dyn Fn(&Place) -> f64| {
+        (start.iter().map(of).sum::<f64>() / count as f64)
+            .sqrt()
+            .max(f64::MIN_POSITIVE)
+    };
+    let sizes = [
+        rms(&|p: &Place| p.b.rows(first, size).norm_squared()),
+        rms(&|p: &Place| p.c.columns(first, size).norm_squared()),
+    ];
+    let column = |(b, c): (DMatrix<f64>, DMatrix<f64>)| {
+        DVector::from_iterator(
+            of_place,
+            b.iter()
+                .map(|v| v / sizes[0])
+                .chain(c.iter().map(|v| v / sizes[1])),
+        )
+    };
+    let cost = |found: &[Place]| -> f64 {
+        let own: Vec<DVector<f64>> = (0..count).map(|i| column(parts(found, i))).collect();
+        (0..beside.ncols())
+            .map(|q| {
+                let sum = own.iter().enumerate().map(|(i, x)| x * beside[(i, q)]);
+                sum.fold(DVector::zeros(of_place), |sum, x| sum + x)
+                    .norm_squared()
+            })
+            .sum()
+    };
+    let mut last = cost(&found);
+    let mut damping = 1e-2;
+    for _ in 0..ITERATIONS {
+        let mut design = DMatrix::zeros(beside.ncols() * of_place, count * generators.len());
+        let mut target = DMatrix::zeros(beside.ncols() * of_place, 1);
+        for i in 0..count {
+            let (b, c) = parts(&found, i);
+            let own = column((b.clone(), c.clone()));
+            for q in 0..beside.ncols() {
+                let mut rows = target.rows_mut(q * of_place, of_place);
+                rows -= &own * beside[(i, q)];
+            }
+            for (k, e) in generators.iter().enumerate() {
+                let change = column((e * &b, -(&c * e)));
+                for q in 0..beside.ncols() {
+                    design
+                        .view_mut((q * of_place, i * generators.len() + k), (of_place, 1))
+                        .copy_from(&(&change * beside[(i, q)]));
+                }
+            }
+        }
+        let before = last;
+        for _ in 0..TRIALS {
+            let step = damped(&design, &target, damping)?;
+            let moved = changed(&found, block, &generators, &step);
+            let now = moved.as_deref().map_or(f64::INFINITY, cost);
+            if let (Some(moved), true) = (moved, now < last) {
+                (found, last) = (moved, now);
+                damping *= 0.2;
+                break;
+            }
+            damping *= 5.0;
+        }
+        if last > (1.0 - SETTLED) * before {
+            break;
+        }
+    }
+    Ok((found, last))
+}
+
+/// A step of Levenberg and Marquardt: columns of equal length, damped by this part of it.
+fn damped(design: &DMatrix<f64>, target: &DMatrix<f64>, damping: f64) -> Result<DMatrix<f64>, FitError> {
+    let (rows, columns) = design.shape();
+    let mut all = DMatrix::zeros(rows + columns, columns);
+    let lengths: Vec<f64> = design
+        .column_iter()
+        .map(|c| c.norm().max(f64::MIN_POSITIVE))
+        .collect();
+    for (j, length) in lengths.iter().enumerate() {
+        all.view_mut((0, j), (rows, 1))
+            .copy_from(&(design.column(j) / *length));
+        all[(rows + j, j)] = damping;
+    }
+    let target = target.clone().resize_vertically(rows + columns, 0.0);
+    let mut step = least_squares(all, &target, 1e-12).map_err(|_| no_coordinates())?;
+    step.row_iter_mut()
+        .zip(&lengths)
+        .for_each(|(mut row, length)| row /= *length);
+    Ok(step)
+}
+
+/// All positions after a change `1 + sum e_k E_k` of one block each; none where one cannot be inverted.
+fn changed(
+    places: &[Place],
+    (first, size): (usize, usize),
+    generators: &[DMatrix<f64>],
+    step: &DMatrix<f64>,
+) -> Option<Vec<Place>> {
+    let mut found = places.to_vec();
+    for (i, place) in found.iter_mut().enumerate() {
+        let mut e = DMatrix::identity(size, size);
+        for (k, g) in generators.iter().enumerate() {
+            e += g * step[i * generators.len() + k];
+        }
+        let c = place.c.columns(first, size) * e.clone().try_inverse()?;
+        let b = e * place.b.rows(first, size);
+        place.b.rows_mut(first, size).copy_from(&b);
+        place.c.columns_mut(first, size).copy_from(&c);
+    }
+    Some(found)
+}
+
+/// `K^(-1/2)` of the covariance `exp(-(d_i - d_j)^2 / 2 l^2)` of smooth functions on these positions: the squares of what it makes of a
+/// function are the less the smoother the function is.
+fn roughness(deltas: &[f64], length: f64) -> Result<DMatrix<f64>, FitError> {
+    /// Part of the largest eigenvalue below which all is alike rough.
+    const LEAST: f64 = 1e-12;
+    let count = deltas.len();
+    let k = DMatrix::from_fn(count, count, |i, j| {
+        (-0.5 * ((deltas[i] - deltas[j]) / length).powi(2)).exp()
+    });
+    let eigen = symmetric_eigen(k)?;
+    let floor = LEAST * eigen.eigenvalues.max();
+    let scaled = eigen.eigenvalues.map(|v| v.max(floor).sqrt().recip());
+    Ok(eigen.eigenvectors * DMatrix::from_diagonal(&scaled))
+}
+
+/// `X B` and `C X^-1` nearest to another position, X in the commutant of A: squares relative to the sizes of B and C there.
+fn nearest(modal: &Modal, place: &Place, to: &Place, weights: [f64; 2]) -> Option<Place> {
+    let mut found = place.clone();
+    for block in modal.blocks() {
+        let (first, size) = block;
+        let goal_b = to.b.rows(first, size).into_owned();
+        let goal_c = to.c.columns(first, size).into_owned();
+        let [wb, wc] = [weights[0] / norm(&goal_b), weights[1] / norm(&goal_c)];
+        let generators = modal.generators(block);
+        let (mut b, mut c) = (
+            found.b.rows(first, size).into_owned(),
+            found.c.columns(first, size).into_owned(),
+        );
+        for _ in 0..ITERATIONS {
+            // (1 + E) B - B_goal and C (1 - E) - C_goal, linear in E.
+            let rows = b.len() + c.len();
+            let mut design = DMatrix::zeros(rows, generators.len());
+            for (k, e) in generators.iter().enumerate() {
+                let (eb, ce) = (e * &b * wb, &c * e * (-wc));
+                let values = eb.iter().chain(ce.iter());
+                values.enumerate().for_each(|(i, v)| design[(i, k)] = *v);
+            }
+            let (left_b, left_c) = ((&goal_b - &b) * wb, (&goal_c - &c) * wc);
+            let target = DMatrix::from_iterator(rows, 1, left_b.iter().chain(left_c.iter()).copied());
+            let step = least_squares(design, &target, 1e-12).ok()?;
+            let mut e = DMatrix::zeros(size, size);
+            for (g, v) in generators.iter().zip(step.iter()) {
+                e += g * *v;
+            }
+            // Far from the goal a whole step may turn the block inside out.
+            let length = e.norm();
+            if length > 0.5 && weights[0] > 0.0 && weights[1] > 0.0 {
+                e *= 0.5 / length;
+            }
+            let change = DMatrix::identity(size, size) + &e;
+            let back = change.clone().try_inverse()?;
+            b = change * b;
+            c *= back;
+            if length < 1e-12 {
+                break;
+            }
+        }
+        found.b.rows_mut(first, size).copy_from(&b);
+        found.c.columns_mut(first, size).copy_from(&c);
+    }
+    let finite = |m: &DMatrix<f64>| m.iter().all(|v| v.is_finite());
+    (finite(&found.b) && finite(&found.c)).then_some(found)
+}
+
+fn norm(m: &DMatrix<f64>) -> f64 {
+    m.norm().max(f64::MIN_POSITIVE)
+}

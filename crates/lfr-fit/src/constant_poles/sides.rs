@@ -1,0 +1,318 @@
+//! B and C as functions of p: polynomials through the positions, and their realisations with few deltas.
+
+use super::model::Modal;
+use super::{Place, ShapesAt};
+use crate::grow::roots;
+use crate::ho_kalman::HoKalman;
+use crate::{FitError, FrozenData, sampled};
+use lpv_core::CoreError;
+use lpv_core::linalg::least_squares;
+use nalgebra::DMatrix;
+
+/// How far a change of B or of C moves the responses of one position: `tr(left dX right dX^T)` is the sum of squares that it adds there,
+/// on average over the positions.
+pub(super) struct Weights {
+    b: [DMatrix<f64>; 2],
+    c: [DMatrix<f64>; 2],
+}
+
+impl Weights {
+    pub(super) fn new(modal: &Modal, places: &[Place], few: &FrozenData) -> Result<Self, FitError> {
+        let (m, ny, nu) = (modal.size(), few.outputs(), few.inputs());
+        // From what B moves to what C sees.
+        let between = Place {
+            b: DMatrix::identity(m, m),
+            c: DMatrix::identity(m, m),
+        };
+        let between = sampled(&modal.frozen(&between)?, few.clock())?.ok_or(CoreError::Singular {
+            operation: "the hold of a model with constant poles",
+        })?;
+        let zero = |n: usize| DMatrix::<f64>::zeros(n, n);
+        let (mut b, mut c) = ([zero(m), zero(nu)], [zero(ny), zero(m)]);
+        let mut lines = 0.0;
+        for (position, place) in few.positions().iter().zip(places) {
+            let response = between.frequency_response(position.frf.frequencies_hz())?;
+            let complex = |x: &DMatrix<f64>| x.map(super::C64::from);
+            let (own_b, own_c) = (complex(&place.b), complex(&place.c));
+            for k in 0..position.frf.len() {
+                let (left, right) = position.factors(k);
+                let through = response.line(k);
+                let moved = through * &own_b * &right;
+                let seen = &left * &own_c * through;
+                c[0] += (left.adjoint() * &left).map(|v| v.re);
+                c[1] += (&moved * moved.adjoint()).map(|v| v.re);
+                b[0] += (seen.adjoint() * seen).map(|v| v.re);
+                b[1] += (&right * right.adjoint()).map(|v| v.re);
+                lines += 1.0;
+            }
+        }
+        let positions = places.len() as f64;
+        b[0] /= positions;
+        b[1] /= lines;
+        c[0] /= lines;
+        c[1] /= positions;
+        Ok(Self { b, c })
+    }
+
+    /// Roots of the weights of one block of coordinates: left and right of B, left and right of C.
+    pub(super) fn of_block(&self, (first, size): (usize, usize)) -> Result<[DMatrix<f64>; 4], FitError> {
+        let block = |m: &DMatrix<f64>| m.view((first, first), (size, size)).into_owned();
+        let root = |m: &DMatrix<f64>| roots(m).map(|[root, _]| root);
+        Ok([
+            root(&block(&self.b[0]))?,
+            root(&self.b[1])?,
+            root(&self.c[0])?,
+            root(&block(&self.c[1]))?,
+        ])
+    }
+
+    /// Numbers in what the shapes move, at one position.
+    pub(super) fn unknowns(&self, shapes: ShapesAt) -> usize {
+        let size = |[left, right]: &[DMatrix<f64>; 2]| left.nrows() * right.nrows();
+        let of = |has: bool, side| if has { size(side) } else { 0 };
+        of(shapes.has_outputs(), &self.c) + of(shapes.has_inputs(), &self.b)
+    }
+
+    /// Inner positions with the rms residual that polynomials through the others leave there, of this degree if they determine it.
+    pub(super) fn left_out(
+        &self,
+        deltas: &[f64],
+        places: &[Place],
+        few: &FrozenData,
+        (shapes, degree): (ShapesAt, usize),
+    ) -> Result<Vec<(usize, f64)>, FitError> {
+        let inner =
+            |i: &usize| deltas.iter().any(|d| *d < deltas[*i]) && deltas.iter().any(|d| *d > deltas[*i]);
+        // Two of the rest are a straight line through anything.
+        if deltas.len() < 4 {
+            return Ok(Vec::new());
+        }
+        (0..deltas.len())
+            .filter(inner)
+            .map(|i| {
+                let others = |x: usize| x != i;
+                let kept: Vec<usize> = (0..deltas.len()).filter(|x| others(*x)).collect();
+                let at: Vec<f64> = kept.iter().map(|x| deltas[*x]).collect();
+                let of: Vec<Place> = kept.iter().map(|x| places[*x].clone()).collect();
+                let sides = Sides::new(&at, &of, shapes, degree.min(at.len() - 1))?;
+                let missed = self.misfit(&sides, &deltas[i..=i], &places[i..=i]);
+                let lines = few.at(i);
+                Ok((i, (1.0 + missed / lines.rms_count(lines.equations())).sqrt()))
+            })
+            .collect()
+    }
+
+    fn squares([left, right]: &[DMatrix<f64>; 2], change: &DMatrix<f64>) -> f64 {
+        (left * change * right).dot(change)
+    }
+
+    /// Sum of squares by which the side that should be constant is not.
+    pub(super) fn spread(&self, places: &[Place], shapes: ShapesAt) -> f64 {
+        let (side, of): (_, fn(&Place) -> &DMatrix<f64>) = match shapes {
+            ShapesAt::Inputs => (&self.c, |p| &p.c),
+            ShapesAt::Outputs | ShapesAt::Both => (&self.b, |p| &p.b),
+        };
+        let mean = mean(places.iter().map(of));
+        places.iter().map(|p| Self::squares(side, &(of(p) - &mean))).sum()
+    }
+
+    /// Sum of squares by which the functions of p miss the positions.
+    pub(super) fn misfit(&self, sides: &Sides, deltas: &[f64], places: &[Place]) -> f64 {
+        let at = |(delta, place): (&f64, &Place)| {
+            Self::squares(&self.b, &(value(&sides.b, *delta) - &place.b))
+                + Self::squares(&self.c, &(value(&sides.c, *delta) - &place.c))
+        };
+        deltas.iter().zip(places).map(at).sum()
+    }
+}
+
+fn mean<'a>(all: impl ExactSizeIterator<Item = &'a DMatrix<f64>>) -> DMatrix<f64> {
+    let count = all.len().max(1) as f64;
+    let sum = all.fold(None, |sum: Option<DMatrix<f64>>, x| {
+        Some(sum.map_or_else(|| x.clone(), |s| s + x))
+    });
+    sum.unwrap_or_default() / count
+}
+
+/// Coefficients of `X(delta) = X_0 + X_1 delta + ...`.
+type Polynomial = Vec<DMatrix<f64>>;
+
+fn value(polynomial: &Polynomial, delta: f64) -> DMatrix<f64> {
+    let first = polynomial.first().map_or((0, 0), DMatrix::shape);
+    let start = DMatrix::zeros(first.0, first.1);
+    polynomial.iter().rev().fold(start, |sum, x| sum * delta + x)
+}
+
+/// B and C as polynomials.
+pub(super) struct Sides {
+    b: Polynomial,
+    c: Polynomial,
+    positions: usize,
+}
+
+impl Sides {
+    /// Through the positions by least squares; of degree zero where the shapes are not.
+    pub(super) fn new(
+        deltas: &[f64],
+        places: &[Place],
+        shapes: ShapesAt,
+        degree: usize,
+    ) -> Result<Self, FitError> {
+        let of = |has: bool, of: fn(&Place) -> &DMatrix<f64>| {
+            polynomial(
+                deltas,
+                &places.iter().map(of).collect::<Vec<_>>(),
+                if has { degree } else { 0 },
+            )
+        };
+        Ok(Self {
+            b: of(shapes.has_inputs(), |p| &p.b)?,
+            c: of(shapes.has_outputs(), |p| &p.c)?,
+            positions: places.len(),
+        })
+    }
+
+    /// B and C at a position.
+    pub(super) fn at(&self, delta: f64) -> Place {
+        Place {
+            b: value(&self.b, delta),
+            c: value(&self.c, delta),
+        }
+    }
+
+    /// The realisations of both.
+    pub(super) fn hankel(&self, weights: &Weights) -> Result<Hankel, FitError> {
+        Ok(Hankel {
+            b: HankelSide::new(&self.b, &weights.b)?,
+            c: HankelSide::new(&self.c, &weights.c)?,
+            positions: self.positions as f64,
+        })
+    }
+}
+
+fn polynomial(deltas: &[f64], samples: &[&DMatrix<f64>], degree: usize) -> Result<Polynomial, FitError> {
+    let first = samples.first().ok_or(FitError::Empty { what: "positions" })?;
+    let (rows, columns) = first.shape();
+    let design = DMatrix::from_fn(deltas.len(), degree + 1, |i, k| deltas[i].powi(k as i32));
+    let targets = DMatrix::from_fn(deltas.len(), first.len(), |i, j| samples[i][j]);
+    let solved = least_squares(design, &targets, 1e-12).map_err(|_| FitError::NoConvergence {
+        operation: "the polynomial through the models of the positions",
+    })?;
+    Ok((0..=degree)
+        .map(|k| DMatrix::from_iterator(rows, columns, solved.row(k).iter().copied()))
+        .collect())
+}
+
+/// `X(delta) = constant + left Delta (I - inner Delta)^-1 right`.
+pub(super) struct Side {
+    pub(super) constant: DMatrix<f64>,
+    pub(super) left: DMatrix<f64>,
+    pub(super) inner: DMatrix<f64>,
+    pub(super) right: DMatrix<f64>,
+}
+
+impl Side {
+    pub(super) fn constant(constant: DMatrix<f64>) -> Self {
+        let (rows, columns) = constant.shape();
+        Self {
+            constant,
+            left: DMatrix::zeros(rows, 0),
+            inner: DMatrix::zeros(0, 0),
+            right: DMatrix::zeros(0, columns),
+        }
+    }
+}
+
+/// B and C with their deltas.
+pub(super) struct Realised {
+    pub(super) b: Side,
+    pub(super) c: Side,
+}
+
+/// Realisations that can be cut.
+pub(super) struct Hankel {
+    b: HankelSide,
+    c: HankelSide,
+    positions: f64,
+}
+
+struct HankelSide {
+    constant: DMatrix<f64>,
+    /// None for a constant.
+    realisation: Option<HoKalman>,
+    /// Inverse roots of the weights.
+    back: [DMatrix<f64>; 2],
+}
+
+impl HankelSide {
+    fn new(polynomial: &Polynomial, [left, right]: &[DMatrix<f64>; 2]) -> Result<Self, FitError> {
+        let ([left, left_back], [right, right_back]) = (roots(left)?, roots(right)?);
+        let (constant, others) = polynomial
+            .split_first()
+            .ok_or(FitError::Empty { what: "coefficients" })?;
+        let weighted: Vec<DMatrix<f64>> = others.iter().map(|x| &left * x * &right).collect();
+        Ok(Self {
+            constant: constant.clone(),
+            realisation: (!weighted.is_empty())
+                .then(|| HoKalman::new(&weighted))
+                .transpose()?,
+            back: [left_back, right_back],
+        })
+    }
+
+    fn values(&self) -> &[f64] {
+        self.realisation.as_ref().map_or(&[], HoKalman::values)
+    }
+
+    fn cut(&self, size: usize) -> Side {
+        let Some(found) = self.realisation.as_ref().map(|r| r.cut(size)) else {
+            return Side::constant(self.constant.clone());
+        };
+        Side {
+            constant: self.constant.clone(),
+            left: &self.back[0] * found.left,
+            inner: found.inner,
+            right: found.right * &self.back[1],
+        }
+    }
+}
+
+impl Hankel {
+    /// Deltas that realise the polynomials exactly.
+    pub(super) fn rank(&self) -> usize {
+        self.b.values().len() + self.c.values().len()
+    }
+
+    /// Singular values of both, the largest first.
+    fn values(&self) -> Vec<f64> {
+        let mut all: Vec<f64> = self.b.values().iter().chain(self.c.values()).copied().collect();
+        all.sort_by(|a, b| b.total_cmp(a));
+        all
+    }
+
+    /// Deltas without which the responses miss by about this sum of squares, at least one.
+    pub(super) fn enough(&self, room: f64) -> usize {
+        let values = self.values();
+        let mut tail = 0.0;
+        let spare = values.iter().rev().take_while(|v| {
+            tail += *v * *v * self.positions;
+            tail <= room
+        });
+        (values.len() - spare.count()).max(1)
+    }
+
+    /// With so many deltas, the weakest left out.
+    pub(super) fn cut(&self, size: usize) -> Realised {
+        let least = self
+            .values()
+            .into_iter()
+            .take(size)
+            .next_back()
+            .unwrap_or(f64::INFINITY);
+        let kept = |side: &HankelSide| side.values().iter().filter(|v| **v >= least).count();
+        Realised {
+            b: self.b.cut(kept(&self.b)),
+            c: self.c.cut(kept(&self.c)),
+        }
+    }
+}

@@ -1,9 +1,11 @@
 //! Bundle in, one frequency response with covariance a position out.
 
+mod injection;
 mod large;
 mod length;
 pub(crate) mod places;
 
+use self::injection::take_injections;
 use self::length::to_one_length;
 use crate::PipelineError;
 use crate::finding::{self, Finding, Look, Voice, Watch};
@@ -111,6 +113,7 @@ pub fn estimate_bundle(
             bundle: bundle.description().name.clone(),
         });
     }
+    take_injections(&mut records);
     let (estimates, reason) = estimate_local(records, clock, progress)?;
     Ok(Responses {
         clock,
@@ -235,6 +238,7 @@ pub(crate) fn periodic_responses(
                 });
                 counter.one();
             }
+            take_injections(&mut records);
             let settings = periodic_settings(skip);
             let group: Vec<&Record> = records.iter().collect();
             let estimate = at_position(&group, |group| estimate_records(group, clock, &settings))

@@ -1,6 +1,7 @@
 //! Periodic records that are too large to be in memory, a period at a time: once to check them and to see their last period, once
 //! to see when they settle, once to average them.
 
+use super::injection::is_injected;
 use super::{AtPosition, periodic_settings, place};
 use crate::PipelineError;
 use crate::finding::{Look, Watch};
@@ -38,11 +39,13 @@ pub(super) fn evaluate(
     };
     let mut last: Vec<Record> = Vec::with_capacity(indices.len());
     let mut looks: Vec<Look> = Vec::with_capacity(indices.len());
+    let mut injected = true;
     for &i in indices {
         let (mut period, mut periods) = (None, 0);
         let mut watch = Watch::new(bundle);
         read(i, &mut |record| {
             watch.push(&record);
+            injected &= is_injected(&record);
             periods += 1;
             period = Some(record);
         })?;
@@ -53,6 +56,13 @@ pub(super) fn evaluate(
         last.extend(period);
         looks.push(look);
     }
+    let with_injection = |mut record: Record| {
+        if injected {
+            record.references = std::mem::take(&mut record.injection);
+        }
+        record
+    };
+    let last: Vec<Record> = last.into_iter().map(with_injection).collect();
     let names: Vec<String> = last.iter().map(|r| r.name.clone()).collect();
     let failed = |source: FrfError| {
         let names = names.iter().map(String::as_str);
@@ -100,7 +110,8 @@ pub(super) fn evaluate(
     let mut noise = PeriodNoise::new(layout.outputs, layout.period);
     for (experiment, &i) in indices.iter().enumerate() {
         let (mut period, mut outcome) = (0, Ok(()));
-        read(i, &mut |mut record| {
+        read(i, &mut |record| {
+            let mut record = with_injection(record);
             looks[experiment].level(&mut record, period);
             if outcome.is_ok() {
                 outcome = sums.push(&PeriodBlock {

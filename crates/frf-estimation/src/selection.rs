@@ -17,6 +17,8 @@ const fn floor(instrument: Instrument) -> f64 {
 }
 /// Power of the averaged input over its noise that an excited line must reach (10 dB).
 const LEAST_SNR: f64 = 10.0;
+/// Amplitude relative to the strongest line of all (60 dB) below which a line is excited only if the outputs show it too.
+const LEFTOVER: f64 = 1e-3;
 /// Threshold that tells quiet lines where the settings give none.
 const DEFAULT_THRESHOLD: f64 = 1e-2;
 
@@ -33,7 +35,9 @@ pub(crate) fn select(averages: &Averages<'_>, instrument: Instrument) -> Result<
         LineSelection::Excited { relative_threshold } => relative_threshold,
         _ => DEFAULT_THRESHOLD,
     };
-    let strong = strong_lines(&levels(averages, instrument), threshold, floor(instrument));
+    let level = levels(averages, instrument);
+    let strongest = level.iter().copied().fold(0.0, f64::max);
+    let strong = strong_lines(&level, threshold, floor(instrument));
     let chosen: Vec<usize> = match &averages.settings.lines {
         LineSelection::All => (1..=lines).collect(),
         LineSelection::List(list) => {
@@ -43,10 +47,13 @@ pub(crate) fn select(averages: &Averages<'_>, instrument: Instrument) -> Result<
         LineSelection::Excited { .. } => {
             let (ny, nu) = (averages.layout.outputs, averages.layout.inputs);
             let share = averages.share_of_noise();
-            let clear = |k: usize| {
-                let all = (ny..ny + nu).map(|c| averages.snr(share, c, k));
-                all.sum::<f64>() >= LEAST_SNR * nu as f64
+            let above = |channels: std::ops::Range<usize>, k: usize| {
+                let count = channels.len() as f64;
+                channels.map(|c| averages.snr(share, c, k)).sum::<f64>() >= LEAST_SNR * count
             };
+            // Far below the band the outputs tell whether a line is excited or a leftover.
+            let weak = |k: usize| level[k - 1] < LEFTOVER * strongest;
+            let clear = |k: usize| above(ny..ny + nu, k) && (!weak(k) || above(0..ny, k));
             (1..=lines).filter(|&k| strong[k - 1] && clear(k)).collect()
         }
     };

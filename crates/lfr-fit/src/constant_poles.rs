@@ -16,6 +16,7 @@ use crate::problem::Problem;
 use crate::{Candidate, FitError, FrozenData, GrowSettings, RefineSettings, Refined, ResidualUnit, refine};
 use coordinates::{aligned, chained, constant_sides, smoothed};
 use lpv_core::{Continuous, SchedulingRange};
+use nalgebra::DMatrix;
 use num_complex::Complex;
 use place::{Place, places};
 use sides::{Sides, Weights};
@@ -99,17 +100,17 @@ pub fn constant_poles(
         return Ok(None);
     };
     let (modal, few) = (found.modal, found.few);
-    let weights = Weights::new(&modal, &found.places, &few)?;
+    let weigh = |places: &[Place]| Weights::new(&modal, places, &few);
+    let first = weigh(&found.places)?;
     let deltas: Vec<f64> = few.scheduling().map(|p| range.normalise(p)[0]).collect();
     // What noise leaves of a function through the positions, and what may come on top.
     let per_entry = match data.unit() {
-        ResidualUnit::StandardDeviation => 1.0,
+        ResidualUnit::StandardDeviation => target * target,
         ResidualUnit::Relative => 0.0,
     };
     let room = ADDED * target * target * few.rms_count(few.equations());
     let allowed = |unknowns: usize| 2.0 * per_entry * unknowns as f64 + room;
-    let middle = nearest_to_zero(&deltas);
-    let align = |shapes| aligned(&modal, &found.places, middle, shapes, &weights);
+    let align = |shapes| aligned(&modal, &found.places, shapes, &first);
     let (Some(with_b), Some(with_c), Some(mut turned)) = (
         align(ShapesAt::Outputs)?,
         align(ShapesAt::Inputs)?,
@@ -117,32 +118,35 @@ pub fn constant_poles(
     ) else {
         return Ok(None);
     };
-    let stands = |turned: &[Place], shapes: ShapesAt| {
+    let of_b = weigh(&with_b)?;
+    let of_c = weigh(&with_c)?;
+    let stands = |places: &[Place], weights: &Weights, shapes: ShapesAt| {
         let free = weights.unknowns(shapes.other()) * (deltas.len() - 1);
-        weights.spread(turned, shapes) <= allowed(free)
+        let found = weights.constant(places, shapes);
+        found.filter(|(_, missed)| *missed <= allowed(free))
     };
-    let mut settled = vec![false; modal.blocks().count()];
-    let mut starts = vec![with_b, with_c, turned.clone()];
-    let shapes = if stands(&starts[0], ShapesAt::Outputs) {
-        turned.clone_from(&starts[0]);
-        ShapesAt::Outputs
-    } else if stands(&starts[1], ShapesAt::Inputs) {
-        turned.clone_from(&starts[1]);
-        ShapesAt::Inputs
+    let none = DMatrix::zeros(0, 0);
+    let (shapes, constant) = if let Some((b, _)) = stands(&with_b, &of_b, ShapesAt::Outputs) {
+        turned = with_b;
+        (ShapesAt::Outputs, b)
+    } else if let Some((c, _)) = stands(&with_c, &of_c, ShapesAt::Inputs) {
+        turned = with_c;
+        (ShapesAt::Inputs, c)
     } else {
-        let sides = [starts[0].as_slice(), &starts[1]];
-        constant_sides(&modal, sides, (&weights, room), &mut turned, &mut settled)?;
-        starts.insert(0, turned);
-        turned = match smoothed(&modal, &starts, &deltas, &settled)? {
+        let mut settled = vec![false; modal.blocks().count()];
+        let sets = [(with_b.as_slice(), &of_b), (with_c.as_slice(), &of_c)];
+        constant_sides(&modal, sets, room, &mut turned, &mut settled);
+        turned = match smoothed(&modal, &[turned, with_b, with_c], &deltas, &settled)? {
             Some(turned) => turned,
             None => return Ok(None),
         };
-        ShapesAt::Both
+        (ShapesAt::Both, none)
     };
+    let weights = weigh(&turned)?;
     let highest = HIGHEST.min(deltas.len() - 1);
     let mut chosen = None;
     for degree in 1..=highest {
-        let sides = Sides::new(&deltas, &turned, shapes, degree)?;
+        let sides = Sides::new(&deltas, &turned, (shapes, &constant), degree)?;
         let free = weights.unknowns(shapes) * (deltas.len() - 1 - degree);
         let good = weights.misfit(&sides, &deltas, &turned) <= allowed(free);
         chosen = Some((sides, degree));
@@ -199,7 +203,7 @@ pub fn constant_poles(
         };
     }
     sizes.sort_by_key(|s| s.0);
-    let left_out = weights.left_out(&deltas, &turned, &few, (shapes, degree))?;
+    let left_out = weights.left_out(&deltas, &turned, &few, ((shapes, &constant), degree))?;
     Ok(best.map(|refined| ConstantPoles {
         left_out,
         refined,

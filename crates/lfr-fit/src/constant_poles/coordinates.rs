@@ -19,12 +19,11 @@ const LENGTH: f64 = 3.0;
 /// Dampings of a step that are tried.
 const TRIALS: usize = 12;
 
-/// All positions with the B of the one at `middle`, as near in weighted squares as a change of coordinates gets, or with its C where
+/// All positions with the B of the one that knows it best, as near in weighted squares as a change of coordinates gets, or with its C where
 /// inputs see the shapes: linear least squares in the change, or in its inverse.
 pub(super) fn aligned(
     modal: &Modal,
     places: &[Place],
-    middle: usize,
     shapes: ShapesAt,
     weights: &Weights,
 ) -> Result<Option<Vec<Place>>, FitError> {
@@ -33,7 +32,7 @@ pub(super) fn aligned(
         let (first, size) = block;
         let [lb, rb, lc, rc] = weights.of_block(block)?;
         let generators = modal.generators(block);
-        let to = &places[middle];
+        let to = &places[weights.best_known(block, shapes)];
         for place in &mut found {
             let b = place.b.rows(first, size).into_owned();
             let c = place.c.columns(first, size).into_owned();
@@ -91,41 +90,34 @@ pub(super) fn chained(modal: &Modal, places: &[Place], deltas: &[f64]) -> Option
 }
 
 /// Takes over every block that has a constant B in the first of two sets of coordinates, or a constant C in the second, up to this sum
-/// of squares: a rigid body has, whose directions are the same wherever its sensors are.
+/// of squares: a rigid body has, whose directions are the same wherever its sensors are. Each set with its weights.
 pub(super) fn constant_sides(
     modal: &Modal,
-    [with_b, with_c]: [&[Place]; 2],
-    (weights, enough): (&Weights, f64),
+    sets: [(&[Place], &Weights); 2],
+    enough: f64,
     turned: &mut [Place],
     settled: &mut [bool],
-) -> Result<(), FitError> {
+) {
     for (block, settled) in modal.blocks().zip(settled) {
         let (first, size) = block;
-        let [lb, rb, lc, rc] = weights.of_block(block)?;
-        let spread = |all: Vec<DMatrix<f64>>| {
-            let mean = all.iter().skip(1).fold(all[0].clone(), |sum, x| sum + x) / all.len() as f64;
-            all.iter().map(|x| (x - &mean).norm_squared()).sum::<f64>()
+        let missed = |(places, weights): (&[Place], &Weights), shapes| {
+            let found = weights.constant_block(places, block, shapes);
+            found.map_or(f64::INFINITY, |(_, missed)| missed)
         };
-        let of_b = spread(with_b.iter().map(|p| &lb * p.b.rows(first, size) * &rb).collect());
-        let of_c = spread(
-            with_c
-                .iter()
-                .map(|p| &lc * p.c.columns(first, size) * &rc)
-                .collect(),
-        );
-        let from = if of_b <= of_c { with_b } else { with_c };
-        if of_b.min(of_c) <= enough {
+        let of = [
+            missed(sets[0], ShapesAt::Outputs),
+            missed(sets[1], ShapesAt::Inputs),
+        ];
+        let (from, _) = sets[usize::from(of[1] < of[0])];
+        if of[0].min(of[1]) <= enough {
             *settled = true;
             for (place, from) in turned.iter_mut().zip(from) {
                 place.b.rows_mut(first, size).copy_from(&from.b.rows(first, size));
-                place
-                    .c
-                    .columns_mut(first, size)
-                    .copy_from(&from.c.columns(first, size));
+                let columns = from.c.columns(first, size);
+                place.c.columns_mut(first, size).copy_from(&columns);
             }
         }
     }
-    Ok(())
 }
 
 /// All positions in the coordinates in which polynomials in p of this degree miss B and C least, block by block from the best of several

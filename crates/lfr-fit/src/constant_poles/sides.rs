@@ -9,11 +9,14 @@ use lpv_core::CoreError;
 use lpv_core::linalg::least_squares;
 use nalgebra::DMatrix;
 
-/// How far a change of B or of C moves the responses of one position: `tr(left dX right dX^T)` is the sum of squares that it adds there,
-/// on average over the positions.
+/// How far a change of B or of C moves the responses of a position: `tr(left dX right dX^T)` is the sum of squares that it adds there.
+/// What a change of B does depends on C, and so on the position and on its coordinates.
 pub(super) struct Weights {
+    /// On average over the positions.
     b: [DMatrix<f64>; 2],
     c: [DMatrix<f64>; 2],
+    /// Left of B and right of C, by position.
+    each: Vec<[DMatrix<f64>; 2]>,
 }
 
 impl Weights {
@@ -29,29 +32,46 @@ impl Weights {
         })?;
         let zero = |n: usize| DMatrix::<f64>::zeros(n, n);
         let (mut b, mut c) = ([zero(m), zero(nu)], [zero(ny), zero(m)]);
+        let mut each = Vec::with_capacity(places.len());
         let mut lines = 0.0;
         for (position, place) in few.positions().iter().zip(places) {
             let response = between.frequency_response(position.frf.frequencies_hz())?;
             let complex = |x: &DMatrix<f64>| x.map(super::C64::from);
             let (own_b, own_c) = (complex(&place.b), complex(&place.c));
+            let mut own = [zero(m), zero(m)];
             for k in 0..position.frf.len() {
                 let (left, right) = position.factors(k);
                 let through = response.line(k);
                 let moved = through * &own_b * &right;
                 let seen = &left * &own_c * through;
+                own[0] += (seen.adjoint() * seen).map(|v| v.re);
+                own[1] += (&moved * moved.adjoint()).map(|v| v.re);
                 c[0] += (left.adjoint() * &left).map(|v| v.re);
-                c[1] += (&moved * moved.adjoint()).map(|v| v.re);
-                b[0] += (seen.adjoint() * seen).map(|v| v.re);
                 b[1] += (&right * right.adjoint()).map(|v| v.re);
                 lines += 1.0;
             }
+            b[0] += &own[0];
+            c[1] += &own[1];
+            each.push(own);
         }
         let positions = places.len() as f64;
         b[0] /= positions;
         b[1] /= lines;
         c[0] /= lines;
         c[1] /= positions;
-        Ok(Self { b, c })
+        Ok(Self { b, c, each })
+    }
+
+    /// Of several positions, those that know B of a block best, or C.
+    pub(super) fn best_known(&self, (first, size): (usize, usize), shapes: ShapesAt) -> usize {
+        let side = usize::from(!shapes.has_outputs());
+        let known = |i: &usize| {
+            (first..first + size)
+                .map(|k| self.each[*i][side][(k, k)])
+                .sum::<f64>()
+        };
+        let all = 0..self.each.len();
+        all.max_by(|x, y| known(x).total_cmp(&known(y))).unwrap_or(0)
     }
 
     /// Roots of the weights of one block of coordinates: left and right of B, left and right of C.
@@ -79,7 +99,7 @@ impl Weights {
         deltas: &[f64],
         places: &[Place],
         few: &FrozenData,
-        (shapes, degree): (ShapesAt, usize),
+        ((shapes, constant), degree): ((ShapesAt, &DMatrix<f64>), usize),
     ) -> Result<Vec<(usize, f64)>, FitError> {
         let inner =
             |i: &usize| deltas.iter().any(|d| *d < deltas[*i]) && deltas.iter().any(|d| *d > deltas[*i]);
@@ -94,44 +114,86 @@ impl Weights {
                 let kept: Vec<usize> = (0..deltas.len()).filter(|x| others(*x)).collect();
                 let at: Vec<f64> = kept.iter().map(|x| deltas[*x]).collect();
                 let of: Vec<Place> = kept.iter().map(|x| places[*x].clone()).collect();
-                let sides = Sides::new(&at, &of, shapes, degree.min(at.len() - 1))?;
-                let missed = self.misfit(&sides, &deltas[i..=i], &places[i..=i]);
+                let sides = Sides::new(&at, &of, (shapes, constant), degree.min(at.len() - 1))?;
+                let missed = self.at(i).misfit(&sides, &deltas[i..=i], &places[i..=i]);
                 let lines = few.at(i);
                 Ok((i, (1.0 + missed / lines.rms_count(lines.equations())).sqrt()))
             })
             .collect()
     }
 
-    fn squares([left, right]: &[DMatrix<f64>; 2], change: &DMatrix<f64>) -> f64 {
-        (left * change * right).dot(change)
+    /// The side that should be constant at its best, in weighted least squares, and the sum of squares by which it is not. The weights
+    /// are those of these places.
+    pub(super) fn constant(&self, places: &[Place], shapes: ShapesAt) -> Option<(DMatrix<f64>, f64)> {
+        let whole = (0, places.first()?.b.nrows());
+        self.constant_block(places, whole, shapes)
     }
 
-    /// Sum of squares by which the side that should be constant is not.
-    pub(super) fn spread(&self, places: &[Place], shapes: ShapesAt) -> f64 {
-        let (side, of): (_, fn(&Place) -> &DMatrix<f64>) = match shapes {
-            ShapesAt::Inputs => (&self.c, |p| &p.c),
-            ShapesAt::Outputs | ShapesAt::Both => (&self.b, |p| &p.b),
+    /// The same of one block of coordinates.
+    pub(super) fn constant_block(
+        &self,
+        places: &[Place],
+        (first, size): (usize, usize),
+        shapes: ShapesAt,
+    ) -> Option<(DMatrix<f64>, f64)> {
+        let on_b = shapes.has_outputs();
+        let weight = |i: usize| {
+            let whole = &self.each[i][usize::from(!on_b)];
+            whole.view((first, first), (size, size)).into_owned()
         };
-        let mean = mean(places.iter().map(of));
-        places.iter().map(|p| Self::squares(side, &(of(p) - &mean))).sum()
+        // C from the other side, so that both read alike.
+        let value = |place: &Place| match on_b {
+            true => place.b.rows(first, size).into_owned(),
+            false => place.c.columns(first, size).transpose(),
+        };
+        let other = if on_b { &self.b[1] } else { &self.c[0] };
+        let (mut sum, mut moment) = (DMatrix::zeros(size, size), None);
+        for (i, place) in places.iter().enumerate() {
+            let weight = weight(i);
+            let own = &weight * value(place);
+            sum += weight;
+            moment = Some(moment.map_or_else(|| own.clone(), |m: DMatrix<f64>| m + &own));
+        }
+        // Coordinates of equal weight: those of a rigid body and of a mode differ by orders.
+        let scale: Vec<f64> = (0..size)
+            .map(|k| sum[(k, k)].max(f64::MIN_POSITIVE).sqrt().recip())
+            .collect();
+        let even = DMatrix::from_fn(size, size, |i, j| sum[(i, j)] * scale[i] * scale[j]);
+        let mut moment = moment?;
+        moment
+            .row_iter_mut()
+            .zip(&scale)
+            .for_each(|(mut row, s)| row *= *s);
+        let mut best = least_squares(even, &moment, 1e-13).ok()?;
+        best.row_iter_mut().zip(&scale).for_each(|(mut row, s)| row *= *s);
+        let missed = places.iter().enumerate().map(|(i, place)| {
+            let change = value(place) - &best;
+            (weight(i) * &change * other).dot(&change)
+        });
+        let missed = missed.sum();
+        Some((if on_b { best } else { best.transpose() }, missed))
     }
 
-    /// Sum of squares by which the functions of p miss the positions.
+    /// Sum of squares by which the functions of p miss these places; the weights are theirs.
     pub(super) fn misfit(&self, sides: &Sides, deltas: &[f64], places: &[Place]) -> f64 {
-        let at = |(delta, place): (&f64, &Place)| {
-            Self::squares(&self.b, &(value(&sides.b, *delta) - &place.b))
-                + Self::squares(&self.c, &(value(&sides.c, *delta) - &place.c))
+        let at = |((delta, place), [left, right]): ((&f64, &Place), &[DMatrix<f64>; 2])| {
+            let (db, dc) = (
+                value(&sides.b, *delta) - &place.b,
+                value(&sides.c, *delta) - &place.c,
+            );
+            (left * &db * &self.b[1]).dot(&db) + (&self.c[0] * &dc * right).dot(&dc)
         };
-        deltas.iter().zip(places).map(at).sum()
+        deltas.iter().zip(places).zip(&self.each).map(at).sum()
     }
-}
 
-fn mean<'a>(all: impl ExactSizeIterator<Item = &'a DMatrix<f64>>) -> DMatrix<f64> {
-    let count = all.len().max(1) as f64;
-    let sum = all.fold(None, |sum: Option<DMatrix<f64>>, x| {
-        Some(sum.map_or_else(|| x.clone(), |s| s + x))
-    });
-    sum.unwrap_or_default() / count
+    /// The weights of one position alone.
+    fn at(&self, i: usize) -> Self {
+        Self {
+            b: self.b.clone(),
+            c: self.c.clone(),
+            each: vec![self.each[i].clone()],
+        }
+    }
 }
 
 /// Coefficients of `X(delta) = X_0 + X_1 delta + ...`.
@@ -151,19 +213,16 @@ pub(super) struct Sides {
 }
 
 impl Sides {
-    /// Through the positions by least squares; of degree zero where the shapes are not.
+    /// Through the positions by least squares; `constant` where the shapes are not.
     pub(super) fn new(
         deltas: &[f64],
         places: &[Place],
-        shapes: ShapesAt,
+        (shapes, constant): (ShapesAt, &DMatrix<f64>),
         degree: usize,
     ) -> Result<Self, FitError> {
-        let of = |has: bool, of: fn(&Place) -> &DMatrix<f64>| {
-            polynomial(
-                deltas,
-                &places.iter().map(of).collect::<Vec<_>>(),
-                if has { degree } else { 0 },
-            )
+        let of = |has: bool, of: fn(&Place) -> &DMatrix<f64>| match has {
+            true => polynomial(deltas, &places.iter().map(of).collect::<Vec<_>>(), degree),
+            false => Ok(vec![constant.clone()]),
         };
         Ok(Self {
             b: of(shapes.has_inputs(), |p| &p.b)?,

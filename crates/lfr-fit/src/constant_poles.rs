@@ -247,36 +247,50 @@ fn nearest_to_zero(deltas: &[f64]) -> usize {
     (0..deltas.len()).min_by(by_size).unwrap_or(0)
 }
 
-/// The poles that most positions have, above the real axis, sampled: the medians of frequency and damping over them. None where a
-/// position that has as many does not have one of them.
+/// The poles that more than half of the positions have, above the real axis, sampled: the medians of frequency and damping over them. A
+/// mode may be out of sight at a position, and what is found there instead is no mode. None without one.
 fn common_poles(data: &FrozenData) -> Option<Vec<C64>> {
     /// Part of its frequency, and times its half-width, by which a constant pole may scatter.
     const NEAR: [f64; 2] = [2e-3, 0.5];
-    let all: Vec<Vec<C64>> = data
+    let mut all: Vec<Vec<C64>> = data
         .positions()
         .iter()
         .map(|position| {
             let upper = position.poles.iter().filter(|z| z.im > 0.0);
-            let mut rates: Vec<C64> = upper.map(|z| z.ln()).collect();
-            rates.sort_by(|a, b| a.im.total_cmp(&b.im));
-            rates
+            upper.map(|z| z.ln()).collect()
         })
         .collect();
-    let mut counts: Vec<usize> = all.iter().map(Vec::len).collect();
-    counts.sort_unstable();
-    let count = counts[counts.len() / 2];
-    let usual: Vec<&Vec<C64>> = all.iter().filter(|rates| rates.len() == count).collect();
-    let first = usual.first().filter(|rates| !rates.is_empty())?;
-    (0..first.len())
-        .map(|k| {
-            let median = |of: fn(&C64) -> f64| {
-                lpv_numerics::statistics::median(&usual.iter().map(|r| of(&r[k])).collect::<Vec<_>>())
-            };
-            let rate = C64::new(median(|s| s.re), median(|s| s.im));
-            let near = |s: &C64| (s.im - rate.im).abs() <= NEAR[0] * rate.im + NEAR[1] * rate.re.abs();
-            usual.iter().all(|r| near(&r[k])).then(|| rate.exp())
-        })
-        .collect()
+    let mut seeds: Vec<C64> = all.iter().flatten().copied().collect();
+    seeds.sort_by(|a, b| a.im.total_cmp(&b.im));
+    let mut found = Vec::new();
+    for seed in seeds {
+        let near = |s: &C64| (s.im - seed.im).abs() <= NEAR[0] * seed.im + NEAR[1] * seed.re.abs();
+        // Of each position the nearest one that belongs to no other mode.
+        let members: Vec<(usize, usize)> = all
+            .iter()
+            .enumerate()
+            .filter_map(|(i, rates)| {
+                let by_distance =
+                    |a: &usize, b: &usize| (rates[*a] - seed).norm().total_cmp(&(rates[*b] - seed).norm());
+                let nearest = (0..rates.len())
+                    .filter(|k| near(&rates[*k]))
+                    .min_by(by_distance)?;
+                Some((i, nearest))
+            })
+            .collect();
+        if 2 * members.len() <= all.len() {
+            continue;
+        }
+        let median = |of: fn(&C64) -> f64| {
+            let values: Vec<f64> = members.iter().map(|(i, k)| of(&all[*i][*k])).collect();
+            lpv_numerics::statistics::median(&values)
+        };
+        found.push(C64::new(median(|s| s.re), median(|s| s.im)).exp());
+        for (i, k) in members {
+            all[i].swap_remove(k);
+        }
+    }
+    (!found.is_empty()).then_some(found)
 }
 
 #[cfg(test)]

@@ -181,6 +181,23 @@ fn shapes_are_found_over_decades_of_noise() {
     }
 }
 
+/// A mode that is out of sight at one position, with a pole of nothing found there in its place.
+#[test]
+fn a_pole_that_one_position_misses_is_found_at_the_others() {
+    let range = SchedulingRange::interval(-1.0, 1.0).unwrap();
+    let machine = Machine::new(1, ShapesAt::Outputs);
+    let (data, noise) = machine.data(&positions(7), 1e-3, 3);
+    let mut poles: Vec<Vec<C64>> = positions(7).iter().map(|p| machine.poles(*p)).collect();
+    poles[2][1] = (C64::new(-30.0, 1900.0) / RATE).exp();
+    poles[5].pop();
+    let data = data.with_poles(&poles).unwrap();
+    let found = constant_poles(&data, true, &range, &GrowSettings::default())
+        .unwrap()
+        .unwrap();
+    assert_eq!(found.refined.candidate.states(), 10);
+    assert!(between(&found, &machine, noise) < 1.0);
+}
+
 #[test]
 fn poles_that_move_are_not_constant() {
     let range = SchedulingRange::interval(-1.0, 1.0).unwrap();

@@ -55,10 +55,7 @@ pub(super) fn shapes(
     let mut moving = None;
     begin(progress, "small LFR: coordinates along the moves");
     match &moves.data {
-        Err(why) => reasons.push(format!(
-            "moving records: none, {why}{}",
-            coordinates(found.shapes)
-        )),
+        Err(why) => reasons.push(format!("moving records: none, {why}{}", coordinates(&found))),
         Ok(moves) => {
             let moves = units.moves(moves)?;
             let (candidate, stage) = along(fit, &found.few, &moves)?;
@@ -77,7 +74,7 @@ pub(super) fn shapes(
             if joint.is_none_or(|e| e > MISSED) {
                 reasons.push(format!(
                     "warning: moving records are not explained to their noise{}",
-                    coordinates(found.shapes)
+                    coordinates(&found)
                 ));
             }
             whole = refine(&candidate, data, &as_it_is)?;
@@ -129,13 +126,20 @@ fn account(found: &ConstantPoles) -> String {
 }
 
 /// What is known of the coordinates without records.
-fn coordinates(shapes: ShapesAt) -> &'static str {
-    match shapes {
-        ShapesAt::Outputs | ShapesAt::Inputs => {
+fn coordinates(found: &ConstantPoles) -> &'static str {
+    let candidate = &found.refined.candidate;
+    // One input sees no direction: B of one column is constant in some coordinates, whatever the machine does.
+    let told = match found.shapes {
+        ShapesAt::Outputs => candidate.inputs() > found.rank.max(1),
+        ShapesAt::Inputs => candidate.outputs() > found.rank.max(1),
+        ShapesAt::Both => false,
+    };
+    match told {
+        true => {
             "; with constant poles, and B or C constant, the state coordinates are those of a machine with constant modes"
         }
-        ShapesAt::Both => {
-            "; B and C both depend on p, so that responses leave the scale of each mode over p open: the model is known for slow p only"
+        false => {
+            "; responses leave the scale of each mode over p open here: the model is known for slow p only"
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::ho_kalman::HoKalman;
 use crate::{FitError, FrozenData, sampled};
 use lpv_core::CoreError;
 use lpv_core::linalg::least_squares;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 /// How far a change of B or of C moves the responses of a position: `tr(left dX right dX^T)` is the sum of squares that it adds there.
 /// What a change of B does depends on C, and so on the position and on its coordinates.
@@ -33,7 +33,8 @@ impl Weights {
         let zero = |n: usize| DMatrix::<f64>::zeros(n, n);
         let (mut b, mut c) = ([zero(m), zero(nu)], [zero(ny), zero(m)]);
         let mut each = Vec::with_capacity(places.len());
-        let mut lines = 0.0;
+        // Of each line: what it knows of each coordinate of B and of C, and its weights of inputs and outputs.
+        let mut lines: Vec<[(DVector<f64>, DMatrix<f64>); 2]> = Vec::new();
         for (position, place) in few.positions().iter().zip(places) {
             let response = between.frequency_response(position.frf.frequencies_hz())?;
             let complex = |x: &DMatrix<f64>| x.map(super::C64::from);
@@ -44,20 +45,38 @@ impl Weights {
                 let through = response.line(k);
                 let moved = through * &own_b * &right;
                 let seen = &left * &own_c * through;
-                own[0] += (seen.adjoint() * seen).map(|v| v.re);
-                own[1] += (&moved * moved.adjoint()).map(|v| v.re);
-                c[0] += (left.adjoint() * &left).map(|v| v.re);
-                b[1] += (&right * right.adjoint()).map(|v| v.re);
-                lines += 1.0;
+                let of_b = (seen.adjoint() * seen).map(|v| v.re);
+                let of_c = (&moved * moved.adjoint()).map(|v| v.re);
+                lines.push([
+                    (of_b.diagonal(), (&right * right.adjoint()).map(|v| v.re)),
+                    (of_c.diagonal(), (left.adjoint() * &left).map(|v| v.re)),
+                ]);
+                own[0] += of_b;
+                own[1] += of_c;
             }
             b[0] += &own[0];
             c[1] += &own[1];
             each.push(own);
         }
         let positions = places.len() as f64;
+        // Inputs and outputs weigh as on the lines that know the coordinates: those are few, and merged ones weigh by their number.
+        let mean = |side: usize, total: &DMatrix<f64>, size: usize| {
+            let (mut sum, mut count) = (zero(size), 0.0);
+            for line in &lines {
+                let (known, weights) = &line[side];
+                let shares = known
+                    .iter()
+                    .enumerate()
+                    .map(|(k, v)| v / total[(k, k)].max(f64::MIN_POSITIVE));
+                let share: f64 = shares.sum();
+                sum += weights * share;
+                count += share;
+            }
+            sum / count.max(f64::MIN_POSITIVE)
+        };
+        b[1] = mean(0, &b[0], nu);
+        c[0] = mean(1, &c[1], ny);
         b[0] /= positions;
-        b[1] /= lines;
-        c[0] /= lines;
         c[1] /= positions;
         Ok(Self { b, c, each })
     }

@@ -177,12 +177,11 @@ impl FrozenData {
     /// All positions of several data of one clock and unit.
     pub(crate) fn together(all: &[Self]) -> Result<Self, FitError> {
         let first = all.first().ok_or(FitError::Empty { what: "positions" })?;
-        let positions = all.iter().flat_map(|data| data.positions.iter().cloned());
-        Self::joined(first.clock, first.unit, positions.collect())
+        let positions = all.iter().flat_map(|data| data.positions.clone()).collect();
+        Self::joined(first.clock, first.unit, positions)
     }
 
-    /// Midway between neighbours along the first parameter, on the lines and with the weights of one of them, the responses of the
-    /// model that is given for there.
+    /// Midway between neighbours along the first parameter, on the lines and with the weights of one, the responses of a model.
     pub(crate) fn between(
         &self,
         model: impl Fn(&[f64]) -> Result<StateSpace<Discrete>, FitError>,

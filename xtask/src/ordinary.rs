@@ -187,10 +187,9 @@ pub(crate) fn run(options: &Options) -> Result<bool, TaskError> {
     let mut stages = Vec::new();
     for (index, kind) in STAGES.iter().enumerate() {
         // The larger the stage, the fewer of them.
-        let seeds = match (options.quick, index / 2) {
-            (true, 0) => 1,
-            (true, _) => 0,
-            (false, size) => options.seeds.div_ceil([4, 7, 20][size.min(2)]),
+        let seeds = match options.quick {
+            true => u64::from(index == 0),
+            false => options.seeds.div_ceil([4, 7, 20][(index / 2).min(2)]),
         };
         if seeds > 0 {
             let first = 900_000 + 1000 * index as u64;

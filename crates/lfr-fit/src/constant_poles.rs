@@ -4,8 +4,8 @@
 //! every p. In modal coordinates the frozen models of all positions are known but for one change of coordinates a mode, which
 //! commutes with A; with that chosen, B and C are smooth functions of p, and a polynomial through them has an LFR with as many deltas
 //! as the block Hankel matrix of its coefficients has rank (Ho and Kalman, with delta in the place of the shift). Deltas reach the
-//! inputs and the outputs only, so that A stays constant, and with only one of B and C a function of p the states are those of the
-//! machine while p moves too.
+//! inputs and the outputs only, so that A stays constant. With only one of B and C a function of p, and more inputs (or outputs) than the
+//! rank of the rigid body to tell it, the states are those of the machine while p moves too.
 
 mod coordinates;
 mod model;
@@ -78,7 +78,7 @@ const LESS: usize = 8;
 const MORE: usize = 4;
 
 /// Fits an LFR with constant poles to responses whose poles are known ([`FrozenData::with_poles`]); `rigid`: whether there are double
-/// integrators. None where the poles, or the order, differ from position to position, or no such model reaches the target.
+/// integrators. None where no pole is that of more than half of the positions, or no such model reaches the target.
 ///
 /// # Errors
 /// Failures of the numerics, as in [`crate::refine`].
@@ -125,7 +125,6 @@ pub fn constant_poles(
         let found = weights.constant(places, shapes);
         found.filter(|(_, missed)| *missed <= allowed(free))
     };
-    let none = DMatrix::zeros(0, 0);
     let (shapes, constant) = if let Some((b, _)) = stands(&with_b, &of_b, ShapesAt::Outputs) {
         turned = with_b;
         (ShapesAt::Outputs, b)
@@ -140,7 +139,7 @@ pub fn constant_poles(
             Some(turned) => turned,
             None => return Ok(None),
         };
-        (ShapesAt::Both, none)
+        (ShapesAt::Both, DMatrix::zeros(0, 0))
     };
     let weights = weigh(&turned)?;
     let highest = HIGHEST.min(deltas.len() - 1);
@@ -240,11 +239,6 @@ fn residual(candidate: &Candidate<Continuous>, data: &FrozenData) -> Result<f64,
         .cost(&problem.theta(candidate))
         .ok_or_else(|| problem.no_start())?;
     Ok((cost.total / data.rms_count(data.equations())).sqrt())
-}
-
-fn nearest_to_zero(deltas: &[f64]) -> usize {
-    let by_size = |a: &usize, b: &usize| deltas[*a].abs().total_cmp(&deltas[*b].abs());
-    (0..deltas.len()).min_by(by_size).unwrap_or(0)
 }
 
 /// The poles that more than half of the positions have, above the real axis, sampled: the medians of frequency and damping over them. A

@@ -1,5 +1,6 @@
-//! Small figures of one signal.
+//! Small facts about signals.
 
+use lpv_core::Signals;
 use lpv_numerics::statistics::standard_deviation;
 
 /// `100 (1 - |y - yh| / |y - mean y|)`, the fit percent of system identification.
@@ -12,4 +13,9 @@ pub(crate) fn fit_percent(measured: &[f64], error: &[f64]) -> f64 {
 pub(crate) fn finite(x: f64) -> f64 {
     const MOST: f64 = 1e9;
     if x.is_nan() { -MOST } else { x.clamp(-MOST, MOST) }
+}
+
+/// Whether any of some signals is no constant.
+pub(crate) fn moves(signals: &Signals) -> bool {
+    signals.columns.iter().any(|c| c.iter().any(|v| *v != c[0]))
 }

@@ -98,8 +98,8 @@ impl Motion {
         }
         let t = clock.sample_time();
         let position = filter::low_pass(position, clock, cutoff_hz);
-        let velocity = inner(&position, |q| (q[2] - q[0]) / (2.0 * t));
-        let acceleration = inner(&position, |q| (q[2] - 2.0 * q[1] + q[0]) / (t * t));
+        let velocity = inner(&position, |q| spectral::first(q, t));
+        let acceleration = inner(&position, |q| spectral::second(q, t));
         Ok(Self {
             position,
             velocity,

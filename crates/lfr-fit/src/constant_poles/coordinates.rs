@@ -2,7 +2,7 @@
 
 use super::model::Modal;
 use super::sides::Weights;
-use super::{Place, ShapesAt, nearest_to_zero};
+use super::{Place, ShapesAt};
 use crate::FitError;
 use lpv_core::linalg::{least_squares, symmetric_eigen};
 use nalgebra::{DMatrix, DVector};
@@ -29,21 +29,20 @@ pub(super) fn aligned(
 ) -> Result<Option<Vec<Place>>, FitError> {
     let mut found = places.to_vec();
     for block in modal.blocks() {
-        let (first, size) = block;
+        let size = block.1;
         let [lb, rb, lc, rc] = weights.of_block(block)?;
         let generators = modal.generators(block);
-        let to = &places[weights.best_known(block, shapes)];
+        let [to_b, to_c] = places[weights.best_known(block, shapes)].block(block);
         for place in &mut found {
-            let b = place.b.rows(first, size).into_owned();
-            let c = place.c.columns(first, size).into_owned();
+            let [b, c] = place.block(block);
             let on_b = shapes.has_outputs();
             let of = |change: &DMatrix<f64>| match on_b {
                 true => &lb * (change * &b) * &rb,
                 false => &lc * (&c * change) * &rc,
             };
             let goal = match on_b {
-                true => &lb * to.b.rows(first, size) * &rb,
-                false => &lc * to.c.columns(first, size) * &rc,
+                true => &lb * &to_b * &rb,
+                false => &lc * &to_c * &rc,
             };
             let columns: Vec<DVector<f64>> = generators
                 .iter()
@@ -60,8 +59,7 @@ pub(super) fn aligned(
                 return Ok(None);
             };
             let (left, right) = if on_b { (change, back) } else { (back, change) };
-            place.b.rows_mut(first, size).copy_from(&(left * b));
-            place.c.columns_mut(first, size).copy_from(&(c * right));
+            place.set_block(block, &[left * b, c * right]);
         }
     }
     Ok(Some(found))
@@ -73,6 +71,12 @@ fn no_coordinates() -> FitError {
     }
 }
 
+/// The position in the middle.
+fn nearest_to_zero(deltas: &[f64]) -> usize {
+    let by_size = |a: &usize, b: &usize| deltas[*a].abs().total_cmp(&deltas[*b].abs());
+    (0..deltas.len()).min_by(by_size).unwrap_or(0)
+}
+
 /// Each position with B and C as near to those of its neighbour towards the middle as they come.
 pub(super) fn chained(modal: &Modal, places: &[Place], deltas: &[f64]) -> Option<Vec<Place>> {
     let middle = nearest_to_zero(deltas);
@@ -81,10 +85,10 @@ pub(super) fn chained(modal: &Modal, places: &[Place], deltas: &[f64]) -> Option
     let at = order.iter().position(|i| *i == middle)?;
     let mut found = places.to_vec();
     for step in order[at..].windows(2) {
-        found[step[1]] = nearest(modal, &found[step[1]], &found[step[0]], [1.0, 1.0])?;
+        found[step[1]] = nearest(modal, &found[step[1]], &found[step[0]])?;
     }
     for step in order[..=at].windows(2).rev() {
-        found[step[0]] = nearest(modal, &found[step[0]], &found[step[1]], [1.0, 1.0])?;
+        found[step[0]] = nearest(modal, &found[step[0]], &found[step[1]])?;
     }
     Some(found)
 }
@@ -99,7 +103,6 @@ pub(super) fn constant_sides(
     settled: &mut [bool],
 ) {
     for (block, settled) in modal.blocks().zip(settled) {
-        let (first, size) = block;
         let missed = |(places, weights): (&[Place], &Weights), shapes| {
             let found = weights.constant_block(places, block, shapes);
             found.map_or(f64::INFINITY, |(_, missed)| missed)
@@ -112,17 +115,14 @@ pub(super) fn constant_sides(
         if of[0].min(of[1]) <= enough {
             *settled = true;
             for (place, from) in turned.iter_mut().zip(from) {
-                place.b.rows_mut(first, size).copy_from(&from.b.rows(first, size));
-                let columns = from.c.columns(first, size);
-                place.c.columns_mut(first, size).copy_from(&columns);
+                place.set_block(block, &from.block(block));
             }
         }
     }
 }
 
-/// All positions in the coordinates in which polynomials in p of this degree miss B and C least, block by block from the best of several
-/// starts, by Gauss-Newton: with the polynomials eliminated, `Q^T [X_i B_i]` and `Q^T [C_i X_i^-1]` are left, Q the complement of the
-/// polynomials on the positions. Blocks that are settled stay; one is where less than `enough` is left.
+/// All positions in the coordinates in which B and C are smoothest over p, block by block from the best of several starts: the squares of
+/// `sum_i R_iq [X_i B_i, C_i X_i^-1]` are least, R the [roughness]. Blocks that are settled stay.
 pub(super) fn smoothed(
     modal: &Modal,
     starts: &[Vec<Place>],
@@ -132,22 +132,15 @@ pub(super) fn smoothed(
     let Some(mut best) = starts.first().cloned() else {
         return Ok(None);
     };
-    let beside = roughness(deltas, LENGTH)?;
+    let rough = roughness(deltas)?;
     for (block, settled) in modal.blocks().zip(settled) {
-        let (first, size) = block;
         let mut least = f64::INFINITY;
-        // In coordinates of a lower degree it is as smooth as it can be.
         for start in starts.iter().filter(|_| !*settled) {
-            let (found, cost) = smooth_block(modal, block, start, &beside)?;
+            let (found, cost) = smooth_block(modal, block, start, &rough)?;
             if cost < least {
                 least = cost;
                 for (place, found) in best.iter_mut().zip(found) {
-                    place
-                        .b
-                        .rows_mut(first, size)
-                        .copy_from(&found.b.rows(first, size));
-                    let columns = found.c.columns(first, size);
-                    place.c.columns_mut(first, size).copy_from(&columns);
+                    place.set_block(block, &found.block(block));
                 }
             }
         }
@@ -155,35 +148,25 @@ pub(super) fn smoothed(
     Ok(Some(best))
 }
 
-/// One block of [`smoothed`], and what its polynomials miss.
+/// One block of [`smoothed`] by Levenberg and Marquardt, and the squares that are left.
 fn smooth_block(
     modal: &Modal,
     block: (usize, usize),
     start: &[Place],
-    beside: &DMatrix<f64>,
+    rough: &DMatrix<f64>,
 ) -> Result<(Vec<Place>, f64), FitError> {
-    let (first, size) = block;
     let count = start.len();
     let mut found = start.to_vec();
     let generators = modal.generators(block);
     let (ny, nu) = (start[0].c.nrows(), start[0].b.ncols());
-    let of_place = size * (ny + nu);
-    let parts = |found: &[Place], i: usize| {
-        (
-            found[i].b.rows(first, size).into_owned(),
-            found[i].c.columns(first, size).into_owned(),
-        )
-    };
-    let rms = |of: &dyn Fn(&Place) -> f64| {
-        (start.iter().map(of).sum::<f64>() / count as f64)
+    let of_place = block.1 * (ny + nu);
+    let sizes = [0, 1].map(|side| {
+        let squares = start.iter().map(|place| place.block(block)[side].norm_squared());
+        (squares.sum::<f64>() / count as f64)
             .sqrt()
             .max(f64::MIN_POSITIVE)
-    };
-    let sizes = [
-        rms(&|p: &Place| p.b.rows(first, size).norm_squared()),
-        rms(&|p: &Place| p.c.columns(first, size).norm_squared()),
-    ];
-    let column = |(b, c): (DMatrix<f64>, DMatrix<f64>)| {
+    });
+    let column = |[b, c]: &[DMatrix<f64>; 2]| {
         DVector::from_iterator(
             of_place,
             b.iter()
@@ -192,10 +175,10 @@ fn smooth_block(
         )
     };
     let cost = |found: &[Place]| -> f64 {
-        let own: Vec<DVector<f64>> = (0..count).map(|i| column(parts(found, i))).collect();
-        (0..beside.ncols())
+        let own: Vec<DVector<f64>> = found.iter().map(|place| column(&place.block(block))).collect();
+        (0..rough.ncols())
             .map(|q| {
-                let sum = own.iter().enumerate().map(|(i, x)| x * beside[(i, q)]);
+                let sum = own.iter().enumerate().map(|(i, x)| x * rough[(i, q)]);
                 sum.fold(DVector::zeros(of_place), |sum, x| sum + x)
                     .norm_squared()
             })
@@ -204,21 +187,22 @@ fn smooth_block(
     let mut last = cost(&found);
     let mut damping = 1e-2;
     for _ in 0..ITERATIONS {
-        let mut design = DMatrix::zeros(beside.ncols() * of_place, count * generators.len());
-        let mut target = DMatrix::zeros(beside.ncols() * of_place, 1);
-        for i in 0..count {
-            let (b, c) = parts(&found, i);
-            let own = column((b.clone(), c.clone()));
-            for q in 0..beside.ncols() {
+        let mut design = DMatrix::zeros(rough.ncols() * of_place, count * generators.len());
+        let mut target = DMatrix::zeros(rough.ncols() * of_place, 1);
+        for (i, place) in found.iter().enumerate() {
+            let parts = place.block(block);
+            let own = column(&parts);
+            let [b, c] = &parts;
+            for q in 0..rough.ncols() {
                 let mut rows = target.rows_mut(q * of_place, of_place);
-                rows -= &own * beside[(i, q)];
+                rows -= &own * rough[(i, q)];
             }
             for (k, e) in generators.iter().enumerate() {
-                let change = column((e * &b, -(&c * e)));
-                for q in 0..beside.ncols() {
+                let change = column(&[e * b, -(c * e)]);
+                for q in 0..rough.ncols() {
                     design
                         .view_mut((q * of_place, i * generators.len() + k), (of_place, 1))
-                        .copy_from(&(&change * beside[(i, q)]));
+                        .copy_from(&(&change * rough[(i, q)]));
                 }
             }
         }
@@ -265,32 +249,31 @@ fn damped(design: &DMatrix<f64>, target: &DMatrix<f64>, damping: f64) -> Result<
 /// All positions after a change `1 + sum e_k E_k` of one block each; none where one cannot be inverted.
 fn changed(
     places: &[Place],
-    (first, size): (usize, usize),
+    block: (usize, usize),
     generators: &[DMatrix<f64>],
     step: &DMatrix<f64>,
 ) -> Option<Vec<Place>> {
     let mut found = places.to_vec();
     for (i, place) in found.iter_mut().enumerate() {
-        let mut e = DMatrix::identity(size, size);
+        let [b, c] = place.block(block);
+        let mut e = DMatrix::identity(block.1, block.1);
         for (k, g) in generators.iter().enumerate() {
             e += g * step[i * generators.len() + k];
         }
-        let c = place.c.columns(first, size) * e.clone().try_inverse()?;
-        let b = e * place.b.rows(first, size);
-        place.b.rows_mut(first, size).copy_from(&b);
-        place.c.columns_mut(first, size).copy_from(&c);
+        let back = e.clone().try_inverse()?;
+        place.set_block(block, &[e * b, c * back]);
     }
     Some(found)
 }
 
 /// `K^(-1/2)` of the covariance `exp(-(d_i - d_j)^2 / 2 l^2)` of smooth functions on these positions: the squares of what it makes of a
 /// function are the less the smoother the function is.
-fn roughness(deltas: &[f64], length: f64) -> Result<DMatrix<f64>, FitError> {
+fn roughness(deltas: &[f64]) -> Result<DMatrix<f64>, FitError> {
     /// Part of the largest eigenvalue below which all is alike rough.
     const LEAST: f64 = 1e-12;
     let count = deltas.len();
     let k = DMatrix::from_fn(count, count, |i, j| {
-        (-0.5 * ((deltas[i] - deltas[j]) / length).powi(2)).exp()
+        (-0.5 * ((deltas[i] - deltas[j]) / LENGTH).powi(2)).exp()
     });
     let eigen = symmetric_eigen(k)?;
     let floor = LEAST * eigen.eigenvalues.max();
@@ -299,18 +282,14 @@ fn roughness(deltas: &[f64], length: f64) -> Result<DMatrix<f64>, FitError> {
 }
 
 /// `X B` and `C X^-1` nearest to another position, X in the commutant of A: squares relative to the sizes of B and C there.
-fn nearest(modal: &Modal, place: &Place, to: &Place, weights: [f64; 2]) -> Option<Place> {
+fn nearest(modal: &Modal, place: &Place, to: &Place) -> Option<Place> {
     let mut found = place.clone();
     for block in modal.blocks() {
-        let (first, size) = block;
-        let goal_b = to.b.rows(first, size).into_owned();
-        let goal_c = to.c.columns(first, size).into_owned();
-        let [wb, wc] = [weights[0] / norm(&goal_b), weights[1] / norm(&goal_c)];
+        let size = block.1;
+        let [goal_b, goal_c] = to.block(block);
+        let [wb, wc] = [1.0 / norm(&goal_b), 1.0 / norm(&goal_c)];
         let generators = modal.generators(block);
-        let (mut b, mut c) = (
-            found.b.rows(first, size).into_owned(),
-            found.c.columns(first, size).into_owned(),
-        );
+        let [mut b, mut c] = found.block(block);
         for _ in 0..ITERATIONS {
             // (1 + E) B - B_goal and C (1 - E) - C_goal, linear in E.
             let rows = b.len() + c.len();
@@ -329,7 +308,7 @@ fn nearest(modal: &Modal, place: &Place, to: &Place, weights: [f64; 2]) -> Optio
             }
             // Far from the goal a whole step may turn the block inside out.
             let length = e.norm();
-            if length > 0.5 && weights[0] > 0.0 && weights[1] > 0.0 {
+            if length > 0.5 {
                 e *= 0.5 / length;
             }
             let change = DMatrix::identity(size, size) + &e;
@@ -340,8 +319,7 @@ fn nearest(modal: &Modal, place: &Place, to: &Place, weights: [f64; 2]) -> Optio
                 break;
             }
         }
-        found.b.rows_mut(first, size).copy_from(&b);
-        found.c.columns_mut(first, size).copy_from(&c);
+        found.set_block(block, &[b, c]);
     }
     let finite = |m: &DMatrix<f64>| m.iter().all(|v| v.is_finite());
     (finite(&found.b) && finite(&found.c)).then_some(found)

@@ -18,6 +18,22 @@ pub(super) struct Place {
     pub(super) c: DMatrix<f64>,
 }
 
+impl Place {
+    /// B and C of one block of coordinates, given by its first one and its size.
+    pub(super) fn block(&self, (first, size): (usize, usize)) -> [DMatrix<f64>; 2] {
+        [
+            self.b.rows(first, size).into_owned(),
+            self.c.columns(first, size).into_owned(),
+        ]
+    }
+
+    /// Puts these in its place.
+    pub(super) fn set_block(&mut self, (first, size): (usize, usize), [b, c]: &[DMatrix<f64>; 2]) {
+        self.b.rows_mut(first, size).copy_from(b);
+        self.c.columns_mut(first, size).copy_from(c);
+    }
+}
+
 /// The models of all positions.
 pub(super) struct Places {
     pub(super) modal: Modal,

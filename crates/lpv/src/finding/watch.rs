@@ -10,6 +10,7 @@ use super::replay::mismatches;
 use super::transient::{Spectrum, spectrum};
 use super::wrap::wrap;
 use super::{Finding, Paths};
+use crate::signal::moves;
 use experiment_data::Bundle;
 use lpv_core::{Controller, Purpose, Record, RecordKind, Signals};
 
@@ -125,7 +126,6 @@ impl<'a> Watch<'a> {
                 self.add(found);
             }
         }
-        let moves = |signals: &Signals| signals.columns.iter().any(|c| c.iter().any(|v| *v != c[0]));
         // What is wrong with the signals themselves is wrong in the controller's too.
         let whole = self.findings.is_empty();
         if let (Some(controller), true, true) = (self.controller, moves(&part.references), whole) {
@@ -169,7 +169,6 @@ impl<'a> Watch<'a> {
 
     /// Dead time and drift, where no reference moves the machine.
     fn transient(&mut self, part: &Record) {
-        let rests = |signals: &Signals| signals.columns.iter().all(|c| c.iter().all(|v| *v == c[0]));
         for (name, y) in named(&part.outputs) {
             let (record, column) = (part.name.clone(), name.to_owned());
             if let [u] = part.inputs.columns.as_slice()
@@ -181,8 +180,8 @@ impl<'a> Watch<'a> {
                     samples,
                 });
             }
-            if rests(&part.references)
-                && rests(&part.injection)
+            if !moves(&part.references)
+                && !moves(&part.injection)
                 && let Some(rise) = trend(&part.inputs.columns, y)
             {
                 self.add(Finding::Trend { record, column, rise });

@@ -1,6 +1,7 @@
 //! Known injections as the excitation of a loop whose references rest.
 
-use lpv_core::{Record, Signals};
+use crate::signal::moves;
+use lpv_core::Record;
 
 /// Puts injections in the place of references that rest, in all records of a place: they are excitation too that no noise has reached.
 pub(super) fn take_injections(records: &mut [Record]) {
@@ -13,7 +14,6 @@ pub(super) fn take_injections(records: &mut [Record]) {
 
 /// Whether a known injection into every input moves the machine, and no reference does.
 pub(super) fn is_injected(record: &Record) -> bool {
-    let moves = |signals: &Signals| signals.columns.iter().any(|c| c.iter().any(|v| *v != c[0]));
     record.injection.channels() == record.inputs.channels()
         && moves(&record.injection)
         && !moves(&record.references)

@@ -77,7 +77,9 @@ pub(super) fn shapes(
                     coordinates(&found)
                 ));
             }
-            whole = refine(&candidate, data, &as_it_is)?;
+            if candidate != fit.candidate {
+                whole = refine(&candidate, data, &as_it_is)?;
+            }
             moving = Some(stage);
         }
     }

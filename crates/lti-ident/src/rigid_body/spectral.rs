@@ -103,11 +103,12 @@ impl Lines {
     }
 }
 
+/// Speed of the middle of three positions, by central differences.
 pub(super) fn first(q: &[f64], t: f64) -> f64 {
     (q[2] - q[0]) / (2.0 * t)
 }
 
-fn second(q: &[f64], t: f64) -> f64 {
+pub(super) fn second(q: &[f64], t: f64) -> f64 {
     (q[2] - 2.0 * q[1] + q[0]) / (t * t)
 }
 

@@ -210,8 +210,9 @@ pub(crate) fn terms(parameters: usize, order: usize) -> usize {
     (0..parameters).fold(1, |count: usize, k| count.saturating_mul(order + k + 1) / (k + 1))
 }
 
-/// Exponents of all monomials up to a total order, the constant first.
-fn monomials(parameters: usize, order: usize) -> Vec<Vec<u32>> {
+/// Exponents of all monomials of so many parameters up to a total order, the constant first.
+#[must_use]
+pub fn monomials(parameters: usize, order: usize) -> Vec<Vec<u32>> {
     let mut all = vec![Vec::new()];
     for _ in 0..parameters {
         all = all

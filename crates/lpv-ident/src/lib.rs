@@ -56,7 +56,7 @@ mod weights;
 
 pub use choose::{LeaveOneOut, recommend};
 pub use error::IdentError;
-pub use interpolation::{Interpolation, InterpolationOperator};
+pub use interpolation::{Interpolation, InterpolationOperator, monomials};
 pub use local::interpolate_models;
 pub use lpv_core;
 pub use model::LpvObfModel;

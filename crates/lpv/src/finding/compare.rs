@@ -1,6 +1,9 @@
 //! Records against each other: one of several with another sign or unit, and records of one place that disagree.
 
+mod curves;
+
 use super::Finding;
+use curves::{corrected, curves};
 use lpv_core::Position;
 use lpv_core::num_complex::Complex;
 use lpv_numerics::statistics::median;
@@ -124,21 +127,21 @@ fn odd_ones(voices: &[Voice], names: &Names<'_>) -> Vec<Finding> {
         };
         for (e, odd) in odd(&all) {
             let voice = voices[e];
-            // A lever arm changes size and sign with the place: a line over the other places then says the same.
+            // A lever arm or a mode shape changes size and sign with the place: a curve through the other places then says the same.
             let others = others(&voices, voice, nu);
-            let by_line = line_weights(&others, voice).map(|weights| {
-                let on_line = |values: &[C64]| values.iter().zip(&weights).map(|(v, w)| v * w).sum();
-                through(voice, nu, &responses(&others, i, nu, &on_line))
+            let by_curve = curves(&others, voice).into_iter().map(|weights| {
+                let on_curve = |values: &[C64]| values.iter().zip(&weights).map(|(v, w)| v * w).sum();
+                through(voice, nu, &responses(&others, i, nu, &on_curve))
             });
-            let lever = by_middle(voice)
-                .zip(by_line.as_ref())
-                .and_then(|(middle, line)| standing(line, &middle));
-            if lever.is_some_and(|s| apart(&s)) {
+            let by_curve: Vec<Vec<C64>> = by_curve.collect();
+            // Where there is a line, it tells the factor better.
+            let by_line = by_curve.get(1).and_then(|line| standing(&voice.outputs[i], line));
+            let odd = named(by_line.map_or(odd, |s| s.factor * odd.signum()));
+            let by_middle = by_middle(voice);
+            let mut predicted = by_curve.iter().chain(&by_middle);
+            if !predicted.all(|predicted| corrected(&voice.outputs[i], odd, predicted)) {
                 continue;
             }
-            // Where there is a line, it tells the factor better.
-            let by_line = by_line.and_then(|line| standing(&voice.outputs[i], &line));
-            let odd = by_line.map_or(odd, |s| s.factor * odd.signum());
             // References tell whether the input stands apart, or the output.
             let by_input = (nu == 1).then(|| input_standing(&voices, voice)).flatten();
             let of_input = by_input.is_some_and(|s| apart(&s));
@@ -150,7 +153,7 @@ fn odd_ones(voices: &[Voice], names: &Names<'_>) -> Vec<Finding> {
             found.push(Finding::RecordStandsApart {
                 record: voice.record.clone(),
                 column: column.cloned().unwrap_or_default(),
-                factor: named(odd),
+                factor: odd,
                 records: voices.len(),
                 sure: by_input.is_some(),
             });
@@ -158,20 +161,6 @@ fn odd_ones(voices: &[Voice], names: &Names<'_>) -> Vec<Finding> {
     }
     found.dedup_by(|a, b| a.place() == b.place());
     found
-}
-
-/// Weights of the others in the value of a straight line through them at the place of a record; none for less than three places.
-fn line_weights(others: &[&Voice], voice: &Voice) -> Option<Vec<f64>> {
-    let place = |v: &Voice| v.position.as_ref().and_then(Position::single);
-    let places = others.iter().map(|v| place(v)).collect::<Option<Vec<f64>>>()?;
-    let (at, count) = (place(voice)?, places.len() as f64);
-    let mut different = places.clone();
-    different.sort_by(f64::total_cmp);
-    different.dedup();
-    let mean = lpv_numerics::statistics::mean(&places);
-    let spread: f64 = places.iter().map(|p| (p - mean).powi(2)).sum();
-    let weight = |p: &f64| 1.0 / count + (at - mean) * (p - mean) / spread;
-    (different.len() >= 3).then(|| places.iter().map(weight).collect())
 }
 
 /// The records that say something about one: all others, and with several inputs those of other places.

@@ -7,6 +7,7 @@
 //! inputs and the outputs only, so that A stays constant. With only one of B and C a function of p, and more inputs (or outputs) than the
 //! rank of the rigid body to tell it, the states are those of the machine while p moves too.
 
+mod between;
 mod coordinates;
 mod model;
 mod place;
@@ -14,6 +15,7 @@ mod sides;
 
 use crate::problem::Problem;
 use crate::{Candidate, FitError, FrozenData, GrowSettings, RefineSettings, Refined, ResidualUnit, refine};
+use between::expected_between;
 use coordinates::{aligned, chained, constant_sides, smoothed};
 use lpv_core::{Continuous, SchedulingRange};
 use nalgebra::DMatrix;
@@ -50,8 +52,8 @@ pub struct ConstantPoles {
     pub rank: usize,
     /// Numbers of deltas that were fitted, with the rms residual of each.
     pub sizes: Vec<(usize, f64)>,
-    /// Inner positions, by index, with the rms residual that a polynomial of at most this degree through the others leaves there.
-    pub left_out: Vec<(usize, f64)>,
+    /// Neighbouring positions, by index, with the rms residual to be expected midway between them, one where nothing but noise is.
+    pub between: Vec<([usize; 2], f64)>,
 }
 
 /// Positions below which nothing tells a function of p.
@@ -202,9 +204,9 @@ pub fn constant_poles(
         };
     }
     sizes.sort_by_key(|s| s.0);
-    let left_out = weights.left_out(&deltas, &turned, &few, ((shapes, &constant), degree))?;
+    let expected = expected_between(&weights, &deltas, &turned, &few, shapes)?;
     Ok(best.map(|refined| ConstantPoles {
-        left_out,
+        between: expected,
         refined,
         few: both,
         shapes,

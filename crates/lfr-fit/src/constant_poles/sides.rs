@@ -112,33 +112,35 @@ impl Weights {
         of(shapes.has_outputs(), &self.c) + of(shapes.has_inputs(), &self.b)
     }
 
-    /// Inner positions with the rms residual that polynomials through the others leave there, of this degree if they determine it.
-    pub(super) fn left_out(
+    /// Entries of the sides that the shapes move, weighted so that their noise has variance one: for each row of B, or column of C,
+    /// the values of each entry over the positions.
+    pub(super) fn rows(
         &self,
-        deltas: &[f64],
         places: &[Place],
-        few: &FrozenData,
-        ((shapes, constant), degree): ((ShapesAt, &DMatrix<f64>), usize),
-    ) -> Result<Vec<(usize, f64)>, FitError> {
-        let inner =
-            |i: &usize| deltas.iter().any(|d| *d < deltas[*i]) && deltas.iter().any(|d| *d > deltas[*i]);
-        // Two of the rest are a straight line through anything.
-        if deltas.len() < 4 {
-            return Ok(Vec::new());
+        shapes: ShapesAt,
+    ) -> Result<Vec<Vec<DVector<f64>>>, FitError> {
+        let mut found = Vec::new();
+        for (has, side, [left, right]) in [
+            (shapes.has_inputs(), 0, &self.b),
+            (shapes.has_outputs(), 1, &self.c),
+        ] {
+            if !has {
+                continue;
+            }
+            let ([left, _], [right, _]) = (roots(left)?, roots(right)?);
+            // Coordinates in rows on either side.
+            let own: Vec<DMatrix<f64>> = places
+                .iter()
+                .map(|place| match side {
+                    0 => &left * &place.b * &right,
+                    _ => (&left * &place.c * &right).transpose(),
+                })
+                .collect();
+            let (rows, columns) = own.first().map_or((0, 0), DMatrix::shape);
+            let entry = |i: usize, j: usize| DVector::from_iterator(own.len(), own.iter().map(|m| m[(i, j)]));
+            found.extend((0..rows).map(|i| (0..columns).map(|j| entry(i, j)).collect()));
         }
-        (0..deltas.len())
-            .filter(inner)
-            .map(|i| {
-                let others = |x: usize| x != i;
-                let kept: Vec<usize> = (0..deltas.len()).filter(|x| others(*x)).collect();
-                let at: Vec<f64> = kept.iter().map(|x| deltas[*x]).collect();
-                let of: Vec<Place> = kept.iter().map(|x| places[*x].clone()).collect();
-                let sides = Sides::new(&at, &of, (shapes, constant), degree.min(at.len() - 1))?;
-                let missed = self.at(i).misfit(&sides, &deltas[i..=i], &places[i..=i]);
-                let lines = few.at(i);
-                Ok((i, (1.0 + missed / lines.rms_count(lines.equations())).sqrt()))
-            })
-            .collect()
+        Ok(found)
     }
 
     /// The side that should be constant at its best, in weighted least squares, and the sum of squares by which it is not. The weights
@@ -203,15 +205,6 @@ impl Weights {
             (left * &db * &self.b[1]).dot(&db) + (&self.c[0] * &dc * right).dot(&dc)
         };
         deltas.iter().zip(places).zip(&self.each).map(at).sum()
-    }
-
-    /// The weights of one position alone.
-    fn at(&self, i: usize) -> Self {
-        Self {
-            b: self.b.clone(),
-            c: self.c.clone(),
-            each: vec![self.each[i].clone()],
-        }
     }
 }
 

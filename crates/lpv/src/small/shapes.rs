@@ -12,8 +12,8 @@ use lfr_fit::{
 };
 use lpv_core::{Continuous, SchedulingRange};
 
-/// What a position that was left out may leave beside its noise.
-const PREDICTED: f64 = 2.0;
+/// Expected error midway between two positions, over the noise at them, that is worth a warning.
+const EXPECTED: f64 = 1.5;
 
 /// Joint iterations on responses and records.
 const ITERATIONS: usize = 8;
@@ -208,24 +208,27 @@ fn along(
 
 /// What the positions support between them.
 fn between(found: &ConstantPoles, data: &FrozenData, units: &Units) -> Option<String> {
-    let worst = found.left_out.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-    let Some((at, rms)) = worst else {
+    if data.len() < 4 {
         return Some(format!(
             "warning: {} positions do not tell how well the model holds between them; measure at four or more",
             data.len()
         ));
+    }
+    let ([from, to], rms) = found.between.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let place = |at: &usize| {
+        data.scheduling()
+            .nth(*at)
+            .map_or(0.0, |p| units.undo_places(p)[0])
     };
-    let place = data
-        .scheduling()
-        .nth(*at)
-        .map_or(0.0, |p| units.undo_places(p)[0]);
-    Some(if *rms > PREDICTED {
-        format!(
-            "warning: functions of p through the other positions miss the one at {place:.5} by {rms:.1} times the noise; between positions the model is less certain than at them: measure at more"
-        )
-    } else {
-        format!(
-            "between positions: functions of p through the others predict every inner position to {rms:.2} times the noise"
-        )
+    let expected = format!(
+        "{rms:.2} times the noise of the responses at them, if B and C are as smooth as the positions say: most between {:.5} and {:.5}",
+        place(from),
+        place(to)
+    );
+    Some(match *rms > EXPECTED {
+        true => format!(
+            "warning: between positions the model is expected to err by up to {expected}; measure there too"
+        ),
+        false => format!("between positions: expected to err by at most {expected}"),
     })
 }

@@ -17,8 +17,8 @@ const fn floor(instrument: Instrument) -> f64 {
 }
 /// Power of the averaged input over its noise that an excited line must reach (10 dB).
 const LEAST_SNR: f64 = 10.0;
-/// Amplitude relative to the strongest line of all (60 dB) below which a line is excited only if the outputs show it too.
-const LEFTOVER: f64 = 1e-3;
+/// Amplitude relative to the strongest line of all (40 dB) below which a line is excited only if the outputs show it too.
+const LEFTOVER: f64 = 1e-2;
 /// Threshold that tells quiet lines where the settings give none.
 const DEFAULT_THRESHOLD: f64 = 1e-2;
 

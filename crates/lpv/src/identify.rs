@@ -77,6 +77,7 @@ pub fn identify_bundle(
         Some(Structure::XyTable) => table(bundle, progress).and_then(judge),
         Some(Structure::Lti) if !periodic => in_time(bundle, config, progress).and_then(judge),
         None if !periodic && !scheduled => in_time(bundle, config, progress).and_then(judge),
+        None if !periodic => without_periods(bundle, config, progress),
         structure => in_frequency(bundle, structure, config, progress),
     };
     outcome.map_err(|refused| with_cause(refused, bundle))
@@ -166,6 +167,76 @@ fn in_frequency(
     };
     let known = (responses.estimates.as_slice(), responses.noise.as_deref());
     judged(outcome, bundle, config, Some(known), progress)
+}
+
+/// Records without periods at several positions: responses by position, or one prediction-error fit to all records where those give no
+/// good model and it follows the records better.
+fn without_periods(
+    bundle: &Bundle,
+    config: &IdentifyConfig,
+    progress: Progress<'_>,
+) -> Result<Outcome, PipelineError> {
+    let by_position = in_frequency(bundle, None, config, progress);
+    let is_good = |o: &Outcome| o.summary.verdict.as_ref().is_some_and(|v| v.worth.is_good());
+    if by_position.as_ref().is_ok_and(is_good) {
+        return by_position;
+    }
+    let one = in_time(bundle, config, progress).and_then(|o| judged(o, bundle, config, None, progress));
+    let Ok(mut one) = one else {
+        return by_position;
+    };
+    let error_of_one = open_loop_error(&one, bundle, config, progress)?;
+    let reason = match &by_position {
+        Err(refused) => format!("responses by position give no model: {refused}"),
+        Ok(other) => {
+            let error = open_loop_error(other, bundle, config, progress)?;
+            if error <= error_of_one {
+                return by_position;
+            }
+            format!(
+                "the model from responses by position errs by {:.1} % of the motion in open loop",
+                100.0 * error
+            )
+        }
+    };
+    one.summary.reasons.insert(
+        0,
+        format!(
+            "warning: {reason}; one prediction-error fit to the records of all positions errs by {:.1} % and is taken, without a dependence on position; periodic records at each position would show one",
+            100.0 * error_of_one
+        ),
+    );
+    Ok(one)
+}
+
+/// Root mean square, over the records that are held out, or else those that were fitted, and over outputs, of the error in open loop
+/// relative to the motion; infinite where there is none.
+fn open_loop_error(
+    outcome: &Outcome,
+    bundle: &Bundle,
+    config: &IdentifyConfig,
+    progress: Progress<'_>,
+) -> Result<f64, PipelineError> {
+    let file = ModelFile {
+        model: outcome.model.clone(),
+        identification: None,
+        explanation: None,
+    };
+    let known = Known {
+        hold_out: config.hold_out,
+        responses: None,
+    };
+    let (found, _) = validate_knowing(&file, bundle, Scope::HeldOut, known, progress)?;
+    let errors = found.records.iter().flat_map(|r| &r.outputs);
+    let squares: Vec<f64> = errors
+        .map(|o| (1.0 - o.open_loop.fit_percent / 100.0).powi(2))
+        .collect();
+    let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+    Ok(if mean.is_finite() {
+        mean.sqrt()
+    } else {
+        f64::INFINITY
+    })
 }
 
 /// The estimation records, and the last sample of each that may be fitted.

@@ -166,6 +166,15 @@ pub fn fit_poles(
             }
         }
     }
+    if estimates.len() > 1 && rigid.is_none() && missed(&found.0) && config.integrators.is_none() {
+        let (slope, _) = integrators_from_slope(middle);
+        if let Some(other) = search.other_integrators(slope, &found.0, &mut reasons) {
+            found = other;
+            rigid = (search.integrators > 0)
+                .then(|| evidence(estimates, clock, &found.0))
+                .flatten();
+        }
+    }
     let misfit = over_noise(&found.0);
     let mut relative_error = 0.0;
     if misfit > DISTORTED {

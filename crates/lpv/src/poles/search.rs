@@ -50,6 +50,11 @@ pub(super) fn description_length(fit: &PoleFit) -> f64 {
     n * (a.cost.max(f64::MIN_POSITIVE) / n).ln() + a.unknowns as f64 * n.ln()
 }
 
+/// The same of all positions.
+fn length_of_all(fits: &[PoleFit]) -> f64 {
+    fits.iter().map(description_length).sum()
+}
+
 /// A slope this near to a whole number leaves no doubt about the integrators, where noise is reached.
 const CLEAR_SLOPE: f64 = 0.05;
 
@@ -119,13 +124,17 @@ impl Search<'_> {
             return None;
         }
         // Noise that is not reached, or reached with poles outside the unit circle, may want a direct term.
-        let numerators: &[NumeratorDegree] = if missed {
+        let one = self.estimates.len() == 1;
+        let numerators: &[NumeratorDegree] = if missed && one {
             &[NumeratorDegree::StrictlyProper, NumeratorDegree::Proper]
         } else {
             &[NumeratorDegree::StrictlyProper]
         };
         let near = |count: usize| (count as f64 + slope).abs() <= 1.5;
-        let counts = [2, 1, 0].into_iter().filter(|c| near(*c) || *c == own.0);
+        // At several positions a single integrator is friction, which has its own search.
+        let counts = [2, 1, 0]
+            .into_iter()
+            .filter(|c| if one { near(*c) } else { *c != 1 } || *c == own.0);
         let others: Vec<_> = counts
             .flat_map(|count| numerators.iter().map(move |n| (count, *n)))
             .filter(|other| *other != own)
@@ -134,7 +143,7 @@ impl Search<'_> {
         let mut least = if missed {
             f64::INFINITY
         } else {
-            description_length(&found[0])
+            length_of_all(found)
         };
         for (count, numerator) in others {
             self.integrate(count);
@@ -143,7 +152,7 @@ impl Search<'_> {
             let Ok(other) = self.run(&mut why) else {
                 continue;
             };
-            let length = description_length(&other.0[0]);
+            let length = length_of_all(&other.0);
             let usable = over_noise(&other.0) <= MORE_THAN_NOISE && (stable(&other.0) || !missed);
             if usable && length < least {
                 least = length;

@@ -103,3 +103,49 @@ fn units_of_the_outputs_change_no_model() {
         assert!((cost - 1.0).abs() < 0.05, "{units:?}: {cost}");
     }
 }
+
+/// Modes whose compliance hides the slope of a free body at the lowest lines, at three positions: there are two integrators
+/// all the same, whether the compliance is a hundredth of the body's or thirty times it.
+#[test]
+fn integrators_behind_the_compliance_of_modes_are_found_at_several_positions() {
+    let clock = Discrete::from_rate(1000.0).unwrap();
+    let lines: Vec<f64> = (4..900).map(|k| 0.5 * f64::from(k)).collect();
+    for (seed, compliance) in [0.01, 0.1, 0.3, 1.0, 3.0, 30.0].into_iter().enumerate() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed as u64);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let estimates: Vec<FrfEstimate> = [-1.0, 0.0, 1.0]
+            .iter()
+            .map(|p| {
+                let response = |f: f64| {
+                    let z = clock.point(f);
+                    let body = (z + 1.0) / ((z - 1.0) * (z - 1.0)) * 1e-4;
+                    // Both are alike at the lowest line for a compliance of one.
+                    let mode = |hz: f64, shape: f64| -> C64 {
+                        let w = std::f64::consts::TAU * hz / 1000.0;
+                        let l = C64::new(-0.01 * w, w).exp();
+                        let r = C64::i() * (0.5 * compliance * shape * w);
+                        r / (z - l) + r.conj() / (z - l.conj())
+                    };
+                    body + mode(60.0, 1.0 + 0.3 * p) + mode(140.0, 0.8 + 0.5 * p)
+                };
+                let exact: Vec<C64> = lines.iter().map(|f| response(*f)).collect();
+                let mut sizes: Vec<f64> = exact.iter().map(|v| v.norm()).collect();
+                sizes.sort_by(f64::total_cmp);
+                let deviation = 1e-3 * sizes[sizes.len() / 2];
+                let noisy = exact
+                    .iter()
+                    .map(|v| v + C64::new(normal(), normal()) * (deviation / 2f64.sqrt()));
+                let frf = Frf::new(lines.clone(), 1, 1, noisy.collect()).unwrap();
+                let [c_v, one] = [deviation * deviation, 1.0].map(|v| vec![C64::from(v); lines.len()]);
+                FrfEstimate::new(frf, c_v, one, f64::INFINITY, Some(vec![*p].into())).unwrap()
+            })
+            .collect();
+        let found = fit_poles(&estimates, clock, &IdentifyConfig::default()).unwrap();
+        let (slope, _) = integrators_from_slope(&estimates[1]);
+        assert_eq!(
+            found.integrators, 2,
+            "compliance {compliance}, slope {slope}: {:?}",
+            found.reasons
+        );
+    }
+}

@@ -68,6 +68,9 @@ const SLACK: f64 = 1.5;
 /// Part of the squares of the target that a start may add to them.
 const ADDED: f64 = 0.1;
 
+/// Part of the target, which lies above the noise, at which a start is not fitted further.
+const NOTHING_LEFT: f64 = 0.91;
+
 /// Iterations of the fit of one size: the polynomials leave little to do.
 const ITERATIONS: usize = 12;
 
@@ -170,8 +173,13 @@ pub fn constant_poles(
         if start.free_entries().len() > MOST_FREE {
             start = modal.candidate(&realised, range, false)?;
         }
+        // Polynomials through all positions are at their noise already.
+        let there = match (residual(&start, &few), residual(&start, &between)) {
+            (Ok(own), Ok(other)) => own <= NOTHING_LEFT * target && other <= ADDED,
+            _ => false,
+        };
         let settings = RefineSettings {
-            max_iterations: ITERATIONS,
+            max_iterations: if there { 0 } else { ITERATIONS },
             tolerance: 1e-2,
             ..RefineSettings::default()
         };

@@ -42,7 +42,7 @@ pub(super) struct Places {
     pub(super) few: FrozenData,
 }
 
-/// Lines a position of data without noise.
+/// Lines of data without noise, and of the search for the rank.
 const LINES: usize = 160;
 
 /// A rank of the rigid body whose successor leaves less than this part of its residual is too small.
@@ -55,12 +55,13 @@ pub(super) fn places(
     rigid: bool,
     most: f64,
 ) -> Result<Option<Places>, FitError> {
-    let middle = data.len() / 2;
+    // The rank shows in few lines, too.
+    let middle = data.at(data.len() / 2).thinned(LINES);
     let full = data.outputs().min(data.inputs());
     let ranks = if rigid { 1..=full } else { 0..=0 };
     let mut best: Option<(f64, usize)> = None;
     for rank in ranks {
-        let (_, _, rms) = place(&data.at(middle), poles, rank)?;
+        let (_, _, rms) = place(&middle, poles, rank)?;
         if best.is_some_and(|(least, _)| least <= most && rms > BETTER * least) {
             break;
         }

@@ -10,7 +10,7 @@ use crate::config::IdentifyConfig;
 use crate::moves::Moves;
 use crate::poles::PoleStage;
 use crate::progress::{Progress, begin};
-use between::between;
+use between::{between, coarse};
 use data::{expected_residuals, frozen_data};
 use lfr_fit::moving::{MovingData, StaticLfr, StaticLfrSettings, fit_static};
 use lfr_fit::{
@@ -200,6 +200,9 @@ fn attempt(
     ));
     if !reached {
         // Coordinates for moves would be those of a model that misses its own data.
+        let places: Vec<f64> = positions.iter().map(|p| units.undo_places(&[*p])[0]).collect();
+        let modes: Vec<_> = poles.fits.iter().map(modes_of).collect();
+        reasons.extend(coarse(&modes, &places));
         let fit = units.undo(to_the_end(&whole, data)?)?;
         return Ok(SmallStage {
             lfr: fit.candidate.to_lfr()?,

@@ -3,6 +3,7 @@
 use lfr_fit::{Candidate, FrozenData, Units};
 use lfr_realize::{BetweenWarning, BoundSettings, RealizeError, bound_between};
 use lpv_core::Continuous;
+use lpv_core::num_complex::Complex;
 
 /// What the positions support between them. Model and data are in these units.
 pub(super) fn between(
@@ -63,5 +64,52 @@ pub(super) fn between(
     Ok(())
 }
 
+/// A warning where modes move by more than their half-width from one position to the next, of a model that is not at the noise and so
+/// tells nothing between them; positions in the user's unit.
+pub(super) fn coarse(modes: &[Vec<Complex<f64>>], positions: &[f64]) -> Option<String> {
+    let mut order: Vec<usize> = (0..positions.len()).collect();
+    order.sort_by(|a, b| positions[*a].total_cmp(&positions[*b]));
+    let shifts = order.windows(2).flat_map(|pair| {
+        let [here, there] = [pair[0], pair[1]];
+        modes[here].iter().filter(|z| z.im > 0.0).filter_map(move |z| {
+            let s = z.ln();
+            let to = |other: &Complex<f64>| (other.ln().im - s.im).abs();
+            let nearest = modes[there].iter().filter(|z| z.im > 0.0).map(to);
+            let nearest = nearest.min_by(f64::total_cmp)?;
+            Some((nearest / -s.re, here, there))
+        })
+    });
+    let (shift, here, there) = shifts.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (shift > 1.0).then(|| {
+        format!(
+            "warning: the noise is not reached, and modes shift by up to {shift:.1} of their half-widths between {:.5} and {:.5}: between the positions the model may err by much more than at them; measure at more",
+            positions[here], positions[there]
+        )
+    })
+}
+
 /// Models of half the positions that differ by less than this part of the response agree.
 const AGREE: f64 = 0.1;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_shift_is_named_with_its_place() {
+        let mode = |hz: f64| {
+            let w = std::f64::consts::TAU * hz / 1000.0;
+            let z = Complex::new(-0.01 * w, w).exp();
+            vec![z, z.conj()]
+        };
+        // Half-width 1 Hz; positions out of order.
+        let modes = [mode(100.0), mode(104.0), mode(101.0)];
+        let found = coarse(&modes, &[-1.0, 1.0, 0.0]).unwrap();
+        assert!(
+            found.contains("3.0 of their half-widths between 0.00000 and 1.00000"),
+            "{found}"
+        );
+        assert!(coarse(&modes[..1], &[0.0]).is_none());
+        assert!(coarse(&[mode(100.0), mode(100.5)], &[0.0, 1.0]).is_none());
+    }
+}

@@ -82,10 +82,15 @@ fn mapped(metadata: &Metadata) -> Vec<&Package> {
         .collect()
 }
 
+/// Those that other crates can link. An extension of another language has its door there.
 fn library_crates(metadata: &Metadata) -> Vec<&Package> {
+    let is_extension = |p: &Package| {
+        let mut kinds = p.targets.iter().flat_map(|t| &t.kind);
+        kinds.any(|kind| kind.to_string() == "cdylib")
+    };
     mapped(metadata)
         .into_iter()
-        .filter(|p| folder(p).join("src/lib.rs").is_file())
+        .filter(|p| folder(p).join("src/lib.rs").is_file() && !is_extension(p))
         .collect()
 }
 
@@ -299,6 +304,25 @@ fn every_library_has_a_front_door() {
 }
 
 #[test]
+fn the_python_package_has_a_front_door() {
+    let package = Path::new("crates/lpv-python");
+    let text = read(package.join("python/lpvident/__init__.py"));
+    let page = text.split("\"\"\"").nth(1).unwrap_or_default();
+    let refusal = page.split("What it does not do:").nth(1).unwrap_or_default();
+    assert!(
+        refusal.split_whitespace().count() >= 20,
+        "lpvident: `What it does not do` says nothing"
+    );
+    let examples = std::fs::read_dir(root().join(package).join("examples"))
+        .into_iter()
+        .flatten();
+    assert!(
+        examples.flatten().any(|e| has_extension(&e.path(), "py")),
+        "lpvident: no program in examples/"
+    );
+}
+
+#[test]
 fn files_are_small() {
     let mut wrong = Vec::new();
     for file in files() {
@@ -309,7 +333,8 @@ fn files_are_small() {
         let parts: Vec<_> = file.iter().map(|p| p.to_string_lossy()).collect();
         let is_source =
             parts.first().is_some_and(|p| p == "crates") && parts.get(2).is_some_and(|p| p == "src");
-        if is_source && has_extension(&file, "rs") {
+        let is_python = parts.get(1).is_some_and(|p| p == "lpv-python") && has_extension(&file, "py");
+        if is_source && has_extension(&file, "rs") || is_python {
             let lines = read(&file).lines().count();
             let named = LONG_FILES.iter().any(|(name, _)| file == Path::new(name));
             if lines > MOST_LINES && !named {

@@ -1,0 +1,75 @@
+"""Arrays as a bundle on disk: an experiment.toml and NPZ files, which keep every digit."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import BundleError
+
+#: Options of a record beside its signals.
+OPTIONS = ("period", "use", "position", "injection", "name")
+
+
+def toml(value: Any) -> str:
+    """A value in TOML; tables are inline."""
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, (int, np.integer)):
+        return str(int(value))
+    if isinstance(value, (float, np.floating)):
+        return repr(float(value))
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{toml(str(k))} = {toml(v)}" for k, v in value.items() if v is not None) + " }"
+    if isinstance(value, (Sequence, np.ndarray)):
+        return "[" + ", ".join(map(toml, value)) + "]"
+    raise BundleError(f"{type(value).__name__} cannot be written to a description: give numbers, texts, lists or dictionaries")
+
+
+def write_bundle(
+    folder: Path,
+    head: Mapping[str, Any],
+    channels: Mapping[str, Mapping[str, Sequence[Any]]],
+    records: Sequence[tuple[Mapping[str, NDArray[np.float64]], Mapping[str, Any]]],
+) -> None:
+    """Writes records, each its columns and its options, and then the description, which makes the folder a bundle."""
+    description = folder / "experiment.toml"
+    if description.exists():
+        raise BundleError(f"`{description}` exists; bundles are never overwritten: choose another folder", path=description)
+    lines = [f"{key} = {toml(value)}" for key, value in {"format": 2, **head}.items() if value is not None]
+    for role, group in channels.items():
+        lines += ["", f"[channels.{role}]", *(f"{key} = {toml(value)}" for key, value in group.items())]
+    (folder / "records").mkdir(parents=True, exist_ok=True)
+    for number, (signals, options) in enumerate(records):
+        unknown = [name for name in options if name not in OPTIONS]
+        if unknown:
+            raise BundleError(f"record {number}: unknown option `{unknown[0]}`; known: {', '.join(OPTIONS)}", record=number)
+        name = str(options.get("name") or f"record{number:03}")
+        if not all(c.isalnum() or c in "._-" for c in name) or name.startswith("."):
+            raise BundleError(f"record {number}: name `{name}`: use letters, digits, `_`, `-` and `.`", record=number)
+        file = folder / "records" / f"{name}.npz"
+        if file.exists():
+            raise BundleError(f"record {number}: the name `{name}` is taken", record=number, path=file)
+        with open(file, "wb") as out:
+            np.savez(out, **signals)
+        period = options.get("period")
+        entry = {
+            "file": f"records/{name}.npz",
+            "kind": "transient" if period is None else "periodic",
+            "period": period,
+            "use": options.get("use", "estimation"),
+            "position": options.get("position"),
+            "injection": options.get("injection"),
+        }
+        lines += ["", "[[records]]", *(f"{key} = {toml(value)}" for key, value in entry.items() if value is not None)]
+    part = folder / ".experiment.toml.part"
+    part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    os.replace(part, description)

@@ -1,0 +1,176 @@
+"""Frequency responses with what is known of their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._ask import Progress
+from .errors import ModelError
+
+if TYPE_CHECKING:
+    import xarray
+
+    from .model import Model
+
+#: Error of a response whose deviation is not given, as a part of the row of its output.
+RELATIVE_ERROR = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Frf:
+    """The frequency response at one place.
+
+    Attributes:
+        frequencies: lines, Hz, shape (n_f,).
+        response: F, outputs over inputs in the units of the bundle, complex, shape (n_f, n_y, n_u).
+        output_covariance: C_V, shape (n_f, n_y, n_y), and
+        input_factor: S, shape (n_f, n_u, n_u): the covariance of vec(F) at a line is the Kronecker product of S and C_V.
+        degrees_of_freedom: complex ones of the covariance; infinite where it is known.
+        position: the constant scheduling value, one number a signal; None without.
+    """
+
+    frequencies: NDArray[np.float64]
+    response: NDArray[np.complex128]
+    output_covariance: NDArray[np.complex128]
+    input_factor: NDArray[np.complex128]
+    degrees_of_freedom: float = float("inf")
+    position: list[float] | None = None
+
+    @property
+    def deviation(self) -> NDArray[np.float64]:
+        """Standard deviation of each entry, the root of E|dF|^2, shape (n_f, n_y, n_u)."""
+        rows = np.einsum("kii->ki", self.output_covariance).real
+        columns = np.einsum("kjj->kj", self.input_factor).real
+        return np.sqrt(np.maximum(rows[:, :, None] * columns[:, None, :], 0.0))
+
+    @classmethod
+    def from_arrays(
+        cls,
+        frequencies: ArrayLike,
+        response: ArrayLike,
+        *,
+        deviation: ArrayLike | None = None,
+        position: float | Iterable[float] | None = None,
+    ) -> Frf:
+        """A response that was measured elsewhere.
+
+        Args:
+            frequencies: increasing, Hz, shape (n_f,).
+            response: complex, shape (n_f,) or (n_f, n_y, n_u).
+            deviation: standard deviation of the error, of shape (n_f,), (n_f, n_y) or a number; without it 0.1 % of the row of the
+                output: the accuracy to which a model is to describe the response.
+        """
+        lines = np.ascontiguousarray(np.atleast_1d(np.asarray(frequencies, dtype=np.float64)))
+        values = np.asarray(response, dtype=np.complex128)
+        if values.ndim == 1:
+            values = values[:, None, None]
+        if values.ndim != 3 or lines.ndim != 1 or len(values) != len(lines) or 0 in values.shape:
+            raise ModelError(
+                f"a response of shape {values.shape} at {lines.size} frequencies: give n_f x outputs x inputs, or a vector for one channel"
+            )
+        n_f, n_y, n_u = values.shape
+        if deviation is None:
+            rows = np.linalg.norm(values, axis=2)
+            known = RELATIVE_ERROR * np.maximum(rows, 1e-9 * rows.max(initial=np.finfo(float).tiny)) / np.sqrt(n_u)
+        else:
+            known = np.asarray(deviation, dtype=np.float64)
+            known = np.broadcast_to(known[:, None] if known.ndim == 1 else known, (n_f, n_y))
+        covariance = np.zeros((n_f, n_y, n_y), dtype=np.complex128)
+        covariance[:, range(n_y), range(n_y)] = known**2
+        factor = np.broadcast_to(np.eye(n_u, dtype=np.complex128), (n_f, n_u, n_u)).copy()
+        place = None if position is None else np.atleast_1d(np.asarray(position, dtype=np.float64)).tolist()
+        return cls(lines, np.ascontiguousarray(values), covariance, factor, float("inf"), place)
+
+    def _native(self) -> tuple[Any, ...]:
+        return (
+            self.position,
+            np.ascontiguousarray(self.frequencies, dtype=np.float64),
+            np.ascontiguousarray(self.response, dtype=np.complex128),
+            np.ascontiguousarray(self.output_covariance, dtype=np.complex128),
+            np.ascontiguousarray(self.input_factor, dtype=np.complex128),
+            float(self.degrees_of_freedom),
+        )
+
+    def __repr__(self) -> str:
+        n_f, n_y, n_u = self.response.shape
+        where = "" if self.position is None else f" at p = {', '.join(f'{p:g}' for p in self.position)}"
+        return f"Frf({n_f} lines, {n_y} outputs, {n_u} inputs{where})"
+
+
+@dataclass(frozen=True, eq=False)
+class Responses:
+    """Frequency responses at one place or several, in order of position.
+
+    Attributes:
+        places: one `Frf` a place.
+        sample_rate: of the records behind them, Hz.
+        reasons: how they were made, in words.
+    """
+
+    places: list[Frf]
+    sample_rate: float
+    reasons: list[str] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, places: Iterable[tuple[Any, ...]], *, sample_rate: float, reasons: list[str]) -> Responses:
+        """From what the native half gives."""
+        return cls([Frf(f, r, c, s, dof, p) for p, f, r, c, s, dof in places], sample_rate, reasons)
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def __getitem__(self, index: int) -> Frf:
+        return self.places[index]
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """Shape (places, scheduling signals)."""
+        return np.array([p.position or [] for p in self.places], dtype=np.float64)
+
+    @property
+    def frequencies(self) -> NDArray[np.float64]:
+        """The lines of all places, Hz; an error where they differ."""
+        first = self.places[0].frequencies
+        if any(not np.array_equal(first, p.frequencies) for p in self.places):
+            raise ModelError("the places have different lines: take them one by one, places[i].frequencies")
+        return first
+
+    @property
+    def response(self) -> NDArray[np.complex128]:
+        """All places, shape (places, n_f, n_y, n_u)."""
+        _ = self.frequencies
+        return np.stack([p.response for p in self.places])
+
+    @property
+    def deviation(self) -> NDArray[np.float64]:
+        """Standard deviation of each entry, shape (places, n_f, n_y, n_u)."""
+        _ = self.frequencies
+        return np.stack([p.deviation for p in self.places])
+
+    def to_xarray(self) -> xarray.Dataset:
+        """``response`` and ``deviation`` over place, frequency (Hz), output and input; needs xarray."""
+        import xarray
+
+        dims = ("place", "frequency", "output", "input")
+        dataset = xarray.Dataset(
+            {"response": (dims, self.response), "deviation": (dims, self.deviation)},
+            coords={"frequency": ("frequency", self.frequencies, {"units": "Hz"})},
+        )
+        p = self.positions
+        if p.shape[1] == 1:
+            return dataset.assign_coords(position=("place", p[:, 0]))
+        return dataset.assign_coords(position=(("place", "signal"), p)) if p.shape[1] else dataset
+
+    def fit(self, *, progress: Progress = None, **settings: Any) -> Model:
+        """A model of these responses: `lpvident.fit_frf`."""
+        from .commands import fit_frf
+
+        return fit_frf(self, progress=progress, **settings)
+
+    def __repr__(self) -> str:
+        return f"Responses({len(self)} places, first {self.places[0]!r})" if self.places else "Responses(none)"

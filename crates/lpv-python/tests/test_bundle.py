@@ -1,0 +1,109 @@
+"""Bundles from arrays and frames, and what is said of wrong ones."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lpvident
+
+N = 400
+
+
+def signals(seed: int) -> dict[str, np.ndarray]:
+    draw = np.random.default_rng(seed)
+    # Over decades, with numbers that few digits do not hold.
+    scale = 10.0 ** draw.integers(-12, 9, size=(N, 1))
+    return {"y": draw.normal(size=(N, 2)) * scale, "u": draw.normal(size=N) / 3.0, "p": np.linspace(-1.0, math.pi, N)}
+
+
+def test_arrays_keep_every_digit(tmp_path: Path) -> None:
+    given = [signals(1), {**signals(2), "use": "validation", "name": "held-out"}]
+    controller = {"reference_numerator": [0.1, 1 / 3], "feedback_numerator": [0.1, 1 / 3], "denominator": [1.0, -0.5]}
+    bundle = lpvident.Bundle.from_arrays(
+        given, sample_rate=1000 / 3, name='a "name" with ü', units={"y1": "m", "y2": "rad"}, controller=controller
+    )
+    assert (bundle.name, bundle.sample_rate, len(bundle)) == ('a "name" with ü', 1000 / 3, 2)
+    assert bundle.record_names == ["record000", "held-out"]
+    assert bundle.description["channels"]["output"]["units"] == ["m", "rad"]
+    assert bundle.description["controller"]["denominator"] == [[1.0, -0.5]]
+    for index, expected in enumerate(given):
+        record = bundle.record(index)
+        assert np.array_equal(record.y, expected["y"])
+        assert np.array_equal(record.u[:, 0], expected["u"])
+        assert np.array_equal(record.p[:, 0], expected["p"])
+        assert record.r.shape == (N, 0) or record.r.size == 0
+        assert record.names["y"] == ["y1", "y2"]
+    place = bundle.path
+    del bundle, record
+    assert not place.exists(), "a temporary bundle goes with its object"
+
+
+def test_arrays_stay_in_a_folder_that_is_given(tmp_path: Path) -> None:
+    lpvident.Bundle.from_arrays(signals(1), sample_rate=10, folder=tmp_path / "kept")
+    assert len(lpvident.Bundle(tmp_path / "kept")) == 1
+    with pytest.raises(lpvident.BundleError, match="never overwritten"):
+        lpvident.Bundle.from_arrays(signals(1), sample_rate=10, folder=tmp_path / "kept")
+
+
+def test_frames(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    s = signals(3)
+    frame = pandas.DataFrame({"force": s["u"], "encoder": s["y"][:, 0]}, index=np.arange(N) * 0.004)
+    bundle = lpvident.Bundle.from_frames(
+        [frame, (frame[::-1], {"use": "validation"})], outputs=["encoder"], inputs="force", units={"force": "N"}
+    )
+    assert bundle.sample_rate == pytest.approx(250.0, rel=1e-12)
+    assert np.array_equal(bundle.record(0).y[:, 0], s["y"][:, 0])
+    assert np.array_equal(bundle.record(1).u[:, 0], s["u"][::-1])
+    stamped = frame.set_index(pandas.date_range("2024-01-01", periods=N, freq="4ms"))
+    by_stamp = lpvident.Bundle.from_frames(stamped, outputs=["encoder"], inputs=["force"])
+    assert by_stamp.sample_rate == pytest.approx(250.0, rel=1e-9)
+    with pytest.raises(lpvident.BundleError, match="tells no time"):
+        lpvident.Bundle.from_frames(frame.reset_index(), outputs=["encoder"], inputs=["force"])
+    with pytest.raises(lpvident.BundleError, match="no column `speed`") as missing:
+        lpvident.Bundle.from_frames(frame, outputs=["speed"], inputs=["force"])
+    assert missing.value.column == "speed"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"u": np.zeros((2, 2, 2))}, "3 dimensions"),
+        ({"u": np.array(["a", "b"])}, "no array of real numbers"),
+        ({"u": np.ones(N) * 1j}, "complex"),
+        ({"u": np.ones(N - 1)}, "samples|rows|length"),
+        ({"periods": 7}, "unknown option `periods`"),
+        ({"name": "../out"}, "use letters"),
+    ],
+)
+def test_wrong_arrays_are_refused(change: dict, message: str) -> None:
+    with pytest.raises(lpvident.BundleError, match=message):
+        bundle = lpvident.Bundle.from_arrays({**signals(1), **change}, sample_rate=10)
+        bundle.record(0)
+
+
+def test_errors_have_fields(tmp_path: Path) -> None:
+    with pytest.raises(lpvident.BundleError) as missing:
+        lpvident.Bundle(tmp_path)
+    assert missing.value.path == str(tmp_path) and missing.value.exit_code == 2
+    (tmp_path / "move.csv").write_text("u,y\n0,0\n1,x\n")
+    text = "format = 1\nname = 'one'\nsample_rate = 20.0\n[channels.output]\ncolumns = ['y']\n[channels.input]\ncolumns = ['u']\n"
+    text += "[[records]]\nfile = 'move.csv'\nkind = 'transient'\nuse = 'estimation'\n"
+    (tmp_path / "experiment.toml").write_text(text)
+    with pytest.raises(lpvident.BundleError) as number:
+        lpvident.Bundle(tmp_path).record(0)
+    found = number.value
+    assert (found.record, found.line, found.column) == (0, 3, "y") and found.path.endswith("move.csv")
+    again = pickle.loads(pickle.dumps(found))
+    assert type(again) is lpvident.BundleError and again.line == 3 and again.message == found.message
+    (tmp_path / "experiment.toml").write_text(text.replace("sample_rate = 20.0", "sample_rate = 20.0\nnmae = 3"))
+    with pytest.raises(lpvident.BundleError) as key:
+        lpvident.Bundle(tmp_path)
+    assert key.value.line == 4
+    for kind in (lpvident.BundleError, lpvident.IdentifyError, lpvident.SettingError, lpvident.WriteError):
+        assert issubclass(kind, lpvident.LpvError)

@@ -1,0 +1,170 @@
+"""Models: frozen, sampled, along a moving p, as files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lpvident
+
+POSITIONS = (-0.3, -0.11, 0.0, 0.27)
+
+
+def relative(found: np.ndarray, expected: np.ndarray) -> float:
+    return float((np.linalg.norm(found - expected, axis=(1, 2)) / np.linalg.norm(expected, axis=(1, 2))).max())
+
+
+def test_frozen_responses_agree_with_python_control(bundle: lpvident.Bundle, model: lpvident.Model) -> None:
+    control = pytest.importorskip("control")
+    lines = bundle.frf().frequencies[::5]
+    for p in POSITIONS:
+        for system, sampled in ((model.frozen(p), False), (model.sampled(p), True)):
+            assert isinstance(system, control.StateSpace)
+            assert system.dt == (model.sample_time if sampled or not model.is_continuous else 0.0)
+            points = 2j * np.pi * lines
+            points = points if system.dt == 0 else np.exp(points * system.dt)
+            theirs = np.array([system.horner(s, warn_infinite=False)[:, :, 0] for s in points])
+            assert relative(model.frequency_response(p, lines, sampled=sampled), theirs) < 1e-12
+
+
+def test_simulation_follows_the_moving_position(bundle: lpvident.Bundle, model: lpvident.Model) -> None:
+    found = model.validate(bundle)
+    assert found.runs
+    for run in found.runs:
+        record = bundle.record(run.name)
+        y = model.simulate(record.u, record.p)
+        assert np.array_equal(run.measured, record.y)
+        # The records begin at rest, as the simulation does.
+        scale = np.abs(run.open_loop).max(axis=0)
+        assert (np.abs(y - run.open_loop) / scale).max() < 1e-10
+
+
+def test_simulation_at_rest_is_that_of_the_sampled_matrices(model: lpvident.Model) -> None:
+    draw = np.random.default_rng(2)
+    u, x0 = draw.normal(size=(60, 2)), draw.normal(size=model.states)
+    matrices = model._native.sampled([0.1], None)[0]
+    a, b, c, d = matrices
+    x, expected = x0, []
+    for k in range(60):
+        expected.append(c @ x + d @ u[k])
+        x = a @ x + b @ u[k]
+    for p in (0.1, [0.1], np.full((60, 1), 0.1), np.full(60, 0.1)):
+        assert np.allclose(model.simulate(u, p, x0=x0), expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
+
+
+def test_predictions_are_better_than_simulations(bundle: lpvident.Bundle, model: lpvident.Model) -> None:
+    record = bundle.record("move0")
+    predicted = model.predict(record.u, record.y, record.p)
+    one, open_loop = (np.std(record.y - y, axis=0) for y in (predicted, model.simulate(record.u, record.p)))
+    assert predicted.shape == record.y.shape
+    assert (one < open_loop).all()
+
+
+def test_wrong_arguments_are_refused(model: lpvident.Model) -> None:
+    u = np.zeros((10, 2))
+    for call in (
+        lambda: model.frozen(0.5),
+        lambda: model.frozen([0.1, 0.2]),
+        lambda: model.simulate(u, np.zeros(9)),
+        lambda: model.simulate(np.zeros((10, 3)), 0.0),
+        lambda: model.simulate(u, 0.0, x0=np.zeros(3)),
+        lambda: model.simulate(u),
+        lambda: model.predict(u, np.zeros((9, 2)), 0.0),
+        lambda: model.predict(u, u, 0.0, noise=[1.0]),
+        lambda: model.frequency_response(0.0, [-1.0]),
+    ):
+        with pytest.raises(lpvident.ModelError):
+            call()
+    with pytest.raises(lpvident.LpvError):
+        model.simulate(np.full((10, 2), np.nan), 0.0)
+    with pytest.raises(lpvident.BundleError, match="empty"):
+        model.simulate(np.zeros((0, 2)), 0.0)
+
+
+def test_settings(bundle: lpvident.Bundle) -> None:
+    with pytest.raises(lpvident.SettingError) as unknown:
+        bundle.identify(functons=8)
+    assert (unknown.value.name, unknown.value.nearest) == ("functons", "functions")
+    with pytest.raises(lpvident.SettingError) as kind:
+        bundle.identify(order="eight")
+    assert kind.value.name == "order"
+    with pytest.raises(lpvident.SettingError) as range_:
+        bundle.identify(hold_out=2.0)
+    assert (range_.value.name, range_.value.value, range_.value.allowed) == ("hold-out", 2.0, "0 to 0.95")
+    assert "functions" in lpvident.settings_template()
+
+
+def test_every_setting_of_the_program_is_a_keyword() -> None:
+    import inspect as python_inspect
+
+    from lpvident import _lpvident
+
+    keywords = set(python_inspect.signature(lpvident.identify).parameters)
+    assert {name.replace("-", "_") for name in json.loads(_lpvident.settings())} <= keywords
+
+
+def test_files(model: lpvident.Model, bundle: lpvident.Bundle, tmp_path: Path) -> None:
+    model.save(tmp_path / "model.json")
+    again = lpvident.load(tmp_path / "model.json")
+    assert again.to_json() == model.to_json()
+    again.save(tmp_path / "deeper/model.json")
+    assert json.loads((tmp_path / "deeper/model.json").read_text())["identification"]["folder"].startswith("..")
+    assert np.array_equal(again.poles(0.1), model.poles(0.1))
+    scipy = pytest.importorskip("scipy.io")
+    model.to_mat(tmp_path / "model.mat")
+    assert np.array_equal(scipy.loadmat(tmp_path / "model.mat")["lpv"]["A"][0, 0], model.lfr()["A"])
+    (tmp_path / "notes.json").write_text("mine")
+    with pytest.raises(lpvident.WriteError) as foreign:
+        model.save(tmp_path / "notes.json")
+    assert foreign.value.path == str(tmp_path / "notes.json") and (tmp_path / "notes.json").read_text() == "mine"
+    model.save(tmp_path / "notes.json", overwrite=True)
+    with pytest.raises(lpvident.ModelError):
+        model.save(tmp_path / "model.xls")
+    with pytest.raises(lpvident.ModelError) as missing:
+        lpvident.load(tmp_path / "none.json")
+    assert missing.value.path.endswith("none.json")
+
+
+def test_accounts_show_the_verdict_first(bundle: lpvident.Bundle, model: lpvident.Model) -> None:
+    assert model.worth == "good" and model.verdict and model.verdict in model._repr_html_().split("</p>")[0].replace("&#x27;", "'")
+    assert model.text.startswith(model.verdict[:10]) and model.verdict in repr(model)
+    found = model.validate(bundle, all=True)
+    assert len(found.runs) == 5 and found._repr_html_().index("<p") < found._repr_html_().index("<table")
+    inspection = bundle.inspect()
+    assert len(inspection.data["records"]) == len(bundle) and inspection.noise.shape == (2,)
+    deviation = model.frozen_deviation
+    if deviation is not None:
+        assert deviation.total.shape == (5, len(deviation.frequencies), 2, 2)
+    pytest.importorskip("pandas")
+    assert len(found.to_frame()) == 10
+    assert len(inspection.lines()) > 0
+
+
+def test_a_diagnosis_names_the_effect(tmp_path: Path) -> None:
+    from conftest import SMALL
+
+    hidden = lpvident.simulate_machine(tmp_path / "bundle", SMALL, seed=5, hide="coulomb-friction")
+    found = hidden.diagnose()
+    assert "coulomb-friction" in [effect["effect"] for effect in found.effects]
+    assert found.verdict in found.text
+    found.save(tmp_path / "diagnosis")
+    assert json.loads((tmp_path / "diagnosis/diagnosis.json").read_text()) == found.data
+    assert (tmp_path / "diagnosis/diagnosis.html").read_text() == found.html
+    assert found.model.effects
+    # In the loop the model with its effects errs by the noise; its frozen response is that of the linear part.
+    errors = [o["closed_loop"]["over_noise"] for r in found.model.validate(hidden).data["records"] for o in r["outputs"]]
+    assert max(errors) < 1.5, errors
+    pytest.importorskip("pandas")
+    frame = found.to_frame()
+    assert {"effect", "parameter", "value", "std", "unit"} <= set(frame.columns) and len(frame) >= 1
+
+
+def test_bode_plot(model: lpvident.Model) -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    axes = model.plot_bode()
+    assert axes.shape == (2, 2) and len(axes[0, 0].lines) == 3
+    assert len(model.plot_bode(0.1, [0.1, 1.0])[0, 0].lines) == 1

@@ -1,0 +1,99 @@
+"""Frequency responses, and models of those that were measured elsewhere."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import lpvident
+
+
+def two_modes(p: float, rate: float) -> tuple[list[np.ndarray], np.ndarray]:
+    """A discrete system of two modes, 2 x 2, whose first frequency falls with p; and its poles."""
+    blocks, poles = [], []
+    for frequency, damping in ((12.0 * (1.0 - 0.3 * p), 0.02), (31.0, 0.05)):
+        pole = np.exp(2 * np.pi * frequency / rate * (-damping + 1j * np.sqrt(1 - damping**2)))
+        blocks.append(np.array([[pole.real, pole.imag], [-pole.imag, pole.real]]))
+        poles += [pole, pole.conjugate()]
+    a = np.block([[blocks[0], np.zeros((2, 2))], [np.zeros((2, 2)), blocks[1]]])
+    b = np.array([[1.0, 0.3], [0.2, -0.5], [0.4, 1.0], [-0.3, 0.1]])
+    c = np.array([[0.5, 1.0, -0.2, 0.3], [1.0, -0.1, 0.6, 0.8]])
+    return [a, b, c], np.array(poles)
+
+
+def response(system: list[np.ndarray], lines: np.ndarray, rate: float) -> np.ndarray:
+    a, b, c = system
+    z = np.exp(2j * np.pi * lines / rate)
+    return np.array([c @ np.linalg.solve(zk * np.eye(len(a)) - a, b) for zk in z])
+
+
+def sorted_poles(poles: np.ndarray) -> np.ndarray:
+    return poles[np.lexsort((poles.imag, poles.real.round(6)))]
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e6])
+def test_poles_of_a_response_come_back(scale: float) -> None:
+    rate, lines = 200.0, np.linspace(0.5, 95.0, 190)
+    system, poles = two_modes(0.0, rate)
+    f = scale * response(system, lines, rate)
+    model = lpvident.fit_frf(lines, f, sample_rate=rate, integrators=0, order=4)
+    assert np.abs(sorted_poles(model.poles()) - sorted_poles(poles)).max() < 1e-6
+    g = model.frequency_response(None, lines)
+    assert np.abs(g - f).max() < 1e-6 * np.abs(f).max()
+    assert (model.inputs, model.outputs, model.sample_time) == (2, 2, 1 / rate)
+
+
+def test_order_is_chosen_from_a_noisy_response() -> None:
+    rate, lines = 200.0, np.linspace(0.5, 95.0, 190)
+    system, poles = two_modes(0.0, rate)
+    f = response(system, lines, rate)
+    draw = np.random.default_rng(1)
+    noise = 1e-3 * (draw.normal(size=f.shape) + 1j * draw.normal(size=f.shape))
+    model = lpvident.fit_frf(lines, f + noise, sample_rate=rate, deviation=1.5e-3)
+    near = np.abs(model.poles()[:, None] - poles).min(axis=0)
+    assert near.max() < 1e-2, model.poles()
+    assert model.reasons and "order" in " ".join(model.reasons)
+
+
+def test_responses_at_several_positions_give_an_lpv_model() -> None:
+    rate, lines = 200.0, np.linspace(0.5, 95.0, 120)
+    positions = np.linspace(0.0, 1.0, 6)
+    f = np.array([response(two_modes(p, rate)[0], lines, rate) for p in positions])
+    model = lpvident.fit_frf(lines, f, positions=positions, sample_rate=rate, lfr="exact", integrators=0)
+    assert model.range.tolist() == [[0.0, 1.0]]
+    g = np.array([model.frequency_response(p, lines) for p in positions])
+    assert np.median(np.abs(g - f)) < 0.02 * np.median(np.abs(f))
+
+
+def test_wrong_responses_are_refused() -> None:
+    lines = np.linspace(1.0, 10.0, 20)
+    with pytest.raises(lpvident.ModelError, match="twice the highest"):
+        lpvident.fit_frf(lines, np.ones(20), sample_rate=15.0)
+    with pytest.raises(lpvident.ModelError, match="shape"):
+        lpvident.fit_frf(lines, np.ones(19), sample_rate=50.0)
+    with pytest.raises(lpvident.ModelError, match="sort"):
+        lpvident.fit_frf(lines[::-1], np.ones(20), sample_rate=50.0)
+    with pytest.raises(lpvident.SettingError) as wrong:
+        lpvident.fit_frf(lines, np.ones(20), sample_rate=50.0, ordr=2)
+    assert wrong.value.nearest == "order"
+
+
+def test_responses_of_a_bundle(bundle: lpvident.Bundle) -> None:
+    found = bundle.frf()
+    assert found.response.shape == (5, 153, 2, 2) and found.response.dtype == np.complex128
+    assert np.allclose(found.positions[:, 0], np.linspace(-0.3, 0.3, 5))
+    assert found.frequencies[0] == pytest.approx(bundle.sample_rate / 512)
+    place = found[2]
+    variance = place.output_covariance[7, 1, 1].real * place.input_factor[7, 0, 0].real
+    assert place.deviation[7, 1, 0] == pytest.approx(np.sqrt(variance))
+    # The same responses by way of arrays give the same model.
+    ways = [found.fit(lfr="exact", seed=1), lpvident.fit_frf(found.places, sample_rate=found.sample_rate, lfr="exact", seed=1)]
+    assert ways[0].to_json() == ways[1].to_json()
+
+
+def test_xarray(bundle: lpvident.Bundle) -> None:
+    pytest.importorskip("xarray")
+    found = bundle.frf()
+    dataset = found.to_xarray()
+    assert dataset.response.sizes == {"place": 5, "frequency": 153, "output": 2, "input": 2}
+    assert np.array_equal(dataset.position, found.positions[:, 0])

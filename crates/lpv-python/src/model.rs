@@ -22,7 +22,9 @@ pub(crate) struct Model {
 }
 
 /// A, B, C, D and the sample time, zero in continuous time.
-type Matrices<'py> = ([Bound<'py, PyArray2<f64>>; 4], f64);
+type Matrices<'py> = ((Array<'py>, Array<'py>, Array<'py>, Array<'py>), f64);
+
+type Array<'py> = Bound<'py, PyArray2<f64>>;
 
 /// Inputs, outputs, scheduling; samples x channels.
 type Measured<'py> = (
@@ -103,15 +105,9 @@ fn record(
 }
 
 fn system<'py, K: Clock>(py: Python<'py>, s: &StateSpace<K>, time: f64) -> PyResult<Matrices<'py>> {
-    Ok((
-        [
-            matrix(py, s.a())?,
-            matrix(py, s.b())?,
-            matrix(py, s.c())?,
-            matrix(py, s.d())?,
-        ],
-        time,
-    ))
+    let (a, b) = (matrix(py, s.a())?, matrix(py, s.b())?);
+    let (c, d) = (matrix(py, s.c())?, matrix(py, s.d())?);
+    Ok(((a, b, c, d), time))
 }
 
 fn blocks<'py, K: Clock>(py: Python<'py>, m: &Lfr<K>, time: f64) -> PyResult<Bound<'py, PyDict>> {

@@ -53,20 +53,21 @@ def test_arrays_stay_in_a_folder_that_is_given(tmp_path: Path) -> None:
 def test_frames(tmp_path: Path) -> None:
     pandas = pytest.importorskip("pandas")
     s = signals(3)
-    frame = pandas.DataFrame({"force": s["u"], "encoder": s["y"][:, 0]}, index=np.arange(N) * 0.004)
+    # The name of an input is one that numpy.savez has an argument of.
+    frame = pandas.DataFrame({"file": s["u"], "encoder": s["y"][:, 0]}, index=np.arange(N) * 0.004)
     bundle = lpvident.Bundle.from_frames(
-        [frame, (frame[::-1], {"use": "validation"})], outputs=["encoder"], inputs="force", units={"force": "N"}
+        [frame, (frame[::-1], {"use": "validation"})], outputs=["encoder"], inputs="file", units={"file": "N"}
     )
     assert bundle.sample_rate == pytest.approx(250.0, rel=1e-12)
     assert np.array_equal(bundle.record(0).y[:, 0], s["y"][:, 0])
     assert np.array_equal(bundle.record(1).u[:, 0], s["u"][::-1])
     stamped = frame.set_index(pandas.date_range("2024-01-01", periods=N, freq="4ms"))
-    by_stamp = lpvident.Bundle.from_frames(stamped, outputs=["encoder"], inputs=["force"])
+    by_stamp = lpvident.Bundle.from_frames(stamped, outputs=["encoder"], inputs=["file"])
     assert by_stamp.sample_rate == pytest.approx(250.0, rel=1e-9)
     with pytest.raises(lpvident.BundleError, match="tells no time"):
-        lpvident.Bundle.from_frames(frame.reset_index(), outputs=["encoder"], inputs=["force"])
+        lpvident.Bundle.from_frames(frame.reset_index(), outputs=["encoder"], inputs=["file"])
     with pytest.raises(lpvident.BundleError, match="no column `speed`") as missing:
-        lpvident.Bundle.from_frames(frame, outputs=["speed"], inputs=["force"])
+        lpvident.Bundle.from_frames(frame, outputs=["speed"], inputs=["file"])
     assert missing.value.column == "speed"
 
 

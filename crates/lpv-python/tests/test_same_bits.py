@@ -14,7 +14,7 @@ BUNDLES = measured() or [None]
 
 
 def run(*arguments: object) -> tuple[int, str]:
-    done = subprocess.run([str(a) for a in arguments], capture_output=True, text=True, timeout=3000)
+    done = subprocess.run([str(a) for a in arguments], check=False, capture_output=True, text=True, timeout=3000)
     return done.returncode, done.stderr
 
 

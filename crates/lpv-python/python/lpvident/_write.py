@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -58,8 +59,11 @@ def write_bundle(
         file = folder / "records" / f"{name}.npz"
         if file.exists():
             raise BundleError(f"record {number}: the name `{name}` is taken", record=number, path=file)
-        with open(file, "wb") as out:
-            np.savez(out, **signals)
+        with zipfile.ZipFile(file, "w") as out:
+            # Not by savez, whose own arguments are names of columns too.
+            for column, samples in signals.items():
+                with out.open(f"{column}.npy", "w", force_zip64=True) as array:
+                    np.lib.format.write_array(array, samples, allow_pickle=False)
         period = options.get("period")
         entry = {
             "file": f"records/{name}.npz",

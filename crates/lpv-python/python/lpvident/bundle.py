@@ -147,7 +147,7 @@ class Bundle:
             folder, name, units, controller, geometry: as in `from_arrays`.
         """
         single = hasattr(frames, "columns") or (isinstance(frames, tuple) and hasattr(frames[0], "columns"))
-        given: list[Any] = [frames] if single else list(frames)  # type: ignore[arg-type]
+        given: list[Any] = [frames] if single else list(frames)
         pairs = [pair if isinstance(pair, tuple) else (pair, {}) for pair in given]
         if not pairs:
             raise BundleError("no frame was given")
@@ -213,8 +213,8 @@ class Bundle:
         """Reads a record, by its number from 0 or by its name."""
         index = self.record_names.index(which) if isinstance(which, str) else which
         groups, position = self._native.record(index)
-        names = [names for names, _ in groups]
-        return Record(*(array for _, array in groups), position, dict(zip(Record._fields, names)))
+        y, u, r, p, aux, injection = (array for _, array in groups)
+        return Record(y, u, r, p, aux, injection, position, dict(zip(Record._fields, (names for names, _ in groups))))
 
     def inspect(self, *, progress: Progress = None) -> Inspection:
         """What is in the bundle, checked: sampling, periods, noise, distortion, coverage, warnings."""

@@ -150,7 +150,8 @@ class Model:
 
     def matrices(self, p: ArrayLike | None = None) -> StateSpace:
         """A, B, C, D at a constant p as arrays, with or without python-control."""
-        return StateSpace(*self._native.frozen(position(p))[0], self._native.frozen(position(p))[1])
+        (a, b, c, d), dt = self._native.frozen(position(p))
+        return StateSpace(a, b, c, d, dt)
 
     def lfr(self) -> dict[str, Any] | None:
         """The blocks A, B1, B2, C1, D11, D12, C2, D21, D22 of a linear fractional representation, with ``deltas``, pairs of the number
@@ -283,7 +284,7 @@ class Model:
         state = np.atleast_1d(np.asarray(x0, dtype=np.float64))
         if state.shape != (self.states,):
             raise ModelError(f"x0 has the shape {state.shape}, the model {self.states} states")
-        return state.tolist()
+        return [float(x) for x in state]
 
     def _along(self, p: ArrayLike | None, samples: int) -> NDArray[np.float64] | None:
         if p is None or self.range is None:
@@ -313,10 +314,11 @@ class Model:
         return verdict_html(self.verdict or self._native.describe(), self.worth, rows)
 
 
-def _system(matrices: Any, dt: float) -> Any:
+def _system(matrices: _lpvident.Matrices, dt: float) -> Any:
+    a, b, c, d = matrices
     try:
         import control
     except ImportError:
-        return StateSpace(*matrices, dt)
+        return StateSpace(a, b, c, d, dt)
     # States that nothing moves or sees stay: the matrices are those of the model.
-    return control.StateSpace(*matrices, dt, remove_useless_states=False)
+    return control.StateSpace(a, b, c, d, dt, remove_useless_states=False)

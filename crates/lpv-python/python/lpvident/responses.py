@@ -46,7 +46,8 @@ class Frf:
         """Standard deviation of each entry, the root of E|dF|^2, shape (n_f, n_y, n_u)."""
         rows = np.einsum("kii->ki", self.output_covariance).real
         columns = np.einsum("kjj->kj", self.input_factor).real
-        return np.sqrt(np.maximum(rows[:, :, None] * columns[:, None, :], 0.0))
+        variance: NDArray[np.float64] = np.maximum(rows[:, :, None] * columns[:, None, :], 0.0)
+        return np.sqrt(variance)
 
     @classmethod
     def from_arrays(

@@ -41,9 +41,10 @@ pub(crate) fn internal(py: Python<'_>) -> PyErr {
 
 /// A setting that is none.
 pub(crate) fn unknown_setting<'a>(py: Python<'_>, name: &str, known: impl Iterator<Item = &'a str>) -> PyErr {
-    let nearest = nearest_name(name, known);
+    let known: Vec<&str> = known.collect();
+    let nearest = nearest_name(name, known.iter().copied());
     let hint = nearest.map_or_else(
-        || "help(lpvident.identify) lists all".to_owned(),
+        || format!("there are {}", known.join(", ")),
         |n| format!("nearest: `{n}`"),
     );
     let facts = PyDict::new(py);

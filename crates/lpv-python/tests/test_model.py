@@ -97,6 +97,21 @@ def test_settings(bundle: lpvident.Bundle) -> None:
     assert "functions" in lpvident.settings_template()
 
 
+def test_machines_are_checked_before_there_is_a_folder(tmp_path: Path) -> None:
+    place = tmp_path / "bundle"
+    with pytest.raises(lpvident.MachineError, match="nearest: `coulomb-friction`"):
+        lpvident.simulate_machine(place, hide="coulomb-frction")
+    with pytest.raises(lpvident.SettingError) as unknown:
+        lpvident.simulate_machine(place, multisine={"perod": 512})
+    assert unknown.value.nearest == "period"
+    with pytest.raises(lpvident.SettingError, match="there are .*multisine"):
+        lpvident.simulate_machine(place, zzzzzz=1)
+    with pytest.raises(lpvident.MachineError, match="above zero"):
+        lpvident.simulate_machine(place, machine={"machine": {"beam_mass_kg": -1.0}})
+    assert not place.exists()
+    assert "beam-mass-kg" in lpvident.machine_template()
+
+
 def test_every_setting_of_the_program_is_a_keyword() -> None:
     import inspect as python_inspect
 

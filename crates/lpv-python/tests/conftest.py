@@ -42,9 +42,11 @@ def program() -> str:
 
 
 def measured() -> list[str]:
-    """Names of the measured and simulated bundles beside the repository."""
+    """Names of the measured and simulated bundles beside the repository, or those of them that LPV_BUNDLES names, by commas."""
     folder = ROOT.parent / "shared/data"
-    return sorted(p.parent.name for p in folder.glob("*/experiment.toml"))
+    named = os.environ.get("LPV_BUNDLES")
+    names = sorted(p.parent.name for p in folder.glob("*/experiment.toml"))
+    return [n for n in names if named is None or n in named.split(",")]
 
 
 @pytest.fixture

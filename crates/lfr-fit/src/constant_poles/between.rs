@@ -1,8 +1,8 @@
 //! What the positions say of B and C between them.
 //!
 //! In weighted entries, whose noise has variance one, B and C at the positions are values of a random function `sum_k c_k T_k(delta)`
-//! of Chebyshev polynomials: nothing is known of the coefficients up to a degree d, and above it they have, two by two since an even or
-//! odd function lacks every other one, the variances `v, v, v r^4, v r^4, v r^8, ...`. The values tell d and the decay r, for each row of B and column of C, and v, for each entry, by maximum
+//! of Chebyshev polynomials: nothing is known of the coefficients up to a degree d, and above it they have the variances
+//! `v r^(2 (k - d - 1))`, or, for an even or odd function that lacks every other one, `v, v, v r^4, v r^4, ...`. The values tell d and the decay r, for each row of B and column of C, and v, for each entry, by maximum
 //! likelihood; the variance of the best linear prediction midway between two positions is then known (universal kriging).
 
 use super::sides::Weights;
@@ -16,6 +16,9 @@ const DECAYS: [f64; 8] = [0.9, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02];
 
 /// Coefficients above the degree.
 const TERMS: usize = 24;
+
+/// Size of a coefficient, over the mean of its neighbours, below which it is missing.
+const GAP: f64 = 0.1;
 
 /// Difference of log-likelihoods that tells two kinds of functions hardly apart.
 const ALIKE: f64 = 2.0;
@@ -38,10 +41,10 @@ pub(super) fn expected_between(
         .windows(2)
         .map(|w| 0.5 * (deltas[w[0]] + deltas[w[1]]))
         .collect();
-    let kinds = Kind::all(deltas, &midways)?;
+    let families = Families::new(deltas, &midways)?;
     let mut sums = vec![0.0; midways.len()];
     for entries in weights.rows(places, shapes)? {
-        let Some((kind, variances)) = likeliest(&kinds, &entries)? else {
+        let Some((kind, variances)) = families.likeliest(&entries)? else {
             continue;
         };
         for (sum, midway) in sums.iter_mut().zip(0..) {
@@ -62,36 +65,79 @@ pub(super) fn expected_between(
         .collect())
 }
 
-/// The kind of function that these entries are together most likely of, and the variance of each; of those that are nearly as likely the
-/// one that leaves most between the positions.
-fn likeliest<'a>(
-    kinds: &'a [Kind],
-    entries: &[DVector<f64>],
-) -> Result<Option<(&'a Kind, Vec<f64>)>, FitError> {
-    let found: Vec<(&Kind, Vec<f64>, f64)> = kinds
-        .iter()
-        .map(|kind| {
-            let each: Vec<(f64, f64)> = entries.iter().map(|values| kind.variance(values)).collect();
-            let likelihood = each.iter().map(|f| f.1).sum();
-            (kind, each.into_iter().map(|f| f.0).collect(), likelihood)
+/// The kinds of functions that are tried.
+struct Families {
+    /// Rows: orthonormal polynomials on the positions, the constant first.
+    polynomials: DMatrix<f64>,
+    /// Coefficients that decay one by one.
+    single: Vec<Kind>,
+    /// Coefficients that decay two by two.
+    paired: Vec<Kind>,
+}
+
+impl Families {
+    fn new(deltas: &[f64], midways: &[f64]) -> Result<Self, FitError> {
+        let count = deltas.len();
+        let kinds = |paired: bool| {
+            // Of pairs the positions tell whole ones above the degree.
+            let degrees =
+                (0..count.saturating_sub(2)).filter(|d| !paired || (count - 1 - d).is_multiple_of(2));
+            let all = degrees.flat_map(|degree| DECAYS.iter().map(move |decay| (degree, *decay)));
+            all.map(|(degree, decay)| Kind::new(deltas, midways, degree, (decay, paired)))
+                .collect::<Result<Vec<_>, _>>()
+        };
+        Ok(Self {
+            polynomials: chebyshev(deltas, 0..count).qr().q().transpose(),
+            single: kinds(false)?,
+            paired: kinds(true)?,
         })
-        .collect();
-    let most = found.iter().map(|f| f.2).fold(f64::NEG_INFINITY, f64::max);
-    let mut worst: Option<(f64, (&Kind, Vec<f64>))> = None;
-    for (kind, variances, likelihood) in found {
-        if likelihood >= most - ALIKE {
-            let mut left = 0.0;
-            for variance in &variances {
-                for midway in 0..kind.own.len() {
-                    left += kind.left(*variance, midway)?;
+    }
+
+    /// The kind of function that these entries are together most likely of, and the variance of each. Where every other coefficient is
+    /// missing, the last one tells nothing of what comes above it: then of kinds that are nearly as likely the one that leaves most.
+    fn likeliest(&self, entries: &[DVector<f64>]) -> Result<Option<(&Kind, Vec<f64>)>, FitError> {
+        let size = |k: usize| -> f64 {
+            let row = self.polynomials.row(k);
+            entries.iter().map(|values| (row * values)[0].powi(2)).sum()
+        };
+        let sizes: Vec<f64> = (1..self.polynomials.nrows()).map(size).collect();
+        let gaps = sizes.windows(3).any(|s| s[1] < GAP * (s[0] * s[2]).sqrt());
+        let (kinds, alike) = match gaps {
+            true => (&self.paired, ALIKE),
+            false => (&self.single, 0.0),
+        };
+        let found: Vec<(&Kind, Vec<f64>, f64)> = kinds
+            .iter()
+            .map(|kind| {
+                let each: Vec<(f64, f64)> = entries.iter().map(|values| kind.variance(values)).collect();
+                let likelihood = each.iter().map(|f| f.1).sum();
+                (kind, each.into_iter().map(|f| f.0).collect(), likelihood)
+            })
+            .collect();
+        let most = found.iter().map(|f| f.2).fold(f64::NEG_INFINITY, f64::max);
+        let mut worst: Option<(f64, (&Kind, Vec<f64>))> = None;
+        for (kind, variances, likelihood) in found {
+            if likelihood >= most - alike {
+                let mut left = 0.0;
+                for variance in &variances {
+                    for midway in 0..kind.own.len() {
+                        left += kind.left(*variance, midway)?;
+                    }
+                }
+                if worst.as_ref().is_none_or(|(most, _)| left > *most) {
+                    worst = Some((left, (kind, variances)));
                 }
             }
-            if worst.as_ref().is_none_or(|(most, _)| left > *most) {
-                worst = Some((left, (kind, variances)));
-            }
         }
+        Ok(worst.map(|(_, found)| found))
     }
-    Ok(worst.map(|(_, found)| found))
+}
+
+/// Chebyshev polynomials of these degrees, a column each.
+fn chebyshev(at: &[f64], degrees: std::ops::Range<usize>) -> DMatrix<f64> {
+    DMatrix::from_fn(at.len(), degrees.len(), |i, k| {
+        ((degrees.start + k) as f64 * at[i].clamp(-1.0, 1.0).acos()).cos()
+    })
 }
 
 /// Functions of one degree and decay.
@@ -111,25 +157,16 @@ struct Kind {
 }
 
 impl Kind {
-    fn all(deltas: &[f64], midways: &[f64]) -> Result<Vec<Self>, FitError> {
-        // Above the degree the positions tell whole pairs of coefficients, at least one.
-        let degrees =
-            (0..deltas.len().saturating_sub(2)).filter(|d| (deltas.len() - 1 - d).is_multiple_of(2));
-        let degrees = degrees.flat_map(|degree| DECAYS.iter().map(move |decay| (degree, *decay)));
-        degrees
-            .map(|(degree, decay)| Self::new(deltas, midways, degree, decay))
-            .collect()
-    }
-
-    fn new(deltas: &[f64], midways: &[f64], degree: usize, decay: f64) -> Result<Self, FitError> {
+    fn new(
+        deltas: &[f64],
+        midways: &[f64],
+        degree: usize,
+        (decay, paired): (f64, bool),
+    ) -> Result<Self, FitError> {
         let count = deltas.len();
-        let chebyshev = |at: &[f64], terms: std::ops::Range<usize>| {
-            DMatrix::from_fn(at.len(), terms.len(), |i, k| {
-                ((terms.start + k) as f64 * at[i].clamp(-1.0, 1.0).acos()).cos()
-            })
-        };
+        let power = |k: i32| if paired { 2 * (k / 2) } else { k };
         let above = degree + 1..degree + 1 + TERMS;
-        let scale = DMatrix::from_diagonal(&DVector::from_fn(TERMS, |k, _| decay.powi(2 * (k as i32 / 2))));
+        let scale = DMatrix::from_diagonal(&DVector::from_fn(TERMS, |k, _| decay.powi(power(k as i32))));
         let features = chebyshev(deltas, above.clone()) * &scale;
         let features_midway = chebyshev(midways, above) * scale;
         let powers = chebyshev(deltas, 0..degree + 1);
@@ -236,7 +273,7 @@ mod tests {
                 .map(|i| 2.0 * f64::from(i) / f64::from(positions - 1) - 1.0)
                 .collect();
             let midways: Vec<f64> = deltas.windows(2).map(|w| 0.5 * (w[0] + w[1])).collect();
-            let kinds = Kind::all(&deltas, &midways).unwrap();
+            let families = Families::new(&deltas, &midways).unwrap();
             for (name, f) in functions {
                 for size in [3e1, 1e3, 1e5] {
                     let (mut squares, mut expected) = (0.0, 0.0);
@@ -255,7 +292,7 @@ mod tests {
                                 DVector::from_iterator(deltas.len(), values)
                             })
                             .collect();
-                        let (kind, variances) = likeliest(&kinds, &entries).unwrap().unwrap();
+                        let (kind, variances) = families.likeliest(&entries).unwrap().unwrap();
                         for (j, variance) in variances.into_iter().enumerate() {
                             for (q, midway) in midways.iter().enumerate() {
                                 let predicted = kind.weights(variance, q).unwrap().dot(&entries[j]);

@@ -78,6 +78,26 @@ impl Bundle {
         &self.description
     }
 
+    /// The same records with these outputs and inputs alone, by their indices: one machine of several. References, which are those of
+    /// all of them, are left out.
+    #[must_use]
+    pub fn of_channels(&self, outputs: &[usize], inputs: &[usize]) -> Self {
+        let mut description = self.description.clone();
+        let channels = &mut description.channels;
+        channels.output = channels.output.only(outputs);
+        channels.input = channels.input.only(inputs);
+        channels.reference = ChannelGroup::default();
+        Self {
+            folder: self.folder.clone(),
+            root: self.root.clone(),
+            file: self.file.clone(),
+            text: self.text.clone(),
+            names: self.names.clone(),
+            description,
+            scheduling_ranges: OnceLock::new(),
+        }
+    }
+
     /// Number of records.
     pub fn len(&self) -> usize {
         self.description.records.len()

@@ -103,6 +103,19 @@ impl ChannelGroup {
             ..Self::default()
         }
     }
+    /// Some of the columns, by their indices; those that there are.
+    #[must_use]
+    pub fn only(&self, indices: &[usize]) -> Self {
+        fn some<T: Clone>(all: &[T], indices: &[usize]) -> Vec<T> {
+            indices.iter().filter_map(|i| all.get(*i).cloned()).collect()
+        }
+        Self {
+            columns: some(&self.columns, indices),
+            units: some(&self.units, indices),
+            scale: some(&self.scale, indices),
+            offset: some(&self.offset, indices),
+        }
+    }
     /// Number of columns.
     pub fn len(&self) -> usize {
         self.columns.len()

@@ -40,6 +40,18 @@ pub enum TraceError {
          [channels.reference]"
     )]
     NoController,
+    /// Inputs and positions that are not those of axes that each move by themselves.
+    #[error(
+        "without its controller a machine of several axes is diagnosed where each input moves a position of its own: there are {inputs} \
+         inputs, and {positions} positions that do not move together; make a bundle of the axes that move by themselves, or give the \
+         bundle its [controller] and [channels.reference]"
+    )]
+    Axes {
+        /// Inputs.
+        inputs: usize,
+        /// Positions that do not move together.
+        positions: usize,
+    },
     /// Of lti-ident.
     #[error(transparent)]
     Lti(#[from] lti_ident::LtiIdentError),

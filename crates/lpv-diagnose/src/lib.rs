@@ -117,6 +117,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod axes;
 mod base;
 pub mod catalogue;
 mod character;
@@ -131,10 +132,12 @@ mod responses;
 mod screen;
 mod servo_axis;
 mod simulate;
+mod skew;
 mod trace;
 mod track;
 mod whiten;
 
+pub use axes::{AxisChannels, axes};
 pub use base::{Axis, Base, BaseParameter, Forces, Lpv, Motion, Pair, XyTable, table_from_geometry};
 pub use character::{Character, characterise};
 pub use error::TraceError;
@@ -149,5 +152,6 @@ pub use responses::{
 pub use screen::{Screen, Trial};
 pub use servo_axis::servo_axis;
 pub use simulate::Response;
+pub use skew::{Skew, skew};
 pub use trace::{Added, Case, Judged, Trace, Tried, Verdict, sensor_noise, trace};
 pub use track::{Track, roughness};

@@ -5,6 +5,9 @@
 //! `u = u_logged + k_p (y - y_hat) + k_d d(y - y_hat)/dt` with `k_p = J w^2`, `k_d = 2 d w J`. Errors slower than `w` are made
 //! smaller by it, which the likelihood takes into account: it is that of the error one step ahead, whitened.
 
+use crate::base::Pair;
+use crate::fit::{Problem, Seen};
+use crate::whiten::Whitening;
 use crate::{Base, Explained, TraceError, Track};
 use lpv_core::linalg::least_squares;
 use lpv_core::{Controller, ControllerState, Discrete, Record};
@@ -59,6 +62,45 @@ impl Observer {
             hz,
         })
     }
+}
+
+/// Whether the inputs of these records run on between the samples ([`Track::running_on`]): of an amplifier or a generator they were
+/// measured like the outputs, of a drive they are commands that are held. The base is fitted to both; what it leaves of the outputs
+/// goes with it, root mean squares: held, and running on.
+pub fn runs_on(base: &Base, controller: &ControllerState, held: &[Track]) -> Option<(bool, [f64; 2])> {
+    /// Part of the squared error that inputs running on may leave: held ones are late by half a sample, and so is little else.
+    const LEFT: f64 = 0.9;
+    const ITERATIONS: usize = 20;
+    const FINER: f64 = 1e3;
+    let start = Explained {
+        base: base.clone(),
+        effects: Vec::new(),
+    };
+    let running: Vec<Track> = held.iter().map(Track::running_on).collect();
+    let left = |tracks: &[Track]| -> Option<f64> {
+        // In units far below the error, so that the fit minimises the logarithm of its size.
+        let size = Whitening::by_size(&errors_of(&start, controller, tracks)?, 1).finer(FINER);
+        let problem = Problem {
+            tracks,
+            controller,
+            whitening: &size,
+            prior: None,
+            seen: Seen::Outputs,
+        };
+        let fit = problem.fit(&start, ITERATIONS, None).ok()?;
+        let errors = errors_of(&fit.model, controller, tracks)?;
+        let count = errors.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+        Some((errors.iter().flatten().map(|e| e[0] * e[0]).sum::<f64>() / count).sqrt())
+    };
+    let found = [left(held)?, left(&running)?];
+    Some((found[1].powi(2) < LEFT * found[0].powi(2), found))
+}
+
+fn errors_of(model: &Explained, controller: &ControllerState, tracks: &[Track]) -> Option<Vec<Vec<Pair>>> {
+    let runs = tracks
+        .iter()
+        .map(|t| Some(model.closed_loop(controller, t)?.error(t)));
+    runs.collect()
 }
 
 /// The record as the observer wants it: what was measured is the reference, what was logged the injection.

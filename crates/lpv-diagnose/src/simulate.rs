@@ -1,6 +1,7 @@
 //! A base model with effects in the loop of the experiment.
 
 mod late;
+mod smooth;
 
 use crate::base::{Base, Body, Forces, MOST_STATES, Motion, Pair};
 use crate::effect::{Block, Moment};
@@ -100,7 +101,7 @@ impl Watch for Vec<Motion> {
 }
 
 /// Simulates a record from where it begins, see [`Track::new`], with the classical Runge-Kutta rule in equal parts of a sample.
-/// Commands are held; where a delay changes them inside a part, or a lag the forces of the motors, it gets the straight line
+/// Commands are held, unless the inputs of the record were measured ([`Track::running_on`]); where a delay changes them inside a part, or a lag the forces of the motors, it gets the straight line
 /// with their mean and first moment there.
 ///
 /// `noise` is added to the outputs before the controller reads them. None where the numbers leave all bounds.
@@ -210,16 +211,15 @@ impl Run<'_> {
             if let Some(noise) = self.noise {
                 (0..2).for_each(|i| y[i] += noise[k][i]);
             }
-            let u = match &mut controller {
+            let mut own = [0.0; 2];
+            let logged = match &mut controller {
                 Some(controller) => {
-                    let mut u = track.injections[k];
-                    let mut own = [0.0; 2];
                     controller.step(&track.references[k], &y, &mut own);
-                    (0..2).for_each(|i| u[i] += own[i]);
-                    u
+                    &track.injections
                 }
-                None => track.inputs[k],
+                None => &track.inputs,
             };
+            let u = [0, 1].map(|i: usize| logged[k][i] + own[i]);
             response.outputs.push(y);
             response.inputs.push(u);
             // Also where an output is not a number.
@@ -230,7 +230,15 @@ impl Run<'_> {
                 let from = 2 * part * self.stride;
                 let points = [from, from + self.stride, from + 2 * self.stride];
                 let mut commands = [u; 3];
-                if is_late {
+                if track.runs_on {
+                    for i in 0..self.machine.channels() {
+                        let late = delay[i] / track.step;
+                        let time = |point: usize| k as f64 + point as f64 * track.half - late;
+                        (0..3).for_each(|stage| {
+                            commands[stage][i] = own[i] + smooth::at(logged, i, time(points[stage]));
+                        });
+                    }
+                } else if is_late {
                     let wide = 1.0 / self.parts as f64;
                     let start = k as f64 + part as f64 * wide;
                     for i in (0..2).filter(|i| delay[*i] > 0.0) {

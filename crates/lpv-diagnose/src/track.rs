@@ -36,6 +36,8 @@ pub struct Track {
     pub(crate) is_read: [bool; 2],
     /// Whether the reference is what was measured: then its noise is in what an observer makes of it.
     pub(crate) follows: bool,
+    /// Whether the logged inputs run on between the samples; else they are held.
+    pub(crate) runs_on: bool,
     /// The controller at the first sample, unless it is at rest.
     pub(crate) moving: Option<ControllerState>,
 }
@@ -46,10 +48,10 @@ const LOST: f64 = 1e6;
 const SAME: f64 = 3.0;
 /// Samples that tell how a record begins.
 const BEGINNING: usize = 16;
-/// Samples that a record needs.
-const LEAST: usize = 32;
-
 impl Track {
+    /// Samples that a record needs.
+    pub const LEAST: usize = 32;
+
     /// The longest of some records in time.
     pub(crate) fn longest(tracks: &[Self]) -> f64 {
         let duration = |t: &Self| t.step * t.samples as f64;
@@ -71,10 +73,11 @@ impl Track {
         if record.references.channels() == 0 {
             return Err(refused("the closed loop needs [channels.reference]"));
         }
-        if record.len() < LEAST {
+        if record.len() < Self::LEAST {
             return Err(refused(&format!(
-                "it has {} samples, and a simulation is compared over {LEAST} at least; leave it out or record longer",
-                record.len()
+                "it has {} samples, and a simulation is compared over {} at least; leave it out or record longer",
+                record.len(),
+                Self::LEAST
             )));
         }
         Ok(())
@@ -124,13 +127,14 @@ impl Track {
             }
         }
         for (i, y) in record.outputs.columns.iter().enumerate() {
-            let rows = y[..LEAST].windows(4).map(|w| [w[0], w[1], w[2], w[3]]);
+            let rows = y[..Self::LEAST].windows(4).map(|w| [w[0], w[1], w[2], w[3]]);
             is_read[i] |= (y[0] - start.position[i]).abs() <= SAME * roughness(rows);
         }
         Ok(Self {
             start,
             is_read,
             follows,
+            runs_on: false,
             moving,
             bound,
             name: record.name.clone(),
@@ -154,7 +158,7 @@ impl Track {
 
     /// Deviations with which the first samples tell them: of a parabola at least, since a machine may accelerate.
     pub fn beginning_deviations(&self) -> [f64; 2] {
-        let y: Vec<f64> = self.outputs.iter().take(LEAST).map(|y| y[0]).collect();
+        let y: Vec<f64> = self.outputs.iter().take(Self::LEAST).map(|y| y[0]).collect();
         let noise = roughness(y.windows(4).map(|w| [w[0], w[1], w[2], w[3]]));
         // Rows 1, k, k^2 of the first samples; the covariance of value and rate at the first of them.
         let rows = DMatrix::from_fn(BEGINNING, 3, |k, j| (k as f64).powi(j as i32));
@@ -169,6 +173,27 @@ impl Track {
         let mut other = self.clone();
         (other.start.position[0], other.start.speed[0]) = (position, speed);
         other
+    }
+
+    /// Another record, a part of the same, that is followed alike.
+    ///
+    /// # Errors
+    /// Those of [`Track::check`].
+    pub fn part(&self, record: &Record) -> Result<Self, TraceError> {
+        let part = Self::new(record, self.step, self.substeps, None)?;
+        Ok(Self {
+            runs_on: self.runs_on,
+            ..part
+        })
+    }
+
+    /// The same record with inputs that run on between the samples, as those do that were measured and not commanded.
+    #[must_use]
+    pub fn running_on(&self) -> Self {
+        Self {
+            runs_on: true,
+            ..self.clone()
+        }
     }
 
     /// The same record with the scheduling held.

@@ -63,6 +63,13 @@ impl Whitening {
         }
     }
 
+    /// The same in units that are so many times smaller.
+    pub(crate) fn finer(mut self, times: f64) -> Self {
+        self.taps.iter_mut().flatten().for_each(|t| *t *= times);
+        self.deviation = self.deviation.map(|d| d / times);
+        self
+    }
+
     /// The white sequence of an error, output after output.
     pub(crate) fn apply(&self, error: &[Pair], out: &mut Vec<f64>) {
         for (i, taps) in self.taps.iter().enumerate().take(self.channels) {

@@ -1,6 +1,7 @@
 //! What a base model lacks, found on the moves of a bundle, and told as `diagnosis.json`.
 
 mod account;
+mod axes;
 mod axis;
 mod base;
 mod doubt;
@@ -10,6 +11,7 @@ mod left;
 mod noise;
 mod page;
 mod places;
+mod record_errors;
 mod records;
 mod responses;
 mod value;
@@ -21,7 +23,9 @@ use crate::responses::places::one_signal;
 use crate::responses::{examine_records, load_records};
 use crate::summary::Summary;
 use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
-pub use account::{Diagnosis, Errors, Evidence, FoundEffect, OutputError, ResponseErrors, Tested};
+pub use account::{
+    Diagnosis, Errors, Evidence, FoundEffect, NoiseSource, OutputError, PlaceName, ResponseErrors, Tested,
+};
 pub use axis::{AxisErrors, AxisStage};
 use base::Start;
 pub(crate) use base::table;
@@ -42,6 +46,7 @@ use lpv_diagnose::{
 use lpv_report::Figure;
 use noise::{roughness, unrepeated};
 pub(crate) use places::placed;
+pub use record_errors::{ForceErrors, FreeRun, RecordErrors, RunErrors};
 use records::{split, wrong_controller};
 pub(crate) use responses::is_traced_on_responses;
 use std::path::Path;
@@ -65,6 +70,8 @@ pub struct Diagnosed {
     spectrum: Option<Figure>,
     /// Errors of the frozen base against the responses.
     frozen: Option<Figure>,
+    /// Of a machine of several axes that move by themselves, each axis.
+    axes: Vec<Diagnosed>,
 }
 
 /// Finds the effects that a model of the bundle's machine lacks. The model is `model`; without one an xy-table from first
@@ -72,9 +79,26 @@ pub struct Diagnosed {
 /// scheduling, else a servo axis; of an axis without moves, from its frequency responses.
 ///
 /// # Errors
-/// A bundle without moves or a base model; one of several axes without its controller; a model that does not fit the bundle;
-/// whatever is wrong with its records.
+/// A bundle without moves or a base model; one without its controller whose inputs do not each move a position of their own; a
+/// model that does not fit the bundle; whatever is wrong with its records.
 pub fn diagnose(
+    bundle: &Bundle,
+    model: Option<&ModelFile>,
+    progress: Progress<'_>,
+) -> Result<Diagnosed, PipelineError> {
+    let description = bundle.description();
+    let channels = &description.channels;
+    let is_one = (channels.input.len(), channels.output.len()) == (1, 1);
+    let has_moves = description.records.iter().any(|r| !r.is_periodic());
+    let is_by_itself = description.controller.is_none() && channels.scheduling.is_empty();
+    if is_by_itself && !is_one && has_moves && model.is_none() {
+        return axes::diagnose(bundle, progress);
+    }
+    of_axis(bundle, model, progress)
+}
+
+/// The same of a bundle as a whole.
+fn of_axis(
     bundle: &Bundle,
     model: Option<&ModelFile>,
     progress: Progress<'_>,
@@ -146,7 +170,16 @@ pub fn diagnose(
     if observer_hz.is_none() {
         reasons.extend(wrong_controller(&fit_records, &start));
     }
-    let told = [tracks(&fit_records)?, tracks(&judge_records)?];
+    let mut told = [tracks(&fit_records)?, tracks(&judge_records)?];
+    if observer_hz.is_some()
+        && let Some((true, [held, running])) = observer::runs_on(&base, &start, &told[0])
+    {
+        reasons.push(format!(
+            "the inputs run on between the samples, as measured signals do: the base leaves {running:.3e} of the outputs, and {held:.3e} \
+             where they are held"
+        ));
+        told = told.map(|t| t.iter().map(Track::running_on).collect());
+    }
     let [mut fitted, mut judged] = told.clone();
     let is_observed = observer_hz.is_some();
     let bare = Explained {
@@ -201,12 +234,22 @@ pub fn diagnose(
     reasons.extend(doubt::doubts(&found, bundle));
     let mut axis = axis::errors(&found, &start, clock, &fit_records, &fitted)?;
     axis.extend(axis::errors(&found, &start, clock, &judge_records, &judged)?);
+    let records = match is_observed {
+        true => {
+            let records: Vec<&Record> = fit_records.iter().chain(&judge_records).collect();
+            let tracks: Vec<&Track> = fitted.iter().chain(&judged).collect();
+            record_errors::of_records([&found.bare, &found.model], bundle, &axis, &records, &tracks)?
+        }
+        false => Vec::new(),
+    };
     let diagnosis = Diagnosis {
         axis,
+        records,
         error_of: if is_observed { "observer" } else { "closed loop" }.to_owned(),
         observer_hz,
         ..Diagnosis::new(bundle, &found, &judged, reasons)
     }
+    .in_format(is_observed)
     .in_view_of(contradictions);
     let moved = [&fit_records, &judge_records].into_iter().flatten();
     let mut positions: Vec<f64> = moved
@@ -229,6 +272,7 @@ pub fn diagnose(
         errors: figures::in_time(&outputs, step, [first(0), first(1)]),
         spectrum: Some(figures::in_spectrum(&outputs, step, &found.errors)),
         frozen: figures::frozen(&found.model.base, &responses, clock).unwrap_or_default(),
+        axes: Vec::new(),
     })
 }
 
@@ -259,7 +303,8 @@ impl Diagnosed {
             summary: Summary::of_axes(&self.model, Vec::new(), reasons),
             model: self.model.clone(),
             deviation: None,
-            explanation: Some(self.explanation.clone()),
+            // A file keeps the effects of one machine; those of several axes stand in `diagnosis.json`.
+            explanation: self.axes.is_empty().then(|| self.explanation.clone()),
             stages: Stages::Diagnosis,
         };
         ModelFile::of(outcome, bundle, IdentifyConfig::default(), output)

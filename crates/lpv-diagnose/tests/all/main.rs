@@ -2,5 +2,6 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod axes_by_themselves;
 mod axis_by_hand;
 mod two_axes_by_hand;

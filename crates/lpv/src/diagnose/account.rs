@@ -1,19 +1,19 @@
 //! `diagnosis.json` and its words.
 
-use super::places::{base_parameters, channel, placed, units};
+use super::places::{base_parameters, channel, place_name, placed, units};
 use super::value::Value;
 use super::words::in_words;
-use super::{AxisErrors, Characterisation, LeftTest, LeftTests};
+use super::{AxisErrors, Characterisation, LeftTest, LeftTests, RecordErrors};
 use crate::validation::{AxisCheck, ClosedLoopAxis};
 use experiment_data::Bundle;
 use lpv_diagnose::{Added, Judged, Trace, Track, Verdict, characterise};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// `diagnosis.json`, format 1.
+/// `diagnosis.json`, format 1, or 2 where nobody knows the controller.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Diagnosis {
-    /// 1.
+    /// 1 or 2.
     pub format: u32,
     /// Name of the bundle.
     pub bundle: String,
@@ -56,8 +56,34 @@ pub struct Diagnosis {
     /// Of a servo axis, the figures of the literature by record, fitted ones first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub axis: Vec<AxisErrors>,
+    /// Where nobody knows the controller, force and free run by record, held-out ones first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub records: Vec<RecordErrors>,
+    /// Where the noise is from; only in format 2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<NoiseSource>,
     /// The choices in words.
     pub reasons: Vec<String>,
+}
+
+/// Where the size of the noise is from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct NoiseSource {
+    /// `periods`, `repeats`, `rest`, `quantisation`, `band` or `assumed`.
+    pub source: String,
+    /// Whether no model can be better than it; else `over_noise` is only a scale.
+    pub is_floor: bool,
+}
+
+/// Where an effect acts, in format 2.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PlaceName {
+    /// `motor`, `motors` or `output`.
+    pub kind: String,
+    /// Which of the channels of the bundle.
+    pub index: usize,
+    /// Its name.
+    pub name: String,
 }
 
 /// An effect that was added.
@@ -75,6 +101,9 @@ pub struct FoundEffect {
     pub base_parameters_then: BTreeMap<String, f64>,
     /// Why it was added.
     pub evidence: Evidence,
+    /// Where it acts, in format 2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<PlaceName>,
 }
 
 impl FoundEffect {
@@ -221,6 +250,7 @@ impl Diagnosis {
                 runner_up_channel: a.runner_up.map(|(e, _)| channel(e, bundle)),
                 runner_up_margin_db: a.runner_up.map(|(_, margin)| margin),
             },
+            place: Some(place_name(a.effect, bundle)),
         };
         let tests = |i: usize| -> Vec<LeftTest> {
             let found = found.left[i].iter();
@@ -275,8 +305,25 @@ impl Diagnosis {
             base_parameters: base_parameters(&found.model.base, &found.deviations, bundle),
             axis: Vec::new(),
             responses: Vec::new(),
+            records: Vec::new(),
+            noise: None,
             reasons,
         }
+    }
+
+    /// The same in format 2, which says more, or in format 1.
+    pub(super) fn in_format(mut self, is_second: bool) -> Self {
+        if is_second {
+            let source = "band".to_owned();
+            self.format = 2;
+            self.noise = Some(NoiseSource {
+                source,
+                is_floor: false,
+            });
+        } else {
+            self.effects.iter_mut().for_each(|e| e.place = None);
+        }
+        self
     }
 
     /// The same in view of data that contradict themselves, told in words; unchanged without.

@@ -1,6 +1,6 @@
 //! The page of a diagnosis.
 
-use super::{Diagnosed, Diagnosis, LeftTests, OutputError};
+use super::{Diagnosed, Diagnosis, ForceErrors, LeftTests, OutputError};
 use lpv_report::{Cell, Format, Page, Section, Table, Tone};
 
 /// Gain, dB, that stands for a machine that leaves all bounds.
@@ -15,6 +15,9 @@ impl Diagnosed {
             .section(Section::new("Verdict").judgement(tone(d), d.verdict_in_words.clone()))
             .fact("verdict", d.verdict.as_str())
             .fact("base model", d.base_model.clone());
+        if !self.axes.is_empty() {
+            return self.page_of_axes(page);
+        }
         if !d.effects.is_empty() {
             let mut table = Table::new(
                 "Effects that were added, in order. The gain is the fall of the squared error on held-out records.",
@@ -125,6 +128,37 @@ impl Diagnosed {
         let lines = d.text();
         let plain = |l: &str| l.strip_prefix("- ").unwrap_or(l).to_owned();
         page.section(Section::new("How it was found").list(lines.lines().map(plain)))
+    }
+
+    /// The axes one after the other: a table of all, then the page of each.
+    fn page_of_axes(&self, mut page: Page) -> Page {
+        let mut table = Table::new(
+            "The axes of the machine, each diagnosed alone. Force: error of the inverse dynamics on the first held-out record.",
+            ["axis", "force before, %", "force after, %", "verdict"],
+        );
+        for (i, axis) in self.axes.iter().enumerate() {
+            let records = &axis.diagnosis.records;
+            let held_out = records.iter().find(|r| r.purpose == "validation");
+            let force = held_out.and_then(|r| r.force.values().next());
+            let percent = |of: fn(&ForceErrors) -> f64| match force {
+                Some(force) => Cell::number(of(force), Format::Fixed(1)),
+                None => Cell::text("-"),
+            };
+            table = table.row([
+                Cell::text(format!("{}", i + 1)),
+                percent(|f| f.before_percent),
+                percent(|f| f.after_percent),
+                Cell::text(axis.diagnosis.verdict_in_words.clone()),
+            ]);
+        }
+        page = page.section(Section::new("The axes").table(table));
+        for (i, axis) in self.axes.iter().enumerate() {
+            for mut section in axis.page().sections {
+                section.heading = format!("Axis {}: {}", i + 1, section.heading);
+                page = page.section(section);
+            }
+        }
+        page
     }
 
     /// Effects, and the error of the worst output.

@@ -1,6 +1,6 @@
 //! Where effects act, in words and in units.
 
-use super::Value;
+use super::{PlaceName, Value};
 use experiment_data::Bundle;
 use lpv_diagnose::effect::{Effect, Place};
 use lpv_diagnose::{Base, BaseParameter};
@@ -25,6 +25,20 @@ pub(super) fn channel(effect: &Effect, bundle: &Bundle) -> String {
     };
     let one = index.and_then(|i| names.get(i).cloned());
     one.unwrap_or_else(|| names.join(" and "))
+}
+
+/// The same as format 2 has it.
+pub(super) fn place_name(effect: &Effect, bundle: &Bundle) -> PlaceName {
+    let (kind, index) = match effect.place {
+        Place::Motor(i) => ("motor", i),
+        Place::AllMotors => ("motors", 0),
+        Place::Output(i) => ("output", i),
+    };
+    PlaceName {
+        kind: kind.to_owned(),
+        index,
+        name: channel(effect, bundle),
+    }
 }
 
 /// An effect beside others at other channels, in words.

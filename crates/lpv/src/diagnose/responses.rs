@@ -99,6 +99,7 @@ pub(super) fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagno
         frozen: None,
         errors: figure(bundle, &steps, &judged),
         diagnosis,
+        axes: Vec::new(),
     })
 }
 
@@ -198,6 +199,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
                     runner_up_channel: pair[1].runner_up.map(|(e, _)| channel(e, bundle)),
                     runner_up_margin_db: pair[1].runner_up.map(|(_, margin)| margin),
                 },
+                place: None,
             })
         })
         .collect::<Vec<FoundEffect>>();
@@ -259,6 +261,8 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
             })
             .collect(),
         axis: Vec::new(),
+        records: Vec::new(),
+        noise: None,
         reasons,
     }
 }

@@ -14,6 +14,12 @@ pub struct AxisCheck {
     pub input: String,
     /// Force from the inverse dynamics along the measured motion, filtered as in the identification.
     pub force_percent: f64,
+    /// Root mean square of that error, in units of the input; in no file.
+    #[serde(skip)]
+    pub force_rms: f64,
+    /// Cut-off of the filter, Hz; in no file.
+    #[serde(skip)]
+    pub force_band_hz: f64,
     /// Velocity simulated from the recorded force, against the filtered derivative of the measured position.
     pub open_loop_velocity_percent: f64,
     /// Position simulated from the recorded force, root mean square of its error.
@@ -67,10 +73,14 @@ pub(crate) fn check_axis(
     let motion = |q: &[f64]| Motion::new(q, clock, filter.position_cutoff_hz);
     let kept = |x: &[f64]| decimated(x, clock, filter.regression_cutoff_hz, filter.decimation);
     let measured = motion(q)?;
+    let (pushed, told) = (kept(&centred(u))?, kept(&force(&measured))?);
+    let left: f64 = pushed.iter().zip(&told).map(|(a, b)| (a - b).powi(2)).sum();
     let squares: f64 = q.iter().zip(open).map(|(a, b)| (a - b) * (a - b)).sum();
     Ok(AxisCheck {
         input: record.inputs.names[i].clone(),
-        force_percent: relative(&kept(&centred(u))?, &kept(&force(&measured))?),
+        force_percent: relative(&pushed, &told),
+        force_rms: (left / pushed.len().max(1) as f64).sqrt(),
+        force_band_hz: filter.regression_cutoff_hz,
         open_loop_velocity_percent: relative(&measured.velocity, &motion(open)?.velocity),
         open_loop_position_rms: (squares / q.len().max(1) as f64).sqrt(),
         closed_loop: match closed {

@@ -1,0 +1,130 @@
+//! Skew of two sensors of one position: `y_2(t) = g y_1(t - T) + o`, with an offset by record.
+
+use lpv_core::linalg::least_squares;
+use lpv_core::{Discrete, Record};
+use nalgebra::{DMatrix, DVector};
+
+/// By how much a sensor comes later than another one of the same position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Skew {
+    /// T, in units of time; below zero where it comes first.
+    pub time: f64,
+    /// Standard deviation of T, from sums of scores over parts of the records, since what is left is coloured.
+    pub deviation: f64,
+    /// Root mean square of what one sensor leaves of the other on judged records, in units of the second: without T, and with it.
+    pub left: [f64; 2],
+}
+
+/// Parts of a record whose scores are summed.
+const PARTS: usize = 10;
+/// Longest skew that is looked for, in samples.
+const LONGEST: f64 = 50.0;
+/// Deviations from zero, and the part of the difference that may be left, for a skew to be one.
+const SURE: f64 = 5.0;
+const LEFT: f64 = 0.8;
+
+/// The skew of output `other` against `one`; none where the records show none.
+pub fn skew(
+    (one, other): (usize, usize),
+    fitted: &[Record],
+    judged: &[Record],
+    clock: Discrete,
+) -> Option<Skew> {
+    const STEPS: usize = 30;
+    let mut late = 0.0;
+    let mut deviation = f64::INFINITY;
+    for _ in 0..STEPS {
+        let rows = Rows::of((one, other), fitted, late)?;
+        let (gain, left) = rows.solve()?;
+        // Motion that is later by dT is less by its rate times dT.
+        let slope: Vec<f64> = rows.outside(&rows.rate.iter().map(|r| -gain * r).collect::<Vec<_>>());
+        let curvature = slope.iter().map(|s| s * s).sum::<f64>();
+        let step = slope.iter().zip(&left).map(|(s, e)| s * e).sum::<f64>() / curvature;
+        let scores = rows.parts.iter().map(|part| {
+            let each = part.clone().map(|k| slope[k] * left[k]);
+            each.sum::<f64>().powi(2)
+        });
+        deviation = scores.sum::<f64>().sqrt() / curvature;
+        if !(step.is_finite() && (late + step).abs() < LONGEST) {
+            return None;
+        }
+        late += step;
+        if step.abs() < 1e-3 * deviation {
+            break;
+        }
+    }
+    let size = |late: f64| -> Option<f64> {
+        let (_, left) = Rows::of((one, other), judged, late)?.solve()?;
+        Some((left.iter().map(|e| e * e).sum::<f64>() / left.len() as f64).sqrt())
+    };
+    let left = [size(0.0)?, size(late)?];
+    let shows = late.abs() > SURE * deviation && left[1] < LEFT * left[0];
+    let step = clock.sample_time();
+    shows.then_some(Skew {
+        time: late * step,
+        deviation: deviation * step,
+        left,
+    })
+}
+
+/// One sensor later by some samples, its rate per sample, and the other one; each without its mean over the record.
+struct Rows {
+    late: Vec<f64>,
+    rate: Vec<f64>,
+    other: Vec<f64>,
+    parts: Vec<std::ops::Range<usize>>,
+}
+
+impl Rows {
+    fn of((one, other): (usize, usize), records: &[Record], late: f64) -> Option<Self> {
+        let margin = LONGEST as usize + 3;
+        let mut rows = Self {
+            late: Vec::new(),
+            rate: Vec::new(),
+            other: Vec::new(),
+            parts: Vec::new(),
+        };
+        for record in records {
+            let (q, y) = (&record.outputs.columns[one], &record.outputs.columns[other]);
+            let n = q.len().checked_sub(2 * margin).filter(|n| *n >= 2 * PARTS)?;
+            let begin = rows.other.len();
+            for k in margin..margin + n {
+                let time = k as f64 - late;
+                let (at, s) = (time.floor() as usize, time - time.floor());
+                let slope = |k: usize| (8.0 * (q[k + 1] - q[k - 1]) - (q[k + 2] - q[k - 2])) / 12.0;
+                let (a, b, da, db) = (q[at], q[at + 1], slope(at), slope(at + 1));
+                let (s2, s3) = (s * s, s * s * s);
+                let value = (2.0 * s3 - 3.0 * s2 + 1.0) * a
+                    + (s3 - 2.0 * s2 + s) * da
+                    + (3.0 * s2 - 2.0 * s3) * b
+                    + (s3 - s2) * db;
+                rows.late.push(value);
+                rows.rate.push((1.0 - s) * da + s * db);
+                rows.other.push(y[k]);
+            }
+            for column in [&mut rows.late, &mut rows.rate, &mut rows.other] {
+                let middle = lpv_numerics::statistics::mean(&column[begin..]);
+                column[begin..].iter_mut().for_each(|v| *v -= middle);
+            }
+            let part = |i: usize| begin + i * n / PARTS..begin + (i + 1) * n / PARTS;
+            rows.parts.extend((0..PARTS).map(part));
+        }
+        Some(rows)
+    }
+
+    /// The gain, and what is left of the other sensor.
+    fn solve(&self) -> Option<(f64, Vec<f64>)> {
+        let rows = DMatrix::from_column_slice(self.late.len(), 1, &self.late);
+        let right = DVector::from_column_slice(&self.other);
+        let gain = least_squares(rows, &right, 1e-12).ok()?[0];
+        let left = self.other.iter().zip(&self.late).map(|(y, q)| y - gain * q);
+        Some((gain, left.collect()))
+    }
+
+    /// A signal without what the gain explains.
+    fn outside(&self, signal: &[f64]) -> Vec<f64> {
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let part = dot(signal, &self.late) / dot(&self.late, &self.late);
+        signal.iter().zip(&self.late).map(|(s, q)| s - part * q).collect()
+    }
+}

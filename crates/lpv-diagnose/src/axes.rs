@@ -26,11 +26,14 @@ pub struct AxisChannels {
 /// Part of the size of an output that may be left where another one and its rate explain it.
 const TOGETHER: f64 = 0.02;
 
+/// Part of a squared input that the motion of its axis must explain.
+const LEAST: f64 = 0.5;
+
 /// The axes of some records, in the order of their inputs.
 ///
 /// # Errors
-/// [`TraceError::Axes`] where there are not as many positions that move apart as inputs; [`TraceError::Lti`] for records that
-/// are too short.
+/// [`TraceError::Axes`] where there are not as many positions that move apart as inputs; [`TraceError::Coupled`] for an input that
+/// the motion of no position explains; [`TraceError::Lti`] for records that are too short.
 pub fn axes(records: &[Record], clock: Discrete) -> Result<Vec<AxisChannels>, TraceError> {
     let first = records.first().ok_or(TraceError::TooFew {
         what: "a diagnosis needs at least one record along moves",
@@ -70,7 +73,15 @@ pub fn axes(records: &[Record], clock: Discrete) -> Result<Vec<AxisChannels>, Tr
         further: groups[g][1..].to_vec(),
         explained: explained[(input, g)],
     };
-    Ok(shared.into_iter().enumerate().map(axis).collect())
+    let found: Vec<AxisChannels> = shared.into_iter().enumerate().map(axis).collect();
+    match found.iter().find(|a| a.explained < LEAST) {
+        Some(a) => Err(TraceError::Coupled {
+            input: first.inputs.names[a.input].clone(),
+            output: first.outputs.names[a.output].clone(),
+            percent: 100.0 * a.explained,
+        }),
+        None => Ok(found),
+    }
 }
 
 /// Whether an output is another one with a gain, an offset by record and a small delay.

@@ -18,6 +18,7 @@ mod motor_asymmetry;
 mod payload;
 mod periodic_disturbance;
 mod position_dependent_gain;
+mod position_force;
 pub(crate) mod quantization;
 mod scheduling_rate;
 mod second_scheduling;
@@ -33,7 +34,7 @@ use crate::screen::{Screen, Trial};
 use std::slice::from_ref;
 
 /// The effects, kind by kind, each at all places where it may act; of two that a record cannot tell apart, the first is named.
-pub static KINDS: [&[Effect]; 23] = [
+pub static KINDS: [&[Effect]; 24] = [
     &coulomb_friction::EFFECTS,
     &stribeck_friction::EFFECTS,
     &direction_dependent_friction::EFFECTS,
@@ -41,6 +42,7 @@ pub static KINDS: [&[Effect]; 23] = [
     &hysteresis::EFFECTS,
     &cogging::EFFECTS,
     &cable_stiffness::EFFECTS,
+    &position_force::EFFECTS,
     &position_dependent_gain::EFFECTS,
     &actuator_saturation::EFFECTS,
     from_ref(&motor_asymmetry::EFFECT),
@@ -66,10 +68,12 @@ pub fn all() -> impl Iterator<Item = &'static Effect> {
 
 /// Whether an effect changes slowly with where a motor is: along a motion that only goes on, this cannot be told from a change in time.
 pub(crate) fn changes_with_position(effect: &Effect) -> bool {
-    [&cable_stiffness::EFFECTS[..], &position_dependent_gain::EFFECTS]
-        .into_iter()
-        .flatten()
-        .any(|e| e.is(effect))
+    let kinds = [
+        &cable_stiffness::EFFECTS[..],
+        &position_force::EFFECTS,
+        &position_dependent_gain::EFFECTS,
+    ];
+    kinds.into_iter().flatten().any(|e| e.is(effect))
 }
 
 /// What presliding friction is called whose distance the records do not show: below what the readings resolve, or without a

@@ -52,6 +52,20 @@ pub enum TraceError {
         /// Positions that do not move together.
         positions: usize,
     },
+    /// An input that is not the force of one position.
+    #[error(
+        "without its controller a machine of several axes is diagnosed where each input moves a position of its own: the best for {input} is \
+         {output}, whose motion explains {percent:.0} % of its square; make a bundle of the axes that move by themselves, or give the \
+         bundle its [controller] and [channels.reference]"
+    )]
+    Coupled {
+        /// The input.
+        input: String,
+        /// The output that it moves, if any.
+        output: String,
+        /// Part of the squared input that the motion explains by inertia and friction, percent.
+        percent: f64,
+    },
     /// Of lti-ident.
     #[error(transparent)]
     Lti(#[from] lti_ident::LtiIdentError),

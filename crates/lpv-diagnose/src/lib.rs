@@ -24,6 +24,7 @@
 //! substeps until the errors no longer change.
 //!
 //! Where no controller is known, an [`observer`] holds an axis at its records. [`servo_axis`] makes the base of an axis from its records alone.
+//! [`fn@axes`] takes a machine apart whose axes move by themselves, and [`fn@skew`] tells which of two encoders of one is late.
 //!
 //! Where there are no moves, [`trace_responses`] adds linear effects to a rigid axis, on its frequency response.
 //!

@@ -8,10 +8,10 @@
 use crate::base::Pair;
 use crate::fit::{Problem, Seen};
 use crate::whiten::Whitening;
-use crate::{Base, Explained, TraceError, Track};
+use crate::{Base, Explained, TraceError, Track, roughness};
 use lpv_core::linalg::least_squares;
 use lpv_core::{Controller, ControllerState, Discrete, Record};
-use lpv_numerics::statistics::mean;
+use lpv_numerics::statistics::{mean, range};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::{PI, TAU};
 
@@ -68,8 +68,9 @@ impl Observer {
 /// measured like the outputs, of a drive they are commands that are held. The base is fitted to both; what it leaves of the outputs
 /// goes with it, root mean squares: held, and running on.
 pub fn runs_on(base: &Base, controller: &ControllerState, held: &[Track]) -> Option<(bool, [f64; 2])> {
-    /// Part of the squared error that inputs running on may leave: held ones are late by half a sample, and so is little else.
-    const LEFT: f64 = 0.9;
+    /// Part of the squared error that inputs running on may leave. Held ones are late by half a sample, and so is little else; but
+    /// friction that the base lacks may be mimicked a little.
+    const LEFT: f64 = 0.5;
     const ITERATIONS: usize = 20;
     const FINER: f64 = 1e3;
     let start = Explained {
@@ -110,6 +111,46 @@ pub fn followed(record: Record) -> Record {
         injection: record.inputs.clone(),
         ..record
     }
+}
+
+/// Refuses records in none of which an output moves.
+///
+/// # Errors
+/// [`TraceError::Record`].
+pub fn check_motion(records: &[Record]) -> Result<(), TraceError> {
+    /// Size of a motion over its noise from which it is one; white noise has one.
+    const MOVES: f64 = 3.0;
+    let moves = |record: &Record| {
+        record.outputs.columns.iter().any(|y| {
+            let middle = mean(y);
+            let size = (y.iter().map(|v| (v - middle).powi(2)).sum::<f64>() / y.len().max(1) as f64).sqrt();
+            size > MOVES * roughness(y.windows(4).map(|w| [w[0], w[1], w[2], w[3]]))
+        })
+    };
+    match records.first() {
+        Some(first) if !records.iter().any(moves) => Err(TraceError::Record {
+            record: first.name.clone(),
+            problem: "its output does not move beyond its noise, nor does that of any other: record moves that turn, at several speeds"
+                .to_owned(),
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// Whether an output goes back in one of these records: by a part of its travel that no noise makes.
+pub fn turns(records: &[Record]) -> bool {
+    const BACK: f64 = 0.01;
+    records.iter().filter_map(|r| r.outputs.columns.first()).any(|y| {
+        let (low, high) = range(y);
+        let least = BACK * (high - low);
+        let (mut most, mut least_yet, mut falls, mut rises) = (f64::MIN, f64::MAX, false, false);
+        for v in y {
+            (most, least_yet) = (most.max(*v), least_yet.min(*v));
+            falls |= *v < most - least;
+            rises |= *v > least_yet + least;
+        }
+        falls && rises
+    })
 }
 
 /// Mean frequency of the motion, Hz: root of the power of its speed over that of its position.

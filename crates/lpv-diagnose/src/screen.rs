@@ -63,6 +63,12 @@ impl Screen<'_> {
         largest_span(records.map(|record| record.iter().map(|m| m.motor_position[motor])))
     }
 
+    /// Largest distance of a motor from zero.
+    pub fn farthest(&self, motor: usize) -> f64 {
+        let all = self.motions.iter().flatten();
+        all.map(|m| m.motor_position[motor].abs()).fold(0.0, f64::max)
+    }
+
     /// Whether position and time grow alike: in every record the motor starts at one place and goes one way at a nearly constant
     /// speed, so that a force that depends on where it is cannot be told from friction that changes in time.
     pub fn grows_with_time(&self, motor: usize) -> bool {

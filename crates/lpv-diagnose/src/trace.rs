@@ -189,7 +189,7 @@ fn compete(case: &Case<'_>, (whitening, bare): (Whitening, Fitted)) -> Contest {
             break;
         }
         chosen.choose_again(&bench, &bare);
-        if chosen.judged.cost <= NOISE {
+        if chosen.judged.cost <= NOISE || bench.is_below_noise(&chosen.judged) {
             break;
         }
     }

@@ -5,6 +5,7 @@ mod axes;
 mod axis;
 mod base;
 mod doubt;
+mod errors;
 mod explanation;
 mod figures;
 mod left;
@@ -14,6 +15,7 @@ mod places;
 mod record_errors;
 mod records;
 mod responses;
+mod saved;
 mod value;
 mod words;
 
@@ -23,32 +25,32 @@ use crate::responses::places::one_signal;
 use crate::responses::{examine_records, load_records};
 use crate::summary::Summary;
 use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
-pub use account::{
-    Diagnosis, Errors, Evidence, FoundEffect, NoiseSource, OutputError, PlaceName, ResponseErrors, Tested,
-};
+pub use account::{Diagnosis, Evidence, FoundEffect, ResponseErrors, Tested};
 pub use axis::{AxisErrors, AxisStage};
 use base::Start;
 pub(crate) use base::table;
 pub use doubt::EQUAL_DB;
+pub use errors::{Errors, OutputError};
 use experiment_data::{Bundle, Description};
 pub use explanation::{BaseKind, Explanation};
 use figures::Along;
 pub use left::{Characterisation, LeftTest, LeftTests};
 use lpv_core::ControllerState;
-use lpv_core::nalgebra::DMatrix;
-use lpv_core::{
-    Continuous, FrfEstimate, Model, Record, RigidBody, RigidBodyAxis, SchedulingRange, StateSpace,
-};
+use lpv_core::{FrfEstimate, Model, Record};
 use lpv_diagnose::observer::{self, Observer};
 use lpv_diagnose::{
-    Base, Case, Explained, Trace, TraceError, Track, Verdict, equivalent_force, sensor_noise, trace,
+    Case, Explained, Trace, TraceError, Track, Verdict, equivalent_force, sensor_noise, trace,
 };
 use lpv_report::Figure;
+pub use noise::NoiseSource;
 use noise::{roughness, unrepeated};
+pub use places::PlaceName;
 pub(crate) use places::placed;
 pub use record_errors::{ForceErrors, FreeRun, RecordErrors, RunErrors};
 use records::{split, wrong_controller};
 pub(crate) use responses::is_traced_on_responses;
+pub(crate) use saved::range_of;
+use saved::saved;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 pub use value::Value;
@@ -129,10 +131,17 @@ fn of_axis(
         findings.retain(|f| !matches!(f, Finding::FeedbackOnly { .. }));
     }
     let contradictions = finding::contradictions(&findings);
+    let mut reasons = Vec::new();
     if !is_known {
+        observer::check_motion(&records)?;
+        if !observer::turns(&records) {
+            reasons.push(
+                "no record turns: dry friction adds to the constant force and cannot be told from it; moves there and back would tell"
+                    .to_owned(),
+            );
+        }
         records = records.into_iter().map(observer::followed).collect();
     }
-    let mut reasons = Vec::new();
     let (fit_records, judge_records) = split(records, &mut reasons)?;
     let Start {
         base,
@@ -355,48 +364,4 @@ fn force_figures(
         figures::over_motion(&drawn, &before),
         figures::force_in_time(&inputs, track.step, [&before, &after]),
     ]
-}
-
-/// The range of some positions; about a single one a little of it, since a range is wide.
-pub(crate) fn range_of(positions: &[f64]) -> Result<SchedulingRange, PipelineError> {
-    let (low, high) = lpv_numerics::statistics::range(positions);
-    let least = 1e-6 * low.abs().max(high.abs()).max(1e-3);
-    let more = (0.5 * (least - (high - low))).max(0.0);
-    Ok(SchedulingRange::interval(low - more, high + more)?)
-}
-
-/// The linear part of a machine, as a model file keeps it.
-fn saved(
-    base: &Base,
-    identified: Option<Model>,
-    deviations: &[f64],
-    positions: &[f64],
-) -> Result<Model, PipelineError> {
-    let parameters = base.parameters();
-    match base {
-        Base::XyTable(table) => Ok(Model::ContinuousLpv(table.to_lpv(range_of(positions)?)?)),
-        Base::Axis(axis) if axis.stiffness().is_some() => {
-            let [a, b, c] = base.frozen(0.0)?;
-            let d = DMatrix::zeros(c.nrows(), b.ncols());
-            Ok(Model::ContinuousStateSpace(StateSpace::new(
-                a, b, c, d, Continuous,
-            )?))
-        }
-        Base::Axis(_) => {
-            let value = |i: usize| (parameters[i].value, deviations.get(i).copied());
-            let known = |d: Option<f64>| d.filter(|d| d.is_finite()).unwrap_or(0.0);
-            let [inertia, viscous, offset] = [0, 1, 2].map(value);
-            Ok(Model::RigidBody(RigidBody::new(vec![RigidBodyAxis {
-                inertia: inertia.0,
-                viscous: viscous.0,
-                offset: offset.0,
-                inertia_deviation: known(inertia.1),
-                viscous_deviation: known(viscous.1),
-                offset_deviation: known(offset.1),
-            }])?))
-        }
-        Base::Lpv(_) => identified.ok_or(PipelineError::Structure {
-            problem: "the model behind the base is gone",
-        }),
-    }
 }

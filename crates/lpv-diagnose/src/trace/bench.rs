@@ -96,6 +96,14 @@ impl<'a> Bench<'a> {
         }
     }
 
+    /// Whether an observer holds the machine at its records, and errors are no larger than the noise: what tests still see in them,
+    /// too small an effect would explain to be looked for.
+    pub(super) fn is_below_noise(&self, judged: &Judged) -> bool {
+        let sizes = judged.closed_loop.iter().zip(&self.whitening.deviation);
+        self.case.judged.iter().all(|t| t.follows)
+            && sizes.take(self.case.base.channels()).all(|(e, n)| e <= n)
+    }
+
     /// Whether the time constants of an effect can be resolved from these records.
     pub(super) fn lasts(&self, model: &Explained, i: usize) -> bool {
         /// Records over which what changes so slowly is a straight line, which a force may cause too.

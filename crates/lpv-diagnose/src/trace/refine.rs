@@ -96,7 +96,7 @@ pub(super) fn is_worth(fine: &Judged, rough: &Judged, before: f64) -> bool {
 const NOTICED: f64 = 1.005;
 
 /// Factor by which it must lower one that is not noise.
-const WORTH: f64 = 1.1;
+pub(super) const WORTH: f64 = 1.1;
 
 /// Part of the squared error before that is within the accuracy of the simulation.
 const TRIFLE: f64 = 1e-8;

@@ -1,7 +1,8 @@
 //! One more effect: all are looked at quickly, the most promising are fitted in full.
 
 use super::bench::{Bench, Candidate};
-use super::{EQUAL, Judged, Tried, decibel, refine};
+use super::refine::WORTH;
+use super::{EQUAL, Judged, NOISE, Tried, decibel, refine};
 use crate::base::Base;
 use crate::catalogue::{self, first_of_equals};
 use crate::effect::{Effect, EffectParameter, Family, Scale};
@@ -81,7 +82,7 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
         })
         .collect();
     finals.sort_by(|a, b| a.1.length().total_cmp(&b.1.length()));
-    equals_in_order(&mut finals);
+    equals_in_order(&mut finals, bench.case.judged.iter().all(|t| t.follows));
     refine::simpler_first(&mut finals, cost);
     Some(Selection { screened, finals })
 }
@@ -127,16 +128,22 @@ impl Selection {
     }
 }
 
-/// Of effects that explain the records equally well, with as many parameters, the first in the catalogue leads.
-fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)]) {
-    let Some((best, fit, _)) = finals.first() else {
+/// Of effects that explain the records equally well, with as many parameters, the first in the catalogue leads. Where an observer holds
+/// the machine at its records and what is left is not noise, the length of a description counts forces that no effect makes: then
+/// effects are equals too that do nearly as well on the judged records.
+fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)], is_held: bool) {
+    let Some((best, fit, judged)) = finals.first() else {
         return;
     };
     let (most, parameters) = (fit.length() + EQUAL, best.parameters.len());
+    let near = match is_held && judged.cost > NOISE {
+        true => WORTH * judged.cost,
+        false => 0.0,
+    };
     first_of_equals(
         finals,
         |(e, ..)| *e,
-        |(e, f, _)| f.length() <= most && e.parameters.len() <= parameters,
+        |(e, f, j)| (f.length() <= most || j.cost <= near) && e.parameters.len() <= parameters,
     );
 }
 

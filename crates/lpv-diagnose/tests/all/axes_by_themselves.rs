@@ -177,3 +177,17 @@ fn inputs_that_were_measured_run_on() -> Result<(), Box<dyn std::error::Error>> 
     }
     Ok(())
 }
+
+/// Inputs that are noise, and positions that do not know of them.
+#[test]
+fn inputs_of_no_position_are_refused() -> Result<(), Box<dyn std::error::Error>> {
+    let clock = Discrete::from_rate(RATE)?;
+    let at = |axis: usize, k: usize| motion(axis, 0, k as f64 / RATE);
+    let output = |axis: usize| (0..2500).map(|k| at(axis, k)[0]).collect();
+    let mut noise = Noise(3);
+    let mut input = || (0..2500).map(|_| noise.next()).collect();
+    let one = record("a", vec![output(0), output(1)], vec![input(), input()]);
+    let refused = axes(&[one], clock);
+    assert!(matches!(refused, Err(TraceError::Coupled { .. })), "{refused:?}");
+    Ok(())
+}

@@ -3,7 +3,10 @@
 use super::places::{base_parameters, channel, place_name, placed, units};
 use super::value::Value;
 use super::words::in_words;
-use super::{AxisErrors, Characterisation, LeftTest, LeftTests, RecordErrors};
+use super::{
+    AxisErrors, Characterisation, Errors, LeftTest, LeftTests, NoiseSource, OutputError, PlaceName,
+    RecordErrors,
+};
 use crate::validation::{AxisCheck, ClosedLoopAxis};
 use experiment_data::Bundle;
 use lpv_diagnose::{Added, Judged, Trace, Track, Verdict, characterise};
@@ -66,26 +69,6 @@ pub struct Diagnosis {
     pub reasons: Vec<String>,
 }
 
-/// Where the size of the noise is from.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct NoiseSource {
-    /// `periods`, `repeats`, `rest`, `quantisation`, `band` or `assumed`.
-    pub source: String,
-    /// Whether no model can be better than it; else `over_noise` is only a scale.
-    pub is_floor: bool,
-}
-
-/// Where an effect acts, in format 2.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct PlaceName {
-    /// `motor`, `motors` or `output`.
-    pub kind: String,
-    /// Which of the channels of the bundle.
-    pub index: usize,
-    /// Its name.
-    pub name: String,
-}
-
 /// An effect that was added.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FoundEffect {
@@ -139,21 +122,6 @@ pub struct Evidence {
     pub runner_up_margin_db: Option<f64>,
 }
 
-/// Errors on records.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Errors {
-    /// By output.
-    pub validation: BTreeMap<String, OutputError>,
-}
-
-impl Errors {
-    /// The largest error on held-out records, in multiples of the noise.
-    pub(super) fn largest(&self) -> f64 {
-        let all = self.validation.values().map(|e| e.over_noise);
-        all.fold(0.0, f64::max)
-    }
-}
-
 /// Effects with their places.
 pub(super) fn names(effects: &[FoundEffect]) -> String {
     let names: Vec<String> = effects
@@ -161,18 +129,6 @@ pub(super) fn names(effects: &[FoundEffect]) -> String {
         .map(|e| format!("{} at {}", e.effect, e.channel))
         .collect();
     names.join(", ")
-}
-
-/// Error of one output.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct OutputError {
-    /// Root mean square, simulated in closed loop.
-    pub rms: f64,
-    /// The same over the closed-loop output noise.
-    pub over_noise: f64,
-    /// Root mean square one step ahead; responses have none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rms_one_step: Option<f64>,
 }
 
 /// Errors of the responses by output: root of the sum of squares over that of the response.

@@ -12,9 +12,6 @@ use lpv_core::{Continuous, Model, Purpose, Record, RigidBody, StateSpace};
 use lpv_diagnose::{AxisChannels, axes, skew};
 use std::collections::BTreeMap;
 
-/// Part of the input that its motion explains below which the pair is doubted.
-const DOUBTED: f64 = 0.5;
-
 /// The axes of a bundle, one after the other.
 pub(super) fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagnosed, PipelineError> {
     let clock = bundle.clock()?;
@@ -81,12 +78,8 @@ fn moves(bundle: &Bundle, axis: &AxisChannels) -> String {
             )
         }
     };
-    let doubt = match axis.explained < DOUBTED {
-        true => "; that is little: whether the two belong together is doubtful",
-        false => "",
-    };
     format!(
-        "{} moves {}{also}: the motion explains {:.1} % of its square by inertia and friction{doubt}",
+        "{} moves {}{also}: the motion explains {:.1} % of its square by inertia and friction",
         channels.input.columns[axis.input],
         name(&axis.output),
         100.0 * axis.explained

@@ -6,7 +6,17 @@ use experiment_data::{Bundle, DataError};
 use lpv_core::{ControllerState, Position, Record};
 use lpv_diagnose::{Explained, Track};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_SQRT_2;
+
+/// Where the size of the noise is from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct NoiseSource {
+    /// `periods`, `repeats`, `rest`, `quantisation`, `band` or `assumed`.
+    pub source: String,
+    /// Whether no model can be better than it; else `over_noise` is only a scale.
+    pub is_floor: bool,
+}
 
 /// Pairs of channels, by record and sample.
 pub(super) type Pairs = Vec<Vec<[f64; 2]>>;

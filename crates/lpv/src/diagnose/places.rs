@@ -1,10 +1,22 @@
 //! Where effects act, in words and in units.
 
-use super::{PlaceName, Value};
+use super::Value;
 use experiment_data::Bundle;
 use lpv_diagnose::effect::{Effect, Place};
 use lpv_diagnose::{Base, BaseParameter};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+
+/// Where an effect acts, in format 2.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PlaceName {
+    /// `motor`, `motors` or `output`.
+    pub kind: String,
+    /// Which of the channels of the bundle.
+    pub index: usize,
+    /// Its name.
+    pub name: String,
+}
 
 /// Parameters of a base model by name, with their deviations in its order, in units of the bundle.
 pub(super) fn base_parameters(base: &Base, deviations: &[f64], bundle: &Bundle) -> BTreeMap<String, Value> {

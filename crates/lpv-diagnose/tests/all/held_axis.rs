@@ -1,0 +1,123 @@
+//! An axis whose controller nobody knows, simulated by hand: dry friction and gravity over less than a turn; and nothing.
+
+use lpv_diagnose::lpv_core::{Discrete, Purpose, Record, RecordKind, Signals};
+use lpv_diagnose::observer::{self, Observer};
+use lpv_diagnose::{Axis, Base, Case, Explained, Trace, Track, Verdict, servo_axis, trace};
+
+const RATE: f64 = 250.0;
+
+/// One record: inertia J, dry friction and gravity in units of the inertia, readings on a grid of this step.
+fn record(number: usize, inertia: f64, [friction, gravity]: [f64; 2], step: f64) -> Record {
+    const FINE: usize = 40;
+    let h = 1.0 / (RATE * FINE as f64);
+    let (mut x, mut v, mut read) = (0.0_f64, 0.0_f64, 0.0_f64);
+    let (mut outputs, mut inputs) = (Vec::new(), Vec::new());
+    for k in 0..2500 {
+        let t = k as f64 / RATE;
+        let turn = 1.0 + 0.17 * number as f64;
+        let wanted = 0.4 * (1.9 * turn * t).sin() + 0.25 * (0.7 * turn * t).sin();
+        let last = std::mem::replace(&mut read, (x / step).round() * step);
+        outputs.push(read);
+        // Per inertia: a drive of 6 Hz with a force for gravity at its middle.
+        let force = 1400.0 * (wanted - read) - 45.0 * (read - last) * RATE;
+        inputs.push(inertia * force);
+        for _ in 0..FINE {
+            let rate = |x: f64, v: f64| {
+                let dry = friction * (v / 1e-3).tanh();
+                force - 0.6 * v - dry - gravity * (x + 0.5).cos()
+            };
+            // The rule of the middle: its error is far below the finest step of the readings.
+            let middle = v + 0.5 * h * rate(x, v);
+            v += h * rate(x + 0.5 * h * v, middle);
+            x += h * middle;
+        }
+    }
+    let none = || Signals::new(&[], vec![]);
+    observer::followed(Record {
+        name: number.to_string(),
+        kind: RecordKind::Transient,
+        purpose: Purpose::Estimation,
+        position: None,
+        outputs: Signals::new(&["y"], vec![outputs]),
+        inputs: Signals::new(&["u"], vec![inputs]),
+        references: none(),
+        scheduling: none(),
+        auxiliary: none(),
+        injection: none(),
+    })
+}
+
+fn find(inertia: f64, forces: [f64; 2], step: f64) -> Result<Trace, Box<dyn std::error::Error>> {
+    let clock = Discrete::from_rate(RATE)?;
+    let records: Vec<Record> = (0..3).map(|i| record(i, inertia, forces, step)).collect();
+    let base = servo_axis(&records[..2], clock, &mut Vec::new())?;
+    // Gravity about its middle may look like a spring: here the free axis is what effects join.
+    let base = match base {
+        Base::Axis(axis) if axis.stiffness().is_some() => Base::Axis(Axis::new(inertia, 0.0, 0.0)),
+        other => other,
+    };
+    let start = Observer::new(&base, &records[..2], clock)?.controller.start()?;
+    let tracks = |records: &[Record]| -> Result<Vec<Track>, lpv_diagnose::TraceError> {
+        let one = |r: &Record| Track::new(r, 1.0 / RATE, 2, Some(&start));
+        records.iter().map(one).collect()
+    };
+    let (fitted, judged) = (tracks(&records[..2])?, tracks(&records[2..])?);
+    let look = |model: &Explained| {
+        // Where a record begins, the model tells better than its first readings.
+        let [fitted, judged] = [&fitted, &judged].map(|t| observer::settled(model, &start, t));
+        trace(&Case {
+            base: &base,
+            prior: None,
+            free: None,
+            controller: &start,
+            noise: [step / 12_f64.sqrt(), 0.0],
+            fitted: &fitted,
+            judged: &judged,
+            on_fit: &|| {},
+        })
+    };
+    let effects = Vec::new();
+    let first = look(&Explained {
+        base: base.clone(),
+        effects,
+    })?;
+    Ok(match first.verdict {
+        Verdict::NothingMissing => first,
+        _ => look(&first.model)?,
+    })
+}
+
+/// Inertias over four decades; the friction and gravity are those of a robot's axis in proportion.
+#[test]
+fn friction_and_gravity() -> Result<(), Box<dyn std::error::Error>> {
+    for inertia in [1e-3, 10.0] {
+        let found = find(inertia, [3.0, 8.0], 1e-5)?;
+        let level = found
+            .added
+            .iter()
+            .find(|a| a.effect.name.ends_with("friction") || a.effect.name == "hysteresis");
+        let level = level.ok_or("no friction")?.values[0].0 / inertia;
+        assert!((level - 3.0).abs() < 0.15, "{level} {:?}", found.verdict);
+        let names: Vec<&str> = found.added.iter().map(|a| a.effect.name).collect();
+        assert!(names.contains(&"position-force"), "{names:?}");
+        assert!(found.after.closed_loop[0] < 0.2 * found.before.closed_loop[0]);
+    }
+    Ok(())
+}
+
+/// Encoders over three decades.
+#[test]
+fn nothing_beside_the_rounding() -> Result<(), Box<dyn std::error::Error>> {
+    for step in [1e-6, 1e-5, 1e-4, 1e-3] {
+        let found = find(0.2, [0.0; 2], step)?;
+        let names: Vec<&str> = found.added.iter().map(|a| a.effect.name).collect();
+        assert!(names.iter().all(|n| *n == "quantization"), "{step}: {names:?}");
+        assert!(
+            found.verdict != Verdict::Unexplained,
+            "{step}: {:?} {:?}",
+            found.before,
+            found.left[1]
+        );
+    }
+    Ok(())
+}

@@ -137,20 +137,21 @@ pub fn check_motion(records: &[Record]) -> Result<(), TraceError> {
     }
 }
 
-/// Whether an output goes back in one of these records: by a part of its travel that no noise makes.
+/// Whether the output goes both ways in these records, in one of them or in several: by a part of its travel that no noise makes.
 pub fn turns(records: &[Record]) -> bool {
     const BACK: f64 = 0.01;
-    records.iter().filter_map(|r| r.outputs.columns.first()).any(|y| {
+    let (mut falls, mut rises) = (false, false);
+    for y in records.iter().filter_map(|r| r.outputs.columns.first()) {
         let (low, high) = range(y);
         let least = BACK * (high - low);
-        let (mut most, mut least_yet, mut falls, mut rises) = (f64::MIN, f64::MAX, false, false);
+        let (mut top, mut bottom) = (f64::MIN, f64::MAX);
         for v in y {
-            (most, least_yet) = (most.max(*v), least_yet.min(*v));
-            falls |= *v < most - least;
-            rises |= *v > least_yet + least;
+            (top, bottom) = (top.max(*v), bottom.min(*v));
+            falls |= *v < top - least;
+            rises |= *v > bottom + least;
         }
-        falls && rises
-    })
+    }
+    falls && rises
 }
 
 /// Mean frequency of the motion, Hz: root of the power of its speed over that of its position.

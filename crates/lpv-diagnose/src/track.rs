@@ -52,6 +52,17 @@ impl Track {
     /// Samples that a record needs.
     pub const LEAST: usize = 32;
 
+    /// Whether an output falls below an earlier value by at least so much, and whether it rises above one.
+    pub(crate) fn goes(&self, output: usize, least: f64) -> [bool; 2] {
+        let ends = (f64::NEG_INFINITY, f64::INFINITY, false, false);
+        let values = self.outputs.iter().map(|y| y[output]);
+        let (.., falls, rises) = values.fold(ends, |(high, low, falls, rises), y| {
+            let (high, low) = (high.max(y), low.min(y));
+            (high, low, falls || y < high - least, rises || y > low + least)
+        });
+        [falls, rises]
+    }
+
     /// The longest of some records in time.
     pub(crate) fn longest(tracks: &[Self]) -> f64 {
         let duration = |t: &Self| t.step * t.samples as f64;

@@ -124,15 +124,20 @@ impl<'a> Bench<'a> {
         /// Deviations of the noise that are a way.
         const WAY: f64 = 10.0;
         let least = WAY * self.case.noise[output];
-        self.case.fitted.iter().any(|track| {
-            let ends = (f64::NEG_INFINITY, f64::INFINITY, false, false);
-            let values = track.outputs.iter().map(|y| y[output]);
-            let (.., falls, rises) = values.fold(ends, |(high, low, falls, rises), y| {
-                let (high, low) = (high.max(y), low.min(y));
-                (high, low, falls || y < high - least, rises || y > low + least)
-            });
-            falls && rises
-        })
+        let mut tracks = self.case.fitted.iter();
+        tracks.any(|track| track.goes(output, least) == [true; 2])
+    }
+
+    /// Whether an observer holds an axis that goes the same way in all fitted records: there friction is a constant force.
+    pub(super) fn goes_one_way(&self) -> bool {
+        /// Part of the largest output that is a way.
+        const WAY: f64 = 0.01;
+        let tracks = self.case.fitted;
+        let values = tracks.iter().flat_map(|t| &t.outputs).map(|y| y[0].abs());
+        let least = WAY * values.fold(0.0, f64::max);
+        let ways = tracks.iter().map(|t| t.goes(0, least));
+        let both = ways.fold([false; 2], |a, b| [a[0] || b[0], a[1] || b[1]]);
+        tracks.iter().all(|t| t.follows) && both != [true; 2]
     }
 
     pub(super) fn cost(&'a self, model: &Explained) -> f64 {

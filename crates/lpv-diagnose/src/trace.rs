@@ -180,7 +180,13 @@ fn compete(case: &Case<'_>, (whitening, bare): (Whitening, Fitted)) -> Contest {
     let mut candidates = Vec::new();
     // Through an observer what is as small as the noise may be its own.
     let is_small = case.judged.iter().any(|t| t.follows) && before.cost <= NOISE;
-    for _ in 0..if is_small { 0 } else { MOST_EFFECTS } {
+    // Where all records go one way, what happens once, as the machine breaks away, has many names.
+    let looks = if is_small || bench.goes_one_way() {
+        0
+    } else {
+        MOST_EFFECTS
+    };
+    for _ in 0..looks {
         let Some(selection) = select(&bench, &bare.model.base, &chosen.now, chosen.judged.cost) else {
             break;
         };

@@ -136,7 +136,7 @@ fn of_axis(
         observer::check_motion(&records)?;
         if !observer::turns(&records) {
             reasons.push(
-                "all records go one way: dry friction adds to the constant force and cannot be told from it; moves there and back would tell"
+                "all records go one way: dry friction adds to the constant force and no effect is named; moves there and back, at several speeds, would tell"
                     .to_owned(),
             );
         }

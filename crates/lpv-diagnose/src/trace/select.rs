@@ -35,9 +35,8 @@ pub(super) struct Selection {
 pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) -> Option<Selection> {
     let screen = bench.look(base, now)?;
     let taken = |e: &Effect| now.model.effects.iter().any(|(t, _)| t.is(e));
-    let one_way = bench.goes_one_way();
     let mut found: Vec<Candidate> = catalogue::all()
-        .filter(|e| e.suits(base) && !taken(e) && !(one_way && e.family == Family::Friction))
+        .filter(|e| e.suits(base) && !taken(e))
         .flat_map(|e| (e.starts)(&screen, e.place).into_iter().map(move |v| (e, v)))
         .collect::<Vec<_>>()
         .into_par_iter()

@@ -4,6 +4,8 @@ use lpv_diagnose::lpv_core::{Discrete, Purpose, Record, RecordKind, Signals};
 use lpv_diagnose::observer::{self, Observer};
 use lpv_diagnose::{Axis, Base, TraceError, Track, axes, skew};
 
+use std::f64::consts::TAU;
+
 const RATE: f64 = 250.0;
 
 fn record(name: &str, outputs: Vec<Vec<f64>>, inputs: Vec<Vec<f64>>) -> Record {
@@ -45,7 +47,7 @@ impl Noise {
 fn motion(axis: usize, number: usize, t: f64) -> [f64; 3] {
     let mut all = [0.0; 3];
     for (j, hz) in [0.37, 0.83, 1.71].into_iter().enumerate() {
-        let w = 6.283 * hz * (1.0 + 0.23 * axis as f64) * (1.0 + 0.07 * number as f64);
+        let w = TAU * hz * (1.0 + 0.23 * axis as f64) * (1.0 + 0.07 * number as f64);
         let phase = 1.3 * axis as f64 + 2.1 * j as f64 + number as f64;
         let (s, c) = (w * t + phase).sin_cos();
         all[0] += s / (1.0 + j as f64);
@@ -145,7 +147,7 @@ fn inputs_that_were_measured_run_on() -> Result<(), Box<dyn std::error::Error>> 
     let clock = Discrete::from_rate(RATE)?;
     for held in [true, false] {
         for hz in [2.0, 8.0, 30.0] {
-            let w: f64 = 6.283 * hz;
+            let w: f64 = TAU * hz;
             let (mass, damping, stiffness) = (1.0 / (w * w), 0.1 / w, 1.0);
             let force = |t: f64| -> f64 {
                 [0.31, 0.77, 1.1, 1.6]

@@ -170,39 +170,43 @@ fn in_frequency(
 }
 
 /// Records without periods at several positions: responses by position, or one prediction-error fit to all records where those give no
-/// good model and it follows the records better.
+/// good model of a machine without integrators, and it follows the records better.
 fn without_periods(
     bundle: &Bundle,
     config: &IdentifyConfig,
     progress: Progress<'_>,
 ) -> Result<Outcome, PipelineError> {
-    let by_position = in_frequency(bundle, None, config, progress);
-    let is_good = |o: &Outcome| o.summary.verdict.as_ref().is_some_and(|v| v.worth.is_good());
-    if by_position.as_ref().is_ok_and(is_good) {
-        return by_position;
+    let by_position = in_frequency(bundle, None, config, progress)?;
+    let is_good = by_position
+        .summary
+        .verdict
+        .as_ref()
+        .is_some_and(|v| v.worth.is_good());
+    // Integrators drift in open loop, and the errors of two models along records then tell little.
+    let drifts = match &by_position.stages {
+        Stages::Frequency(found) => found.poles().integrators > 0,
+        _ => false,
+    };
+    if is_good || drifts {
+        return Ok(by_position);
     }
     let one = in_time(bundle, config, progress).and_then(|o| judged(o, bundle, config, None, progress));
     let Ok(mut one) = one else {
-        return by_position;
+        return Ok(by_position);
     };
-    let error_of_one = open_loop_error(&one, bundle, config, progress)?;
-    let reason = match &by_position {
-        Err(refused) => format!("responses by position give no model: {refused}"),
-        Ok(other) => {
-            let error = open_loop_error(other, bundle, config, progress)?;
-            if error <= error_of_one {
-                return by_position;
-            }
-            format!(
-                "the model from responses by position errs by {:.1} % of the motion in open loop",
-                100.0 * error
-            )
-        }
+    let along = |o: &Outcome| open_loop_error(o, bundle, config, progress).unwrap_or(f64::INFINITY);
+    let [error, error_of_one] = [along(&by_position), along(&one)];
+    if error <= error_of_one {
+        return Ok(by_position);
+    }
+    let errs = match error.is_finite() {
+        true => format!("errs by {:.1} % of the motion in open loop", 100.0 * error),
+        false => "does not follow the records in open loop".to_owned(),
     };
     one.summary.reasons.insert(
         0,
         format!(
-            "warning: {reason}; one prediction-error fit to the records of all positions errs by {:.1} % and is taken, without a dependence on position; periodic records at each position would show one",
+            "warning: the model from responses by position {errs}; one prediction-error fit to the records of all positions errs by {:.1} % and is taken, without a dependence on position; periodic records at each position would show one",
             100.0 * error_of_one
         ),
     );

@@ -102,6 +102,14 @@ impl Identified {
         })
     }
 
+    /// The poles at every position.
+    pub fn poles(&self) -> &PoleStage {
+        match self {
+            Self::Lpv(stage) => &stage.poles,
+            Self::Lti(stage) => &stage.poles,
+        }
+    }
+
     /// The choices in words.
     pub fn reasons(&self) -> &[String] {
         match self {

@@ -4,6 +4,7 @@
 
 use super::{C64, Voice};
 use lpv_core::Position;
+use lpv_core::linalg::svd;
 use lpv_core::nalgebra::DMatrix;
 use lpv_ident::monomials;
 use lpv_numerics::statistics::median;
@@ -61,7 +62,7 @@ pub(super) fn curves(others: &[&Voice], voice: &Voice) -> Vec<Vec<f64>> {
             .iter()
             .flat_map(|p| exponents.iter().map(|e| term(p, e)))
             .collect();
-        let svd = DMatrix::from_row_slice(places.len(), exponents.len(), &rows).svd(true, true);
+        let svd = svd(DMatrix::from_row_slice(places.len(), exponents.len(), &rows)).ok()?;
         if places.len() < exponents.len() + order / 2
             || svd.rank(RANK * svd.singular_values.max()) < exponents.len()
         {

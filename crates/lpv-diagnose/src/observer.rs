@@ -11,7 +11,7 @@ use crate::whiten::Whitening;
 use crate::{Base, Explained, TraceError, Track, roughness};
 use lpv_core::linalg::least_squares;
 use lpv_core::{Controller, ControllerState, Discrete, Record};
-use lpv_numerics::statistics::{mean, range};
+use lpv_numerics::statistics::mean;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::{PI, TAU};
 
@@ -135,23 +135,6 @@ pub fn check_motion(records: &[Record]) -> Result<(), TraceError> {
         }),
         _ => Ok(()),
     }
-}
-
-/// Whether the output goes both ways in these records, in one of them or in several: by a part of its travel that no noise makes.
-pub fn turns(records: &[Record]) -> bool {
-    const BACK: f64 = 0.01;
-    let (mut falls, mut rises) = (false, false);
-    for y in records.iter().filter_map(|r| r.outputs.columns.first()) {
-        let (low, high) = range(y);
-        let least = BACK * (high - low);
-        let (mut top, mut bottom) = (f64::MIN, f64::MAX);
-        for v in y {
-            (top, bottom) = (top.max(*v), bottom.min(*v));
-            falls |= *v < top - least;
-            rises |= *v > bottom + least;
-        }
-    }
-    falls && rises
 }
 
 /// Mean frequency of the motion, Hz: root of the power of its speed over that of its position.

@@ -1,5 +1,6 @@
 //! Skew of two sensors of one position: `y_2(t) = g y_1(t - T) + o`, with an offset by record.
 
+use crate::track::{cubic, slope_of};
 use lpv_core::linalg::least_squares;
 use lpv_core::{Discrete, Record};
 use nalgebra::{DMatrix, DVector};
@@ -91,13 +92,9 @@ impl Rows {
             for k in margin..margin + n {
                 let time = k as f64 - late;
                 let (at, s) = (time.floor() as usize, time - time.floor());
-                let slope = |k: usize| (8.0 * (q[k + 1] - q[k - 1]) - (q[k + 2] - q[k - 2])) / 12.0;
-                let (a, b, da, db) = (q[at], q[at + 1], slope(at), slope(at + 1));
-                let (s2, s3) = (s * s, s * s * s);
-                let value = (2.0 * s3 - 3.0 * s2 + 1.0) * a
-                    + (s3 - 2.0 * s2 + s) * da
-                    + (3.0 * s2 - 2.0 * s3) * b
-                    + (s3 - s2) * db;
+                let slope = |k: usize| slope_of([q[k - 2], q[k - 1], q[k + 1], q[k + 2]]);
+                let (da, db) = (slope(at), slope(at + 1));
+                let [value, _] = cubic([q[at], q[at + 1]], [da, db], s);
                 rows.late.push(value);
                 rows.rate.push((1.0 - s) * da + s * db);
                 rows.other.push(y[k]);

@@ -4,6 +4,7 @@ use crate::TraceError;
 use crate::base::{Pair, Start};
 use lpv_core::linalg::least_squares;
 use lpv_core::{ControllerState, Record};
+use lpv_numerics::statistics::range;
 use nalgebra::{DMatrix, DVector};
 
 /// One record: signals by sample, and the scheduling between the samples.
@@ -61,6 +62,18 @@ impl Track {
             (high, low, falls || y < high - least, rises || y > low + least)
         });
         [falls, rises]
+    }
+
+    /// Whether an output goes both ways in these records, in one of them or in several: by a part of its longest travel.
+    pub fn go_both_ways(tracks: &[Self], output: usize) -> bool {
+        const WAY: f64 = 0.01;
+        let travel = |t: &Self| {
+            let (low, high) = range(&t.outputs.iter().map(|y| y[output]).collect::<Vec<_>>());
+            high - low
+        };
+        let least = WAY * tracks.iter().map(travel).fold(0.0, f64::max);
+        let ways = tracks.iter().map(|t| t.goes(output, least));
+        ways.fold([false; 2], |a, b| [a[0] || b[0], a[1] || b[1]]) == [true; 2]
     }
 
     /// The longest of some records in time.
@@ -299,7 +312,7 @@ fn between(p: &[f64], step: f64, substeps: usize) -> Vec<[f64; 2]> {
             let wide = (i + 1).min(n as isize - 1) - (i - 1).max(0);
             (after - before) / wide.max(1) as f64
         } else {
-            (8.0 * (at(i + 1) - at(i - 1)) - (at(i + 2) - at(i - 2))) / 12.0
+            slope_of([at(i - 2), at(i - 1), at(i + 1), at(i + 2)])
         }
     };
     let points = 2 * substeps;
@@ -309,17 +322,27 @@ fn between(p: &[f64], step: f64, substeps: usize) -> Vec<[f64; 2]> {
         let (da, db) = (slope(k), slope((k + 1).min(n - 1)));
         for j in 0..points {
             let s = j as f64 / points as f64;
-            let (s2, s3) = (s * s, s * s * s);
-            let value = (2.0 * s3 - 3.0 * s2 + 1.0) * a
-                + (s3 - 2.0 * s2 + s) * da
-                + (3.0 * s2 - 2.0 * s3) * b
-                + (s3 - s2) * db;
-            let rate =
-                (6.0 * s2 - 6.0 * s) * (a - b) + (3.0 * s2 - 4.0 * s + 1.0) * da + (3.0 * s2 - 2.0 * s) * db;
+            let [value, rate] = cubic([a, b], [da, db], s);
             path.push([value, rate / step]);
         }
     }
     path
+}
+
+/// Rate, per sample, from the two neighbours on either side.
+pub(crate) fn slope_of([a, b, c, d]: [f64; 4]) -> f64 {
+    (8.0 * (c - b) - (d - a)) / 12.0
+}
+
+/// Value and rate of the cubic with these values and rates at 0 and at 1.
+pub(crate) fn cubic([a, b]: [f64; 2], [da, db]: [f64; 2], s: f64) -> [f64; 2] {
+    let (s2, s3) = (s * s, s * s * s);
+    let value = (2.0 * s3 - 3.0 * s2 + 1.0) * a
+        + (s3 - 2.0 * s2 + s) * da
+        + (3.0 * s2 - 2.0 * s3) * b
+        + (s3 - s2) * db;
+    let rate = (6.0 * s2 - 6.0 * s) * (a - b) + (3.0 * s2 - 4.0 * s + 1.0) * da + (3.0 * s2 - 2.0 * s) * db;
+    [value, rate]
 }
 
 /// Deviation of white noise with these third differences, each of four samples in a row; zero without any.

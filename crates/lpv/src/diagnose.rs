@@ -134,12 +134,6 @@ fn of_axis(
     let mut reasons = Vec::new();
     if !is_known {
         observer::check_motion(&records)?;
-        if !observer::turns(&records) {
-            reasons.push(
-                "all records go one way: dry friction adds to the constant force and no effect is named; moves there and back, at several speeds, would tell"
-                    .to_owned(),
-            );
-        }
         records = records.into_iter().map(observer::followed).collect();
     }
     let (fit_records, judge_records) = split(records, &mut reasons)?;
@@ -180,6 +174,12 @@ fn of_axis(
         reasons.extend(wrong_controller(&fit_records, &start));
     }
     let mut told = [tracks(&fit_records)?, tracks(&judge_records)?];
+    if observer_hz.is_some() && !Track::go_both_ways(&told[0], 0) {
+        reasons.push(
+            "all records go one way: dry friction adds to the constant force and no effect is named; moves there and back, at several speeds, would tell"
+                .to_owned(),
+        );
+    }
     if observer_hz.is_some()
         && let Some((true, [held, running])) = observer::runs_on(&base, &start, &told[0])
     {

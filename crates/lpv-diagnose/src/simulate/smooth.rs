@@ -1,6 +1,7 @@
 //! Logged inputs that were measured: they run on between the samples, and are not held.
 
 use crate::base::Pair;
+use crate::track::{cubic, slope_of};
 
 /// One input at a time in samples: a cubic piece with slopes from four neighbours; beyond the ends the nearest sample.
 pub(super) fn at(signal: &[Pair], input: usize, time: f64) -> f64 {
@@ -11,12 +12,8 @@ pub(super) fn at(signal: &[Pair], input: usize, time: f64) -> f64 {
     if s == 0.0 {
         return a;
     }
-    let slope = |k: isize| (8.0 * (value(k + 1) - value(k - 1)) - (value(k + 2) - value(k - 2))) / 12.0;
-    let (s2, s3) = (s * s, s * s * s);
-    (2.0 * s3 - 3.0 * s2 + 1.0) * a
-        + (s3 - 2.0 * s2 + s) * slope(k)
-        + (3.0 * s2 - 2.0 * s3) * b
-        + (s3 - s2) * slope(k + 1)
+    let slope = |k: isize| slope_of([k - 2, k - 1, k + 1, k + 2].map(value));
+    cubic([a, b], [slope(k), slope(k + 1)], s)[0]
 }
 
 #[cfg(test)]

@@ -130,14 +130,8 @@ impl<'a> Bench<'a> {
 
     /// Whether an observer holds an axis that goes the same way in all fitted records: there friction is a constant force.
     pub(super) fn goes_one_way(&self) -> bool {
-        /// Part of the largest output that is a way.
-        const WAY: f64 = 0.01;
         let tracks = self.case.fitted;
-        let values = tracks.iter().flat_map(|t| &t.outputs).map(|y| y[0].abs());
-        let least = WAY * values.fold(0.0, f64::max);
-        let ways = tracks.iter().map(|t| t.goes(0, least));
-        let both = ways.fold([false; 2], |a, b| [a[0] || b[0], a[1] || b[1]]);
-        tracks.iter().all(|t| t.follows) && both != [true; 2]
+        tracks.iter().all(|t| t.follows) && !Track::go_both_ways(tracks, 0)
     }
 
     pub(super) fn cost(&'a self, model: &Explained) -> f64 {

@@ -6,8 +6,8 @@ use lpv_diagnose::{Axis, Base, Case, Explained, Trace, Track, Verdict, servo_axi
 
 const RATE: f64 = 250.0;
 
-/// One record: inertia J, dry friction and gravity in units of the inertia, readings on a grid of this step.
-fn record(number: usize, inertia: f64, [friction, gravity]: [f64; 2], step: f64) -> Record {
+/// One record: inertia J, dry friction and gravity in units of the inertia, readings on a grid of this step, about an origin.
+fn record(number: usize, inertia: f64, [friction, gravity]: [f64; 2], (step, origin): (f64, f64)) -> Record {
     const FINE: usize = 40;
     let h = 1.0 / (RATE * FINE as f64);
     let (mut x, mut v, mut read) = (0.0_f64, 0.0_f64, 0.0_f64);
@@ -17,7 +17,7 @@ fn record(number: usize, inertia: f64, [friction, gravity]: [f64; 2], step: f64)
         let turn = 1.0 + 0.17 * number as f64;
         let wanted = 0.4 * (1.9 * turn * t).sin() + 0.25 * (0.7 * turn * t).sin();
         let last = std::mem::replace(&mut read, (x / step).round() * step);
-        outputs.push(read);
+        outputs.push(origin + read);
         // Per inertia: a drive of 6 Hz with a force for gravity at its middle.
         let force = 1400.0 * (wanted - read) - 45.0 * (read - last) * RATE;
         inputs.push(inertia * force);
@@ -47,9 +47,15 @@ fn record(number: usize, inertia: f64, [friction, gravity]: [f64; 2], step: f64)
     })
 }
 
-fn find(inertia: f64, forces: [f64; 2], step: f64) -> Result<Trace, Box<dyn std::error::Error>> {
+fn find(
+    inertia: f64,
+    forces: [f64; 2],
+    (step, origin): (f64, f64),
+) -> Result<Trace, Box<dyn std::error::Error>> {
     let clock = Discrete::from_rate(RATE)?;
-    let records: Vec<Record> = (0..3).map(|i| record(i, inertia, forces, step)).collect();
+    let records: Vec<Record> = (0..3)
+        .map(|i| record(i, inertia, forces, (step, origin)))
+        .collect();
     let base = servo_axis(&records[..2], clock, &mut Vec::new())?;
     // Gravity about its middle may look like a spring: here the free axis is what effects join.
     let base = match base {
@@ -87,16 +93,19 @@ fn find(inertia: f64, forces: [f64; 2], step: f64) -> Result<Trace, Box<dyn std:
     })
 }
 
+/// Level of the dry friction that was found.
+fn friction(found: &Trace) -> Option<f64> {
+    let is = |name: &str| name.ends_with("friction") || name == "hysteresis";
+    let one = found.added.iter().find(|a| is(a.effect.name));
+    one.map(|a| a.values[0].0)
+}
+
 /// Inertias over four decades; the friction and gravity are those of a robot's axis in proportion.
 #[test]
 fn friction_and_gravity() -> Result<(), Box<dyn std::error::Error>> {
     for inertia in [1e-3, 10.0] {
-        let found = find(inertia, [3.0, 8.0], 1e-5)?;
-        let level = found
-            .added
-            .iter()
-            .find(|a| a.effect.name.ends_with("friction") || a.effect.name == "hysteresis");
-        let level = level.ok_or("no friction")?.values[0].0 / inertia;
+        let found = find(inertia, [3.0, 8.0], (1e-5, 0.0))?;
+        let level = friction(&found).ok_or("no friction")? / inertia;
         assert!((level - 3.0).abs() < 0.15, "{level} {:?}", found.verdict);
         let names: Vec<&str> = found.added.iter().map(|a| a.effect.name).collect();
         assert!(names.contains(&"position-force"), "{names:?}");
@@ -105,11 +114,22 @@ fn friction_and_gravity() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
+/// Where a scale begins is the maker's choice: an axis that turns within a part in a thousand of its readings turns.
+#[test]
+fn the_origin_of_the_readings_changes_no_effect() -> Result<(), Box<dyn std::error::Error>> {
+    for origin in [-1e3, 0.0, 30.0, 1e3] {
+        let found = find(0.2, [3.0, 0.0], (1e-5, origin))?;
+        let level = friction(&found).ok_or(format!("no friction about {origin}"))? / 0.2;
+        assert!((level - 3.0).abs() < 0.15, "{origin}: {level}");
+    }
+    Ok(())
+}
+
 /// Encoders over three decades.
 #[test]
 fn nothing_beside_the_rounding() -> Result<(), Box<dyn std::error::Error>> {
     for step in [1e-6, 1e-5, 1e-4, 1e-3] {
-        let found = find(0.2, [0.0; 2], step)?;
+        let found = find(0.2, [0.0; 2], (step, 0.0))?;
         let names: Vec<&str> = found.added.iter().map(|a| a.effect.name).collect();
         assert!(names.iter().all(|n| *n == "quantization"), "{step}: {names:?}");
         assert!(

@@ -21,12 +21,13 @@ pub(crate) fn check(record: &Record, expected: &Expectation<'_>) -> Result<Optio
         return check.finish(expected);
     }
     lengths(
-        groups(record)
+        record
+            .groups()
             .into_iter()
             .flat_map(named)
             .map(|(n, x)| (n, x.len())),
     )?;
-    for (name, samples) in groups(record).into_iter().flat_map(named) {
+    for (name, samples) in record.groups().into_iter().flat_map(named) {
         let mut finite = Finite::default();
         finite.push(samples);
         finite.finish(name)?;
@@ -78,7 +79,7 @@ impl PeriodicCheck {
             SCHEDULING => What::Scheduling(Travel::default()),
             _ => What::Other,
         };
-        let groups = groups(record).into_iter().enumerate();
+        let groups = record.groups().into_iter().enumerate();
         let columns = groups.flat_map(|(group, signals)| signals.names.iter().map(move |n| (group, n)));
         Self {
             period,
@@ -95,7 +96,7 @@ impl PeriodicCheck {
 
     /// Takes the next part.
     pub(crate) fn push(&mut self, part: &Record) {
-        let samples = groups(part).into_iter().flat_map(named);
+        let samples = part.groups().into_iter().flat_map(named);
         for (column, (_, samples)) in self.columns.iter_mut().zip(samples) {
             column.finite.push(samples);
             match &mut column.what {
@@ -174,20 +175,9 @@ fn clipped(name: &str, found: Option<Clipped>, of: usize) -> Result<(), RecordEr
     }
 }
 
-/// Places of the outputs and of the scheduling among [`groups`].
+/// Places of the outputs and of the scheduling among the groups of a record.
 const OUTPUTS: usize = 0;
 const SCHEDULING: usize = 3;
-
-fn groups(record: &Record) -> [&Signals; 6] {
-    [
-        &record.outputs,
-        &record.inputs,
-        &record.references,
-        &record.scheduling,
-        &record.auxiliary,
-        &record.injection,
-    ]
-}
 
 fn named(signals: &Signals) -> impl Iterator<Item = (&str, &[f64])> {
     signals

@@ -241,16 +241,8 @@ fn entry(record: &Record, file: String) -> RecordEntry {
 
 /// Every column once: a name that serves two roles must hold the same samples in both.
 fn unique_columns(record: &Record) -> Result<(Vec<&str>, Vec<&[f64]>), RecordError> {
-    let groups = [
-        ("output", &record.outputs),
-        ("input", &record.inputs),
-        ("reference", &record.references),
-        ("scheduling", &record.scheduling),
-        ("auxiliary", &record.auxiliary),
-        ("injection", &record.injection),
-    ];
     let (mut names, mut columns): (Vec<&str>, Vec<&[f64]>) = (Vec::new(), Vec::new());
-    for (group, signals) in groups {
+    for (group, signals) in record.named_groups() {
         for (name, column) in signals.names.iter().zip(&signals.columns) {
             match names.iter().position(|n| n == name) {
                 Some(first) if columns[first] != column.as_slice() => {

@@ -29,6 +29,23 @@ pub struct LfrBlocks {
     pub d22: DMatrix<f64>,
 }
 
+impl LfrBlocks {
+    /// The matrices with the names that they have in (3).
+    pub fn named(&self) -> [(&'static str, &DMatrix<f64>); 9] {
+        [
+            ("A", &self.a),
+            ("B1", &self.b1),
+            ("B2", &self.b2),
+            ("C1", &self.c1),
+            ("D11", &self.d11),
+            ("D12", &self.d12),
+            ("C2", &self.c2),
+            ("D21", &self.d21),
+            ("D22", &self.d22),
+        ]
+    }
+}
+
 /// One scheduling parameter, repeated on the diagonal of `Delta`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeltaBlock {

@@ -100,6 +100,50 @@ impl Record {
         }
     }
 
+    /// The groups of signals, each with its name in a description: output, input, reference, scheduling, auxiliary, injection.
+    pub fn named_groups(&self) -> [(&'static str, &Signals); 6] {
+        [
+            ("output", &self.outputs),
+            ("input", &self.inputs),
+            ("reference", &self.references),
+            ("scheduling", &self.scheduling),
+            ("auxiliary", &self.auxiliary),
+            ("injection", &self.injection),
+        ]
+    }
+
+    /// The groups of signals, in that order.
+    pub fn groups(&self) -> [&Signals; 6] {
+        self.named_groups().map(|(_, group)| group)
+    }
+
+    /// Some of the samples, a range within the record, as a record.
+    #[must_use]
+    pub fn part(&self, samples: std::ops::Range<usize>) -> Self {
+        let [outputs, inputs, references, scheduling, auxiliary, injection] =
+            self.groups().map(|group| Signals {
+                names: group.names.clone(),
+                units: group.units.clone(),
+                columns: group
+                    .columns
+                    .iter()
+                    .map(|c| c[samples.clone()].to_vec())
+                    .collect(),
+            });
+        Self {
+            name: self.name.clone(),
+            kind: self.kind,
+            purpose: self.purpose,
+            position: self.position.clone(),
+            outputs,
+            inputs,
+            references,
+            scheduling,
+            auxiliary,
+            injection,
+        }
+    }
+
     /// Keeps the first samples.
     pub fn truncate(&mut self, samples: usize) {
         let groups = [
@@ -129,15 +173,7 @@ impl Record {
     /// # Errors
     /// [`CoreError::Dimension`], [`CoreError::NotFinite`] (row: sample, column: channel).
     pub fn check(&self) -> Result<(), CoreError> {
-        let groups = [
-            ("output", &self.outputs),
-            ("input", &self.inputs),
-            ("reference", &self.references),
-            ("scheduling", &self.scheduling),
-            ("auxiliary", &self.auxiliary),
-            ("injection", &self.injection),
-        ];
-        for (what, signals) in groups {
+        for (what, signals) in self.named_groups() {
             for (column, samples) in signals.columns.iter().enumerate() {
                 dimension("record: samples of a channel", self.len(), samples.len())?;
                 if let Some(row) = samples.iter().position(|v| !v.is_finite()) {

@@ -51,16 +51,8 @@ impl Bundle {
     fn record<'py>(&self, py: Python<'py>, index: usize) -> PyResult<(Vec<Group<'py>>, Option<Vec<f64>>)> {
         let bundle = Arc::clone(&self.inner);
         let record = worker::run(py, None, move |_| Ok(bundle.load(index)?))?;
-        let all = [
-            &record.outputs,
-            &record.inputs,
-            &record.references,
-            &record.scheduling,
-            &record.auxiliary,
-            &record.injection,
-        ];
         let group = |s: &Signals| Ok((s.names.clone(), signals(py, s)?));
-        let groups = all.into_iter().map(group).collect::<PyResult<_>>()?;
+        let groups = record.groups().into_iter().map(group).collect::<PyResult<_>>()?;
         Ok((groups, record.position.map(|p| p.to_vec())))
     }
 

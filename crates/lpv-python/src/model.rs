@@ -7,7 +7,7 @@ use lpv::convert::{self, Target};
 use lpv::lpv_core::nalgebra::{DMatrix, DVector};
 use lpv::lpv_core::{Clock, Discrete, FrozenModel, Lfr, Purpose, Record, RecordKind, Signals, StateSpace};
 use lpv::lpv_simulate::{Machine, disturbance, open_loop, predictor};
-use lpv::output::{Inputs, Kind, Overwrite, Place, write_all};
+use lpv::output::{Inputs, Overwrite, Place, write_all};
 use lpv::{ChannelTable, FrozenDeviation, ModelFile, PipelineError, lpv_core, relative_folder};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -111,19 +111,8 @@ fn system<'py, K: Clock>(py: Python<'py>, s: &StateSpace<K>, time: f64) -> PyRes
 }
 
 fn blocks<'py, K: Clock>(py: Python<'py>, m: &Lfr<K>, time: f64) -> PyResult<Bound<'py, PyDict>> {
-    let b = m.blocks();
     let all = PyDict::new(py);
-    for (name, block) in [
-        ("A", &b.a),
-        ("B1", &b.b1),
-        ("B2", &b.b2),
-        ("C1", &b.c1),
-        ("D11", &b.d11),
-        ("D12", &b.d12),
-        ("C2", &b.c2),
-        ("D21", &b.d21),
-        ("D22", &b.d22),
-    ] {
+    for (name, block) in m.blocks().named() {
         all.set_item(name, matrix(py, block)?)?;
     }
     let deltas: Vec<(usize, usize)> = m.deltas().iter().map(|d| (d.parameter, d.repetitions)).collect();
@@ -348,24 +337,15 @@ fn write(file: &ModelFile, path: &Path, points: usize, overwrite: bool) -> Resul
         .unwrap_or_default()
         .to_string_lossy()
         .to_lowercase();
-    let (target, kind) = match ending.as_str() {
-        "mat" => (Target::Mat, Kind::Matlab),
-        "csv" => (Target::Csv, Kind::Table),
-        "py" => (Target::Python, Kind::Python),
-        "json" => (Target::Json, Kind::Model),
-        _ => {
-            let problem = "a model goes to a file that ends in .json, .mat, .csv or .py".to_owned();
-            return Err(PipelineError::Model {
-                file: path.to_owned(),
-                problem,
-            });
-        }
+    let Some(target) = Target::ALL.into_iter().find(|t| t.ending() == ending) else {
+        let problem = "a model goes to a file that ends in .json, .mat, .csv or .py".to_owned();
+        return Err(PipelineError::Model {
+            file: path.to_owned(),
+            problem,
+        });
     };
-    let replace = match overwrite {
-        true => Overwrite::Replace,
-        false => Overwrite::Refuse,
-    };
-    let place = Place::check(path, kind, &Inputs::none(), replace)?;
+    let replace = Overwrite::if_asked(overwrite);
+    let place = Place::check(path, target.kind(), &Inputs::none(), replace)?;
     let bytes = convert::export(file, target, points)?;
     write_all(&[(&place, &bytes)])
 }

@@ -161,18 +161,7 @@ impl Exchange {
     fn lfr<K: Clock>(&mut self, m: &Lfr<K>, points: usize) -> Result<(), PipelineError> {
         self.kind = "lfr".to_owned();
         self.note = note(self.sample_time);
-        let b = m.blocks();
-        for (name, block) in [
-            ("A", &b.a),
-            ("B1", &b.b1),
-            ("B2", &b.b2),
-            ("C1", &b.c1),
-            ("D11", &b.d11),
-            ("D12", &b.d12),
-            ("C2", &b.c2),
-            ("D21", &b.d21),
-            ("D22", &b.d22),
-        ] {
+        for (name, block) in m.blocks().named() {
             self.push(name, block.clone());
         }
         self.range(m.range());

@@ -3,7 +3,7 @@
 use super::axis::AxisErrors;
 use crate::PipelineError;
 use experiment_data::Bundle;
-use lpv_core::{Purpose, Record, Signals};
+use lpv_core::{Purpose, Record};
 use lpv_diagnose::{Base, Explained, Track};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -144,7 +144,7 @@ fn free(
     let (mut squares, mut count) = (0.0, 0);
     for i in 0..runs {
         let first = i * (record.len() - samples) / runs.max(1);
-        let part = track.part(&cut(record, first, samples))?;
+        let part = track.part(&record.part(first..first + samples))?;
         let Some(found) = model.open_loop(&part) else {
             return Ok(None);
         };
@@ -152,24 +152,4 @@ fn free(
         count += samples;
     }
     Ok(Some((squares / count.max(1) as f64).sqrt()))
-}
-
-fn cut(record: &Record, first: usize, samples: usize) -> Record {
-    let part = |signals: &Signals| Signals {
-        columns: signals
-            .columns
-            .iter()
-            .map(|c| c[first..first + samples].to_vec())
-            .collect(),
-        ..signals.clone()
-    };
-    Record {
-        outputs: part(&record.outputs),
-        inputs: part(&record.inputs),
-        references: part(&record.references),
-        scheduling: part(&record.scheduling),
-        auxiliary: part(&record.auxiliary),
-        injection: part(&record.injection),
-        ..record.clone()
-    }
 }

@@ -6,7 +6,7 @@ mod cells;
 mod settings;
 
 use crate::RealizeError;
-pub use between::{Between, BetweenWarning, Interval, bound_between};
+pub use between::{Between, BetweenWarning, Interval, bound_between, largest_shift_of};
 use cells::{Cell, Line};
 use lfr_fit::FitError;
 use lpv_core::{Clock, Lfr};

@@ -51,6 +51,7 @@ mod reduce;
 
 pub use bound::{
     Between, BetweenWarning, BoundSettings, DifferenceBound, Interval, bound_between, difference_bound,
+    largest_shift_of,
 };
 pub use direct::{Realization, realize};
 pub use error::RealizeError;

@@ -2,8 +2,9 @@
 //!
 //! In weighted entries, whose noise has variance one, B and C at the positions are values of a random function `sum_k c_k T_k(delta)`
 //! of Chebyshev polynomials: nothing is known of the coefficients up to a degree d, and above it they have the variances
-//! `v r^(2 (k - d - 1))`, or, for an even or odd function that lacks every other one, `v, v, v r^4, v r^4, ...`. The values tell d and the decay r, for each row of B and column of C, and v, for each entry, by maximum
-//! likelihood; the variance of the best linear prediction midway between two positions is then known (universal kriging).
+//! `v r^(2 (k - d - 1))`, or, for an even or odd function that lacks every other one, `v, v, v r^4, v r^4, ...`. The values tell d and
+//! the decay r, for each row of B and column of C, and v, for each entry, by maximum likelihood; the variance of the best linear
+//! prediction midway between two positions is then known (universal kriging).
 
 use super::sides::Weights;
 use super::{Place, ShapesAt};
@@ -17,7 +18,7 @@ const DECAYS: [f64; 8] = [0.9, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02];
 /// Coefficients above the degree.
 const TERMS: usize = 24;
 
-/// Size of a coefficient, over the mean of its neighbours, below which it is missing.
+/// Square of a coefficient, over the product of its neighbours, below which it is missing.
 const GAP: f64 = 0.1;
 
 /// Difference of log-likelihoods that tells two kinds of functions hardly apart.
@@ -42,15 +43,10 @@ pub(super) fn expected_between(
         .map(|w| 0.5 * (deltas[w[0]] + deltas[w[1]]))
         .collect();
     let families = Families::new(deltas, &midways)?;
-    let mut sums = vec![0.0; midways.len()];
+    let mut sums = DVector::zeros(midways.len());
     for entries in weights.rows(places, shapes)? {
-        let Some((kind, variances)) = families.likeliest(&entries)? else {
-            continue;
-        };
-        for (sum, midway) in sums.iter_mut().zip(0..) {
-            for variance in &variances {
-                *sum += kind.left(*variance, midway)?;
-            }
+        if let Some((kind, variances)) = families.likeliest(&entries)? {
+            sums += kind.left_of(&variances)?;
         }
     }
     let counts = (0..few.len())
@@ -61,7 +57,7 @@ pub(super) fn expected_between(
     Ok(order
         .windows(2)
         .map(|w| [w[0], w[1]])
-        .zip(sums.into_iter().map(rms))
+        .zip(sums.iter().copied().map(rms))
         .collect())
 }
 
@@ -116,17 +112,10 @@ impl Families {
             .collect();
         let most = found.iter().map(|f| f.2).fold(f64::NEG_INFINITY, f64::max);
         let mut worst: Option<(f64, (&Kind, Vec<f64>))> = None;
-        for (kind, variances, likelihood) in found {
-            if likelihood >= most - alike {
-                let mut left = 0.0;
-                for variance in &variances {
-                    for midway in 0..kind.own.len() {
-                        left += kind.left(*variance, midway)?;
-                    }
-                }
-                if worst.as_ref().is_none_or(|(most, _)| left > *most) {
-                    worst = Some((left, (kind, variances)));
-                }
+        for (kind, variances, _) in found.into_iter().filter(|f| f.2 >= most - alike) {
+            let left = kind.left_of(&variances)?.sum();
+            if worst.as_ref().is_none_or(|(most, _)| left > *most) {
+                worst = Some((left, (kind, variances)));
             }
         }
         Ok(worst.map(|(_, found)| found))
@@ -171,7 +160,7 @@ impl Kind {
         let features_midway = chebyshev(midways, above) * scale;
         let powers = chebyshev(deltas, 0..degree + 1);
         // Beside the polynomials the identity gives the directions that they do not move.
-        let mut beside = DMatrix::identity(count, count + degree + 1);
+        let mut beside = DMatrix::zeros(count, count + degree + 1);
         beside.columns_mut(0, degree + 1).copy_from(&powers);
         beside
             .columns_mut(degree + 1, count)
@@ -223,8 +212,9 @@ impl Kind {
         (best.0, best.1 + known)
     }
 
-    /// Weights of the values at the positions in the best linear prediction at a midway, for an entry of this variance.
-    fn weights(&self, variance: f64, midway: usize) -> Result<DVector<f64>, FitError> {
+    /// Weights of the values at the positions in the best linear predictions at the midways, a column each, for an entry of this
+    /// variance.
+    fn weights(&self, variance: f64) -> Result<DMatrix<f64>, FitError> {
         let count = self.covariance.nrows();
         let failed = FitError::NoConvergence {
             operation: "the prediction between the positions",
@@ -233,21 +223,25 @@ impl Kind {
         let Some(factor) = total.cholesky() else {
             return Err(failed);
         };
-        let with = self.with.column(midway) * variance;
-        let (by_rest, by_powers) = (factor.solve(&with), factor.solve(&self.powers));
-        let gap = self.powers_midway.row(midway).transpose() - self.powers.tr_mul(&by_rest);
+        let (by_rest, by_powers) = (factor.solve(&(&self.with * variance)), factor.solve(&self.powers));
+        let gap = self.powers_midway.transpose() - self.powers.tr_mul(&by_rest);
         let Some(multipliers) = self.powers.tr_mul(&by_powers).cholesky().map(|f| f.solve(&gap)) else {
             return Err(failed);
         };
         Ok(by_rest + by_powers * multipliers)
     }
 
-    /// Variance of the error of that prediction.
-    fn left(&self, variance: f64, midway: usize) -> Result<f64, FitError> {
-        let w = self.weights(variance, midway)?;
-        let rest =
-            self.own[midway] - 2.0 * w.dot(&self.with.column(midway)) + w.dot(&(&self.covariance * &w));
-        Ok(variance * rest.max(0.0) + w.norm_squared())
+    /// Variance of the errors of these predictions, the sum over entries of these variances.
+    fn left_of(&self, variances: &[f64]) -> Result<DVector<f64>, FitError> {
+        let mut sum = DVector::zeros(self.own.len());
+        for variance in variances {
+            for (midway, w) in self.weights(*variance)?.column_iter().enumerate() {
+                let rest = self.own[midway] - 2.0 * w.dot(&self.with.column(midway))
+                    + w.dot(&(&self.covariance * w));
+                sum[midway] += variance * rest.max(0.0) + w.norm_squared();
+            }
+        }
+        Ok(sum)
     }
 }
 
@@ -294,11 +288,11 @@ mod tests {
                             .collect();
                         let (kind, variances) = families.likeliest(&entries).unwrap().unwrap();
                         for (j, variance) in variances.into_iter().enumerate() {
-                            for (q, midway) in midways.iter().enumerate() {
-                                let predicted = kind.weights(variance, q).unwrap().dot(&entries[j]);
-                                squares += (predicted - size * f(phase(j as u32), *midway)).powi(2);
-                                expected += kind.left(variance, q).unwrap();
+                            let predicted = kind.weights(variance).unwrap().tr_mul(&entries[j]);
+                            for (value, midway) in predicted.iter().zip(&midways) {
+                                squares += (value - size * f(phase(j as u32), *midway)).powi(2);
                             }
+                            expected += kind.left_of(&[variance]).unwrap().sum();
                         }
                     }
                     let each = 36.0 * midways.len() as f64;

@@ -246,6 +246,13 @@ fn largest_shift<K: Sampling>(
         Ok(continuous.filter(|s| lines.contains(&s.im)).collect())
     };
     let (here, there) = (poles(from)?, poles(to)?);
+    let largest = largest_shift_of(&here, &there);
+    Ok(largest.map_or((0.0, 0.0), |(shift, s)| (shift, s.im / std::f64::consts::TAU)))
+}
+
+/// The pole of `here` whose nearest one of `there` is farthest away, in half-widths of the mode, and how far. Poles are those of a
+/// continuous model, or logarithms of sampled ones.
+pub fn largest_shift_of(here: &[Complex<f64>], there: &[Complex<f64>]) -> Option<(f64, Complex<f64>)> {
     let shift = |s: &Complex<f64>| {
         let nearest = there.iter().map(|t| (t - s).norm()).fold(f64::INFINITY, f64::min);
         let width = s.re.abs();
@@ -255,6 +262,6 @@ fn largest_shift<K: Sampling>(
             0.0
         }
     };
-    let largest = here.iter().max_by(|s, t| shift(s).total_cmp(&shift(t)));
-    Ok(largest.map_or((0.0, 0.0), |s| (shift(s), s.im / std::f64::consts::TAU)))
+    let largest = here.iter().max_by(|s, t| shift(s).total_cmp(&shift(t)))?;
+    Some((shift(largest), *largest))
 }

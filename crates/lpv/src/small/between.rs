@@ -1,7 +1,7 @@
 //! What a small LFR says between the measured positions.
 
 use lfr_fit::{Candidate, FrozenData, Units};
-use lfr_realize::{BetweenWarning, BoundSettings, RealizeError, bound_between};
+use lfr_realize::{BetweenWarning, BoundSettings, RealizeError, bound_between, largest_shift_of};
 use lpv_core::Continuous;
 use lpv_core::num_complex::Complex;
 
@@ -69,15 +69,13 @@ pub(super) fn between(
 pub(super) fn coarse(modes: &[Vec<Complex<f64>>], positions: &[f64]) -> Option<String> {
     let mut order: Vec<usize> = (0..positions.len()).collect();
     order.sort_by(|a, b| positions[*a].total_cmp(&positions[*b]));
-    let shifts = order.windows(2).flat_map(|pair| {
-        let [here, there] = [pair[0], pair[1]];
-        modes[here].iter().filter(|z| z.im > 0.0).filter_map(move |z| {
-            let s = z.ln();
-            let to = |other: &Complex<f64>| (other.ln().im - s.im).abs();
-            let nearest = modes[there].iter().filter(|z| z.im > 0.0).map(to);
-            let nearest = nearest.min_by(f64::total_cmp)?;
-            Some((nearest / -s.re, here, there))
-        })
+    let upper = |at: usize| -> Vec<Complex<f64>> {
+        let above = modes[at].iter().filter(|z| z.im > 0.0);
+        above.map(|z| z.ln()).collect()
+    };
+    let shifts = order.windows(2).filter_map(|pair| {
+        let (shift, _) = largest_shift_of(&upper(pair[0]), &upper(pair[1]))?;
+        Some((shift, pair[0], pair[1]))
     });
     let (shift, here, there) = shifts.max_by(|a, b| a.0.total_cmp(&b.0))?;
     (shift > 1.0).then(|| {

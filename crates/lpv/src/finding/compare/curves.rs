@@ -32,8 +32,8 @@ pub(super) fn corrected(of: &[C64], factor: f64, predicted: &[C64]) -> bool {
 }
 
 /// Weights of the other records in the value, at the place of a record, of the polynomials through them: of order 0, 1 and so
-/// on in the coordinates that change, fitted by least squares; of the highest order to more places than it has coefficients, since
-/// an exact curve beyond its ends may be anywhere.
+/// on in the coordinates that change, fitted by least squares; from order 2 on to more places than there are coefficients, since an
+/// exact curve beyond its ends may be anywhere.
 pub(super) fn curves(others: &[&Voice], voice: &Voice) -> Vec<Vec<f64>> {
     let places = others
         .iter()
@@ -52,6 +52,10 @@ pub(super) fn curves(others: &[&Voice], voice: &Voice) -> Vec<Vec<f64>> {
         .collect();
     let of_order = |order: usize| {
         let exponents = monomials(changing.len(), order);
+        let spare = usize::from(order > 1);
+        if places.len() < exponents.len() + spare {
+            return None;
+        }
         let term = |p: &Position, e: &[u32]| -> f64 {
             let factors = changing.iter().zip(e);
             factors
@@ -63,9 +67,7 @@ pub(super) fn curves(others: &[&Voice], voice: &Voice) -> Vec<Vec<f64>> {
             .flat_map(|p| exponents.iter().map(|e| term(p, e)))
             .collect();
         let svd = svd(DMatrix::from_row_slice(places.len(), exponents.len(), &rows)).ok()?;
-        if places.len() < exponents.len() + order / 2
-            || svd.rank(RANK * svd.singular_values.max()) < exponents.len()
-        {
+        if svd.rank(RANK * svd.singular_values.max()) < exponents.len() {
             return None;
         }
         // The coordinates are distances from the record's place, where only the constant counts.

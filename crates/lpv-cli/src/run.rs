@@ -130,13 +130,6 @@ fn shown(path: &Path) -> String {
     encode::visible(&path.to_string_lossy())
 }
 
-fn overwrite(force: bool) -> Overwrite {
-    match force {
-        true => Overwrite::Replace,
-        false => Overwrite::Refuse,
-    }
-}
-
 /// Commas part names, but not inside brackets: `data(:,3)` is one.
 fn whole_names(parts: Vec<String>) -> Vec<String> {
     let open = |name: &String| name.matches(['(', '[']).count() > name.matches([')', ']']).count();
@@ -162,7 +155,7 @@ fn run_new(a: New) -> Result<Done, PipelineError> {
         validation: a.validation,
     };
     let draft = new::draft(&a.files, &known)?;
-    let file = draft.write(overwrite(a.force))?;
+    let file = draft.write(Overwrite::if_asked(a.force))?;
     let name = file.to_string_lossy();
     told(
         a.json,
@@ -249,7 +242,7 @@ fn run_identify(a: &Identify) -> Result<Done, PipelineError> {
         Some(file) => inputs.file(file, "the settings"),
         None => inputs,
     };
-    let place = Place::check(output, Kind::Model, &inputs, overwrite(a.force))?;
+    let place = Place::check(output, Kind::Model, &inputs, Overwrite::if_asked(a.force))?;
     let outcome = identify_bundle(&bundle, &config, &bars::tell).map_err(|e| e.at(folder))?;
     let summary = outcome.summary.clone();
     let file = ModelFile::of(outcome, &bundle, config, output)?;
@@ -276,36 +269,16 @@ fn run_validate(a: &Validate) -> Result<Done, PipelineError> {
 }
 
 fn run_diagnose(a: &Diagnose) -> Result<Done, PipelineError> {
-    if a.output.exists() && !a.output.is_dir() {
-        return Err(PipelineError::NoFolder {
-            place: a.output.clone(),
-        });
-    }
     let bundle = open(&a.bundle)?;
     let inputs = Inputs::none().bundle(&bundle);
     let inputs = match &a.model {
         Some(file) => inputs.file(file, "the model that effects are added to"),
         None => inputs,
     };
-    let place = |name: &str, kind| Place::check(&a.output.join(name), kind, &inputs, overwrite(a.force));
-    let (account, page) = (
-        place("diagnosis.json", Kind::Diagnosis)?,
-        place("diagnosis.html", Kind::Page)?,
-    );
-    let (file, saved) = (
-        a.output.join("model.json"),
-        place("model.json", Kind::DiagnosedModel)?,
-    );
+    let files = diagnose::ResultFiles::check(&a.output, &inputs, Overwrite::if_asked(a.force))?;
     let model = a.model.as_deref().map(convert::import).transpose()?;
     let found = diagnose::diagnose(&bundle, model.as_ref(), &bars::tell).map_err(|e| e.at(&a.bundle))?;
-    let json = serde_json::to_string_pretty(&found.diagnosis)?;
-    let html = found.page().to_html()?;
-    let model = found.model_file(&bundle, &file)?.to_json()?;
-    write_all(&[
-        (&account, json.as_bytes()),
-        (&page, html.as_bytes()),
-        (&saved, model.as_bytes()),
-    ])?;
+    files.write(&found, &bundle)?;
     let said = told(a.json, &found.diagnosis, names(&bundle), || {
         format!("{}\nwritten to {}", found.diagnosis.text(), shown(&a.output))
     })?;
@@ -316,16 +289,17 @@ fn run_diagnose(a: &Diagnose) -> Result<Done, PipelineError> {
 }
 
 fn run_convert(a: &Convert) -> Result<Done, PipelineError> {
-    let (target, ending, kind) = match a.to {
-        TargetName::Mat => (Target::Mat, "mat", Kind::Matlab),
-        TargetName::Json => (Target::Json, "json", Kind::Model),
-        TargetName::Csv => (Target::Csv, "csv", Kind::Table),
-        TargetName::Python => (Target::Python, "py", Kind::Python),
+    let target = match a.to {
+        TargetName::Mat => Target::Mat,
+        TargetName::Json => Target::Json,
+        TargetName::Csv => Target::Csv,
+        TargetName::Python => Target::Python,
     };
-    let output = a.output.clone().unwrap_or_else(|| a.model.with_extension(ending));
+    let beside = || a.model.with_extension(target.ending());
+    let output = a.output.clone().unwrap_or_else(beside);
     let model = convert::import(&a.model)?;
     let inputs = report::read_for(std::slice::from_ref(&a.model), None);
-    let place = Place::check(&output, kind, &inputs, overwrite(a.force))?;
+    let place = Place::check(&output, target.kind(), &inputs, Overwrite::if_asked(a.force))?;
     let bytes = convert::export(&model, target, usize::from(a.points)).map_err(|e| e.at(&a.model))?;
     write_all(&[(&place, &bytes)])?;
     Ok(format!("{} written to {}", model.model.describe(), shown(&output)).into())
@@ -339,7 +313,7 @@ fn run_report(a: &Report) -> Result<Done, PipelineError> {
     };
     let output = a.output.clone().unwrap_or(beside);
     let inputs = report::read_for(&files, a.bundle.as_deref());
-    let place = Place::check(&output, Kind::Page, &inputs, overwrite(a.force))?;
+    let place = Place::check(&output, Kind::Page, &inputs, Overwrite::if_asked(a.force))?;
     let page = report::page(&a.folder, a.bundle.as_deref(), &bars::tell)?;
     write_all(&[(&place, page.to_html()?.as_bytes())])?;
     Ok(format!("report written to {}", shown(&output)).into())

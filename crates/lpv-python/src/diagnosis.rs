@@ -5,9 +5,8 @@ use crate::commands::account;
 use crate::error::to_python;
 use crate::model::Model;
 use crate::worker;
-use lpv::PipelineError;
-use lpv::diagnose::Diagnosed;
-use lpv::output::{Inputs, Kind, Overwrite, Place, write_all};
+use lpv::diagnose::{Diagnosed, ResultFiles};
+use lpv::output::{Inputs, Overwrite};
 use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -59,37 +58,11 @@ impl Diagnosis {
 
     /// Writes diagnosis.json, diagnosis.html and model.json.
     fn save(&self, py: Python<'_>, folder: PathBuf, overwrite: bool) -> PyResult<()> {
-        py.detach(|| self.write(&folder, overwrite))
-            .map_err(|e| to_python(py, &e))
-    }
-}
-
-impl Diagnosis {
-    fn write(&self, folder: &Path, overwrite: bool) -> Result<(), PipelineError> {
-        if folder.exists() && !folder.is_dir() {
-            return Err(PipelineError::NoFolder {
-                place: folder.to_owned(),
-            });
-        }
-        let replace = match overwrite {
-            true => Overwrite::Replace,
-            false => Overwrite::Refuse,
-        };
         let inputs = Inputs::none().bundle(&self.bundle);
-        let place = |name: &str, kind| Place::check(&folder.join(name), kind, &inputs, replace);
-        let places = [
-            place("diagnosis.json", Kind::Diagnosis)?,
-            place("diagnosis.html", Kind::Page)?,
-            place("model.json", Kind::DiagnosedModel)?,
-        ];
-        let texts = [
-            serde_json::to_string_pretty(&self.found.diagnosis)?,
-            self.found.page().to_html()?,
-            self.found
-                .model_file(&self.bundle, &folder.join("model.json"))?
-                .to_json()?,
-        ];
-        let results: Vec<(&Place, &[u8])> = places.iter().zip(texts.iter().map(String::as_bytes)).collect();
-        write_all(&results)
+        let write = || {
+            let files = ResultFiles::check(&folder, &inputs, Overwrite::if_asked(overwrite))?;
+            files.write(&self.found, &self.bundle)
+        };
+        py.detach(write).map_err(|e| to_python(py, &e))
     }
 }

@@ -7,6 +7,7 @@ mod mat;
 mod python;
 
 pub(crate) use self::csv::HEAD as TABLE_HEAD;
+use crate::output::Kind;
 use crate::{ModelFile, PipelineError};
 use exchange::Exchange;
 use std::path::Path;
@@ -22,6 +23,31 @@ pub enum Target {
     Csv,
     /// A module for Python that builds python-control systems.
     Python,
+}
+
+impl Target {
+    /// All.
+    pub const ALL: [Self; 4] = [Self::Mat, Self::Json, Self::Csv, Self::Python];
+
+    /// How the names of its files end, without the dot.
+    pub fn ending(self) -> &'static str {
+        match self {
+            Self::Mat => "mat",
+            Self::Json => "json",
+            Self::Csv => "csv",
+            Self::Python => "py",
+        }
+    }
+
+    /// What its files are among the results.
+    pub fn kind(self) -> Kind {
+        match self {
+            Self::Mat => Kind::Matlab,
+            Self::Json => Kind::Model,
+            Self::Csv => Kind::Table,
+            Self::Python => Kind::Python,
+        }
+    }
 }
 
 /// The model as the bytes of a file; `points` frozen systems a scheduling parameter.

@@ -12,7 +12,7 @@ use crate::pipeline::{Identified, identify};
 use crate::progress::{Progress, silent};
 use crate::responses::{estimate_bundle, examine_records, load_records, places};
 use crate::summary::{AxisSummary, Summary};
-use crate::validation::{Known, Scope, validate_knowing};
+use crate::validation::{Known, Scope, Validation, validate_knowing};
 use crate::verdict::Verdict;
 use crate::{IdentifyConfig, LfrKind, ModelFile, PipelineError, Structure};
 use experiment_data::Bundle;
@@ -53,7 +53,8 @@ pub enum Stages {
 /// Identifies a model from the estimation records of a bundle.
 ///
 /// With a scheduling channel and several positions the model is LPV; else it is time-invariant: from periodic records by
-/// the pole fit, from others by a prediction-error fit that starts at the local rational response. What the
+/// the pole fit, from others by a prediction-error fit that starts at the local rational response. That is tried, too, where
+/// records without periods give no good LPV model of a stable machine, and taken where it follows them better. What the
 /// configuration gives is taken; all else is chosen from the data, with the reason in the summary.
 ///
 /// # Errors
@@ -80,7 +81,9 @@ pub fn identify_bundle(
         None if !periodic => without_periods(bundle, config, progress),
         structure => in_frequency(bundle, structure, config, progress),
     };
-    outcome.map_err(|refused| with_cause(refused, bundle))
+    outcome
+        .map(|judged| judged.outcome)
+        .map_err(|refused| with_cause(refused, bundle))
 }
 
 /// A refusal with what is wrong with the data behind it, where they contradict themselves.
@@ -101,6 +104,14 @@ fn with_cause(refused: PipelineError, bundle: &Bundle) -> PipelineError {
     }
 }
 
+/// An outcome with its verdict, and how far its model is off along records.
+struct Judged {
+    outcome: Outcome,
+    /// Error in open loop over the motion, root mean square over the judged records and their outputs; infinite where the model does not
+    /// follow one, or there is none.
+    open_loop: f64,
+}
+
 /// The outcome with its verdict: the model against what the bundle holds out, else against what it was made from.
 fn judged(
     mut outcome: Outcome,
@@ -108,7 +119,7 @@ fn judged(
     config: &IdentifyConfig,
     responses: Option<(&[FrfEstimate], Option<&[f64]>)>,
     progress: Progress<'_>,
-) -> Result<Outcome, PipelineError> {
+) -> Result<Judged, PipelineError> {
     let file = ModelFile {
         model: outcome.model.clone(),
         identification: None,
@@ -118,13 +129,29 @@ fn judged(
         hold_out: config.hold_out,
         responses,
     };
-    let verdict = match validate_knowing(&file, bundle, Scope::HeldOut, known, progress) {
-        Ok((found, _)) => found.verdict,
+    let (verdict, open_loop) = match validate_knowing(&file, bundle, Scope::HeldOut, known, progress) {
+        Ok((found, _)) => {
+            let open_loop = open_loop_error(&found);
+            (found.verdict, open_loop)
+        }
         // A model that cannot be run along a record is written all the same, and the first line says so.
-        Err(error) => Verdict::unjudged(&error),
+        Err(error) => (Verdict::unjudged(&error), f64::INFINITY),
     };
     outcome.summary.verdict = Some(verdict.in_view_of(&outcome.summary.findings));
-    Ok(outcome)
+    Ok(Judged { outcome, open_loop })
+}
+
+fn open_loop_error(found: &Validation) -> f64 {
+    let outputs = found.records.iter().flat_map(|r| &r.outputs);
+    let squares: Vec<f64> = outputs
+        .map(|o| (1.0 - o.open_loop.fit_percent / 100.0).powi(2))
+        .collect();
+    let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+    if mean.is_finite() {
+        mean.sqrt()
+    } else {
+        f64::INFINITY
+    }
 }
 
 fn in_frequency(
@@ -132,7 +159,7 @@ fn in_frequency(
     structure: Option<Structure>,
     config: &IdentifyConfig,
     progress: Progress<'_>,
-) -> Result<Outcome, PipelineError> {
+) -> Result<Judged, PipelineError> {
     let responses = estimate_bundle(bundle, config.skip_periods, progress)?;
     let positions = responses.estimates.len();
     if structure == Some(Structure::Lpv) && !places::is_scheduled(bundle) {
@@ -175,18 +202,12 @@ fn without_periods(
     bundle: &Bundle,
     config: &IdentifyConfig,
     progress: Progress<'_>,
-) -> Result<Outcome, PipelineError> {
+) -> Result<Judged, PipelineError> {
     let by_position = in_frequency(bundle, None, config, progress)?;
-    let is_good = by_position
-        .summary
-        .verdict
-        .as_ref()
-        .is_some_and(|v| v.worth.is_good());
+    let Outcome { summary, stages, .. } = &by_position.outcome;
+    let is_good = summary.verdict.as_ref().is_some_and(|v| v.worth.is_good());
     // Integrators drift in open loop, and the errors of two models along records then tell little.
-    let drifts = match &by_position.stages {
-        Stages::Frequency(found) => found.poles().integrators > 0,
-        _ => false,
-    };
+    let drifts = matches!(stages, Stages::Frequency(found) if found.poles().integrators > 0);
     if is_good || drifts {
         return Ok(by_position);
     }
@@ -194,53 +215,24 @@ fn without_periods(
     let Ok(mut one) = one else {
         return Ok(by_position);
     };
-    let along = |o: &Outcome| open_loop_error(o, bundle, config, progress).unwrap_or(f64::INFINITY);
-    let [error, error_of_one] = [along(&by_position), along(&one)];
-    if error <= error_of_one {
+    if by_position.open_loop <= one.open_loop {
         return Ok(by_position);
     }
-    let errs = match error.is_finite() {
-        true => format!("errs by {:.1} % of the motion in open loop", 100.0 * error),
+    let errs = match by_position.open_loop.is_finite() {
+        true => format!(
+            "errs by {:.1} % of the motion in open loop",
+            100.0 * by_position.open_loop
+        ),
         false => "does not follow the records in open loop".to_owned(),
     };
-    one.summary.reasons.insert(
+    one.outcome.summary.reasons.insert(
         0,
         format!(
             "warning: the model from responses by position {errs}; one prediction-error fit to the records of all positions errs by {:.1} % and is taken, without a dependence on position; periodic records at each position would show one",
-            100.0 * error_of_one
+            100.0 * one.open_loop
         ),
     );
     Ok(one)
-}
-
-/// Root mean square, over the records that are held out, or else those that were fitted, and over outputs, of the error in open loop
-/// relative to the motion; infinite where there is none.
-fn open_loop_error(
-    outcome: &Outcome,
-    bundle: &Bundle,
-    config: &IdentifyConfig,
-    progress: Progress<'_>,
-) -> Result<f64, PipelineError> {
-    let file = ModelFile {
-        model: outcome.model.clone(),
-        identification: None,
-        explanation: None,
-    };
-    let known = Known {
-        hold_out: config.hold_out,
-        responses: None,
-    };
-    let (found, _) = validate_knowing(&file, bundle, Scope::HeldOut, known, progress)?;
-    let errors = found.records.iter().flat_map(|r| &r.outputs);
-    let squares: Vec<f64> = errors
-        .map(|o| (1.0 - o.open_loop.fit_percent / 100.0).powi(2))
-        .collect();
-    let mean = squares.iter().sum::<f64>() / squares.len() as f64;
-    Ok(if mean.is_finite() {
-        mean.sqrt()
-    } else {
-        f64::INFINITY
-    })
 }
 
 /// The estimation records, and the last sample of each that may be fitted.

@@ -28,6 +28,16 @@ pub enum Overwrite {
     Replace,
 }
 
+impl Overwrite {
+    /// Replaces if a user asked for it.
+    pub fn if_asked(asked: bool) -> Self {
+        match asked {
+            true => Self::Replace,
+            false => Self::Refuse,
+        }
+    }
+}
+
 /// What a command reads, so that it cannot be written.
 #[derive(Debug, Default)]
 pub struct Inputs {

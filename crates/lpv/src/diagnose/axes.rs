@@ -2,7 +2,9 @@
 //! together.
 
 use super::account::names;
-use super::{Diagnosed, Diagnosis, Errors, Evidence, Explanation, FoundEffect, LeftTests, PlaceName, Value};
+use super::{
+    AxisErrors, Diagnosed, Diagnosis, Errors, Evidence, Explanation, FoundEffect, LeftTests, PlaceName, Value,
+};
 use crate::PipelineError;
 use crate::progress::Progress;
 use crate::responses::load_records;
@@ -169,11 +171,23 @@ fn together<'a>(bundle: &Bundle, axes: impl Iterator<Item = &'a Diagnosis> + Clo
         let tests = all.iter().filter_map(|d| d.left.as_ref());
         tests.flat_map(|l| of(l).clone()).collect()
     };
-    let words = |d: &&Diagnosis, of: fn(&Diagnosis) -> &Vec<String>| {
-        let input = d.records.first().and_then(|r| r.force.keys().next().cloned());
-        let input = input.unwrap_or_default();
+    let input = |d: &Diagnosis| {
+        let first = d.records.first().and_then(|r| r.force.keys().next().cloned());
+        first.unwrap_or_default()
+    };
+    let reasons = |d: &&Diagnosis| {
+        let input = input(d);
         let line = move |line: &String| format!("{input}: {line}");
-        of(d).iter().map(line).collect::<Vec<_>>()
+        d.reasons.iter().map(line).collect::<Vec<_>>()
+    };
+    // A record has one row for each axis.
+    let rows = |d: &&Diagnosis| {
+        let input = input(d);
+        let row = move |row: &AxisErrors| AxisErrors {
+            record: format!("{input}, {}", row.record),
+            ..row.clone()
+        };
+        d.axis.iter().map(row).collect::<Vec<_>>()
     };
     Diagnosis {
         format: 2,
@@ -201,9 +215,9 @@ fn together<'a>(bundle: &Bundle, axes: impl Iterator<Item = &'a Diagnosis> + Clo
         characterisation: None,
         base_parameters: all.iter().flat_map(|d| d.base_parameters.clone()).collect(),
         responses: Vec::new(),
-        axis: all.iter().flat_map(|d| d.axis.clone()).collect(),
+        axis: all.iter().flat_map(rows).collect(),
         records: records(&all),
-        reasons: all.iter().flat_map(|d| words(d, |d| &d.reasons)).collect(),
+        reasons: all.iter().flat_map(reasons).collect(),
     }
 }
 

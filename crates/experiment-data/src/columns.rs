@@ -1,10 +1,13 @@
 //! Columns of one record file, by name.
 
 mod csv;
+mod mdf;
 mod npz;
 pub(crate) mod number;
 #[cfg_attr(not(feature = "parquet"), path = "columns/no_parquet.rs")]
 mod parquet;
+mod tdms;
+mod uff;
 
 use crate::text::Text;
 use crate::{DescriptionError, RecordError, mat};
@@ -19,9 +22,6 @@ pub(crate) use parquet::write as write_parquet;
 /// Takes the columns of a block of rows.
 pub(crate) type Sink<'a> = &'a mut dyn FnMut(Vec<Vec<f64>>);
 
-/// Text tables besides `.csv`.
-const TEXT_ENDINGS: [&str; 5] = [".txt", ".dat", ".log", ".asc", ".tsv"];
-
 /// Kinds of record files, told apart by their ending.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RecordFormat {
@@ -33,22 +33,45 @@ pub enum RecordFormat {
     Mat,
     /// One column of doubles each, packed with snappy; in a build with the feature `parquet`.
     Parquet,
+    /// HDF5 as other programs than MATLAB write it, one data set a column; read only, in a build with the feature `hdf5`.
+    Hdf5,
+    /// TDMS of National Instruments, one channel a column; read only.
+    Tdms,
+    /// MDF 4 of ASAM, one channel a column; read only.
+    Mdf,
+    /// Universal file, data sets 58; read only.
+    Uff,
 }
 
+/// All kinds, with their endings; the first is the usual one.
+const ENDINGS: [(RecordFormat, &[&str]); 8] = [
+    (RecordFormat::Npz, &[".npz"]),
+    (
+        RecordFormat::Csv,
+        &[".csv", ".txt", ".dat", ".log", ".asc", ".tsv"],
+    ),
+    (RecordFormat::Mat, &[".mat"]),
+    (RecordFormat::Parquet, &[".parquet"]),
+    (RecordFormat::Hdf5, &[".h5", ".hdf5", ".hdf"]),
+    (RecordFormat::Tdms, &[".tdms"]),
+    (RecordFormat::Mdf, &[".mf4", ".mdf"]),
+    (RecordFormat::Uff, &[".uff", ".unv", ".uf", ".u58"]),
+];
+
 impl RecordFormat {
-    /// The ending with its dot.
+    /// The usual ending with its dot.
     pub fn ending(self) -> &'static str {
-        match self {
-            Self::Npz => ".npz",
-            Self::Csv => ".csv",
-            Self::Mat => ".mat",
-            Self::Parquet => ".parquet",
-        }
+        let own = ENDINGS.iter().find(|(format, _)| *format == self);
+        own.and_then(|(_, endings)| endings.first()).unwrap_or(&"")
     }
 
-    /// Whether this build reads and writes it.
+    /// Whether this build reads it.
     pub fn is_built_in(self) -> bool {
-        self != Self::Parquet || cfg!(feature = "parquet")
+        match self {
+            Self::Parquet => cfg!(feature = "parquet"),
+            Self::Hdf5 => cfg!(feature = "hdf5"),
+            _ => true,
+        }
     }
 
     /// The kind of a file by its name; upper and lower case are the same.
@@ -60,12 +83,11 @@ impl RecordFormat {
             .extension()
             .map(|e| format!(".{}", e.to_string_lossy()));
         let ending = ending.unwrap_or_default();
-        if TEXT_ENDINGS.iter().any(|e| e.eq_ignore_ascii_case(&ending)) {
-            return Ok(Self::Csv);
-        }
-        [Self::Npz, Self::Csv, Self::Mat, Self::Parquet]
-            .into_iter()
-            .find(|f| f.ending().eq_ignore_ascii_case(&ending) && f.is_built_in())
+        let fits = |endings: &[&str]| endings.iter().any(|e| e.eq_ignore_ascii_case(&ending));
+        ENDINGS
+            .iter()
+            .find(|(format, endings)| format.is_built_in() && fits(endings))
+            .map(|(format, _)| *format)
             .ok_or(DescriptionError::UnsupportedFormat {
                 ending,
                 supported: SUPPORTED,
@@ -86,6 +108,15 @@ pub fn list_columns(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
         RecordFormat::Csv => csv::list(path),
         RecordFormat::Mat => mat::list(path),
         RecordFormat::Parquet => parquet::list(path),
+        RecordFormat::Hdf5 | RecordFormat::Tdms | RecordFormat::Mdf | RecordFormat::Uff => {
+            let columns = look_into(path)?.columns.into_iter();
+            Ok(columns
+                .map(|c| ColumnInfo {
+                    name: c.name,
+                    rows: c.rows,
+                })
+                .collect())
+        }
     }
 }
 
@@ -95,11 +126,16 @@ pub fn list_columns(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
 /// # Errors
 /// As [`list_columns`].
 pub fn look_into(path: &Path) -> Result<Contents, RecordError> {
-    match format(path)? {
+    let scalars = match format(path)? {
         RecordFormat::Csv => return csv::contents(path),
         RecordFormat::Mat => return mat::contents(path),
-        RecordFormat::Npz | RecordFormat::Parquet => {}
-    }
+        RecordFormat::Hdf5 => return mat::hdf5_contents(path),
+        RecordFormat::Tdms => return tdms::contents(path),
+        RecordFormat::Mdf => return mdf::contents(path),
+        RecordFormat::Uff => return uff::contents(path),
+        RecordFormat::Npz => npz::scalars(path)?,
+        RecordFormat::Parquet => Vec::new(),
+    };
     let plain = |c: ColumnInfo| Column {
         name: c.name,
         rows: c.rows,
@@ -109,6 +145,7 @@ pub fn look_into(path: &Path) -> Result<Contents, RecordError> {
     };
     Ok(Contents {
         columns: list_columns(path)?.into_iter().map(plain).collect(),
+        scalars,
         ..Contents::default()
     })
 }
@@ -136,6 +173,10 @@ pub fn read_columns_as(
         RecordFormat::Csv => csv::read(path, names, text),
         RecordFormat::Mat => mat::read(path, names),
         RecordFormat::Parquet => parquet::read(path, names),
+        RecordFormat::Hdf5 => mat::hdf5_read(path, names),
+        RecordFormat::Tdms => tdms::read(path, names),
+        RecordFormat::Mdf => mdf::read(path, names),
+        RecordFormat::Uff => uff::read(path, names),
     }
 }
 
@@ -151,7 +192,7 @@ pub(crate) fn each_block(
     match format(path)? {
         RecordFormat::Npz => npz::each_block(path, names, rows, sink),
         RecordFormat::Csv => csv::each_block(path, names, text, rows, sink),
-        RecordFormat::Mat | RecordFormat::Parquet => {
+        _ => {
             let columns = read_columns(path, names)?;
             let longest = columns.iter().map(Vec::len).max().unwrap_or(0);
             for first in (0..longest).step_by(rows) {

@@ -5,15 +5,17 @@ use crate::{RecordError, Text};
 
 /// The endings that can be read.
 pub(crate) const SUPPORTED: &str = match (cfg!(feature = "parquet"), cfg!(feature = "hdf5")) {
-    (true, true) => ".npz, .csv, .parquet, .mat (v5 and v7.3), text tables (.txt, .dat, .log, .asc, .tsv)",
+    (true, true) => {
+        ".npz, .csv, .parquet, .mat (v5 and v7.3), text tables (.txt, .dat, .log, .asc, .tsv), .h5, .tdms, .mf4, .uff, .unv"
+    }
     (false, true) => {
-        ".npz, .csv, .mat (v5 and v7.3), text tables (.txt, .dat, .log, .asc, .tsv), and .parquet in a build with the feature `parquet`"
+        ".npz, .csv, .mat (v5 and v7.3), text tables (.txt, .dat, .log, .asc, .tsv), .h5, .tdms, .mf4, .uff, .unv, and .parquet in a build with the feature `parquet`"
     }
     (true, false) => {
-        ".npz, .csv, .parquet, .mat (v5), text tables (.txt, .dat, .log, .asc, .tsv), and .mat (v7.3) in a build with the feature `hdf5`"
+        ".npz, .csv, .parquet, .mat (v5), text tables (.txt, .dat, .log, .asc, .tsv), .tdms, .mf4, .uff, .unv, and .mat (v7.3) and .h5 in a build with the feature `hdf5`"
     }
     (false, false) => {
-        ".npz, .csv, .mat (v5), text tables (.txt, .dat, .log, .asc, .tsv), and .parquet and .mat (v7.3) in a build with the features `parquet` and `hdf5`"
+        ".npz, .csv, .mat (v5), text tables (.txt, .dat, .log, .asc, .tsv), .tdms, .mf4, .uff, .unv, and .parquet, .mat (v7.3) and .h5 in a build with the features `parquet` and `hdf5`"
     }
 };
 
@@ -52,6 +54,15 @@ pub struct PassedOver {
     pub remedy: String,
 }
 
+/// A single number, as settings stand beside signals.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scalar {
+    /// Its name.
+    pub name: String,
+    /// Its value; finite.
+    pub value: f64,
+}
+
 /// Everything that a record file holds.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Contents {
@@ -59,6 +70,8 @@ pub struct Contents {
     pub columns: Vec<Column>,
     /// Whatever else is in it.
     pub passed_over: Vec<PassedOver>,
+    /// Single numbers that are finite: the first ones of the file.
+    pub scalars: Vec<Scalar>,
     /// Whether it is a text table.
     pub is_text: bool,
     /// What `[text]` of a description has to say about it; none where nothing need be said.
@@ -66,6 +79,9 @@ pub struct Contents {
     /// The fields of the lines above the names of a text table.
     pub notes: Vec<Vec<String>>,
 }
+
+/// More settings than this are not looked at.
+pub(crate) const MOST_SCALARS: usize = 256;
 
 /// The error of a column that is not among the names present.
 pub(crate) fn missing(column: &str, present: &[String]) -> RecordError {

@@ -11,7 +11,7 @@
 //!
 //! | term | meaning |
 //! |---|---|
-//! | bundle | folder with `experiment.toml` and record files (`.npz`, `.csv` and other text tables, `.parquet`, `.mat` v5 and v7.3) |
+//! | bundle | folder with `experiment.toml` and record files (`.npz`, `.csv` and other text tables, `.parquet`, `.mat` v5 and v7.3, `.h5`, `.tdms`, `.mf4`, `.uff`) |
 //! | channel group | list of columns with one role: output y, input u, reference r, scheduling p, auxiliary |
 //! | periodic record | steady multisine, p constant, a whole number (two or more) of periods |
 //! | transient record | anything else |
@@ -23,8 +23,8 @@
 //! sensor or a moving scheduling signal is refused with its place, because a silent repair would end as a pole in some
 //! model. It does not look whether the periodic records at one position excite all inputs independently; that needs
 //! spectra and belongs to the FRF estimate. It reads vectors of real numbers, and of MATLAB files columns and rows of matrices: complex numbers, words, lists,
-//! objects, and times in Parquet are refused by name, and so is Parquet in a build without the feature `parquet`, Parquet packed otherwise than
-//! with snappy, and HDF5 packed otherwise than MATLAB packs it.
+//! objects, times in Parquet, formulas and tables in MDF, and raw values in TDMS that are still to be scaled are refused by name, and so is Parquet in a build without the feature `parquet`, Parquet packed otherwise than
+//! with snappy, and HDF5 packed otherwise than MATLAB packs it. It reads no frequency responses, also not those of universal files.
 //!
 //! It believes no header. What a file claims to hold is compared with what a file of its size can hold, before memory is
 //! taken for it, so that a damaged file ends in an error and not in a lack of memory: at most 64 times the size of the file (or
@@ -76,7 +76,7 @@ mod writer;
 
 pub use bundle::Bundle;
 pub use columns::{RecordFormat, lines_of_rows, list_columns, look_into, read_columns, read_columns_as};
-pub use contents::{Column, ColumnInfo, Contents, PassedOver};
+pub use contents::{Column, ColumnInfo, Contents, PassedOver, Scalar};
 pub use description::{ChannelGroup, Channels, Description, EntryKind, RecordEntry};
 pub use error::{DataError, DescriptionError, Place, RecordError, RecordPlace};
 pub use lpv_core;

@@ -9,6 +9,7 @@
 
 mod catalog;
 mod element;
+mod hdf5;
 mod level5;
 mod value;
 #[cfg_attr(not(feature = "hdf5"), path = "mat/no_hdf5.rs")]
@@ -16,11 +17,12 @@ mod version73;
 mod writer;
 
 use crate::RecordError;
-use crate::contents::{ColumnInfo, Contents};
+use crate::contents::{ColumnInfo, Contents, MOST_SCALARS, Scalar};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+pub(crate) use hdf5::{contents as hdf5_contents, read as hdf5_read};
 pub use value::{Array, Value, write_values};
 pub(crate) use writer::write;
 
@@ -110,7 +112,22 @@ pub(crate) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
 
 /// Everything in the file that may be a column, and what is none.
 pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
-    Ok(catalog::contents(&survey(path)?))
+    let mut contents = catalog::contents(&survey(path)?);
+    let single = contents.columns.iter().filter(|c| c.rows == 1).take(MOST_SCALARS);
+    let names: Vec<&str> = single.map(|c| c.source.as_deref().unwrap_or(&c.name)).collect();
+    let values = read(path, &names)?;
+    contents.scalars = names
+        .iter()
+        .zip(values)
+        .filter_map(|(name, value)| {
+            let value = value.first().copied().filter(|v| v.is_finite())?;
+            Some(Scalar {
+                name: (*name).to_owned(),
+                value,
+            })
+        })
+        .collect();
+    Ok(contents)
 }
 
 fn survey(path: &Path) -> Result<Vec<catalog::Item>, RecordError> {

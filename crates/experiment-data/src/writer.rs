@@ -111,6 +111,12 @@ impl BundleWriter {
             RecordFormat::Csv => columns::write_csv(out, &names, &columns),
             RecordFormat::Mat => mat::write(out, &names, &columns),
             RecordFormat::Parquet => columns::write_parquet(out, &names, &columns),
+            RecordFormat::Hdf5 | RecordFormat::Tdms | RecordFormat::Mdf | RecordFormat::Uff => {
+                Err(RecordError::UnsupportedFormat {
+                    found: format!("a record to write as `{}`", self.format.ending()),
+                    supported: "npz, csv, mat, parquet",
+                })
+            }
         }
         .and_then(|file: File| file.sync_all().map_err(RecordError::io("write")));
         if let Err(problem) = written {

@@ -14,7 +14,7 @@ mod writer;
 
 use super::Sink;
 use crate::RecordError;
-use crate::contents::{Column, ColumnInfo, Contents, PassedOver, missing};
+use crate::contents::{Column, ColumnInfo, Contents, MOST_SCALARS, PassedOver, Scalar, missing};
 use crate::text::{Decimal, Text};
 use look::{Layout, look};
 use rows::{Table, refuse_words};
@@ -114,9 +114,11 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
     }
     let decimal = layout.decimal.unwrap_or(Decimal::Point);
     let mut stamps = vec![false; header.len()];
+    let mut first = vec![None; header.len()];
     if let Some(row) = table.peek()? {
-        for (stamp, field) in stamps.iter_mut().zip(row.fields()) {
-            *stamp = field.contains(&b':') && cell::number(field, decimal).is_some();
+        for ((stamp, first), field) in stamps.iter_mut().zip(&mut first).zip(row.fields()) {
+            *first = cell::number(field, decimal);
+            *stamp = field.contains(&b':') && first.is_some();
         }
     }
     let wanted: Vec<usize> = (0..header.len()).filter(|k| !header[*k].is_empty()).collect();
@@ -137,7 +139,7 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
     table.each_row(&wanted, &mut note, |_, _| rows += 1)?;
     let mut times: HashMap<&str, usize> = HashMap::new();
     header.iter().for_each(|h| *times.entry(h).or_default() += 1);
-    let (mut columns, mut passed_over) = (Vec::new(), Vec::new());
+    let (mut columns, mut passed_over, mut scalars) = (Vec::new(), Vec::new(), Vec::new());
     for place in wanted {
         let (name, own) = (&header[place], &holes[place]);
         if times[name.as_str()] > 1 {
@@ -145,6 +147,16 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
         }
         if own.count > 0 {
             passed_over.push(passed(name, own, rows));
+            // A setting in the first row, nothing below.
+            let is_alone = own.text.is_empty() && own.count + 1 == rows;
+            if let Some(value) = first[place].filter(|v: &f64| v.is_finite() && is_alone)
+                && scalars.len() < MOST_SCALARS
+            {
+                scalars.push(Scalar {
+                    name: name.clone(),
+                    value,
+                });
+            }
             continue;
         }
         columns.push(Column {
@@ -158,6 +170,7 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
     Ok(Contents {
         columns,
         passed_over,
+        scalars,
         is_text: true,
         text,
         notes: layout.preamble,

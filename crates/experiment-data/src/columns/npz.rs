@@ -11,7 +11,7 @@ use self::quiet::Quiet;
 use super::Sink;
 use crate::RecordError;
 use crate::columns::number::{DEFLATE_RATIO, Number};
-use crate::contents::{ColumnInfo, missing, vector_length};
+use crate::contents::{ColumnInfo, MOST_SCALARS, Scalar, missing, vector_length};
 use crate::memory::Allowance;
 use npyz::WriterBuilder;
 use npyz::npz::{NpzArchive, NpzWriter, array_name_from_file_name, file_name_from_array_name};
@@ -104,6 +104,32 @@ pub(crate) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
         }
     }
     Ok(columns)
+}
+
+/// Single numbers: arrays without dimensions, or of one element.
+pub(crate) fn scalars(path: &Path) -> Result<Vec<Scalar>, RecordError> {
+    let mut archive = open(path)?;
+    let archive = archive.zip_archive();
+    let mut scalars = Vec::new();
+    for index in 0..archive.len() {
+        let mut entry = archive.by_index(index).map_err(|e| refused("", &e))?;
+        let Some(name) = array_name_from_file_name(entry.name()).map(str::to_owned) else {
+            continue;
+        };
+        let header = Header::read(&mut entry).map_err(|problem| malformed(&name, problem))?;
+        let (Some(number), true) = (number(&header.descr), header.shape.iter().all(|n| *n == 1)) else {
+            continue;
+        };
+        let value = number
+            .column(&mut entry, 1)
+            .map_err(|e| malformed(&name, &e.to_string()))?;
+        let value = value.first().copied().filter(|v| v.is_finite());
+        scalars.extend(value.map(|value| Scalar { name, value }));
+        if scalars.len() == MOST_SCALARS {
+            break;
+        }
+    }
+    Ok(scalars)
 }
 
 /// An array of numbers, read from its front.

@@ -18,6 +18,17 @@ pub(super) fn survey(_: &Path) -> Result<Vec<Item>, RecordError> {
     Err(absent())
 }
 
+/// Units and settings, of which there are none here.
+#[derive(Default)]
+pub(super) struct Attributes {
+    pub(super) units: std::collections::HashMap<String, String>,
+    pub(super) scalars: Vec<crate::contents::Scalar>,
+}
+
+pub(super) fn attributes(_: &Path) -> Result<Attributes, RecordError> {
+    Err(absent())
+}
+
 pub(super) fn list(_: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
     Err(absent())
 }

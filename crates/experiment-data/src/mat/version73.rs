@@ -1,8 +1,10 @@
 //! MATLAB 7.3: an HDF5 file with a header of 512 bytes, in which variables are data sets and structs are groups. The
 //! attribute `MATLAB_class` says what a variable is; files of other programs may lack it.
 
+mod attributes;
 mod kind;
 
+pub(super) use self::attributes::Attributes;
 use self::kind::{STRUCT, STRUCT_ARRAY, describe, kind_of_group};
 use super::catalog::{Item, Kind};
 use super::{Array, DEEPEST};
@@ -85,6 +87,14 @@ pub(super) fn survey(path: &Path) -> Result<Vec<Item>, RecordError> {
             })
         });
         Ok(items.collect())
+    })
+}
+
+/// Units and settings beside the data sets.
+pub(super) fn attributes(path: &Path) -> Result<Attributes, RecordError> {
+    guarded(|| {
+        let file = hdf5_pure::File::open_streaming(path).map_err(|e| malformed("", &e.to_string()))?;
+        Attributes::read(&file.root()).map_err(|e| malformed("", &e.to_string()))
     })
 }
 

@@ -7,6 +7,7 @@ mod broken;
 mod common;
 mod foreign_files;
 mod foreign_tables;
+mod instruments;
 mod many;
 mod odd_and_fine;
 mod round_trips;

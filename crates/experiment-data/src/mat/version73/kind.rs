@@ -9,6 +9,10 @@ pub(super) fn describe(dataset: &Dataset) -> Result<(What, Vec<u64>), hdf5_pure:
     let attributes = dataset.attrs()?;
     let mut shape = dataset.shape()?;
     shape.reverse();
+    if shape.is_empty() {
+        // A single number has no dimensions, except in MATLAB.
+        shape.push(1);
+    }
     let mut what = kind_of_dataset(&attributes, &dataset.dtype()?);
     let short = shape
         .iter()

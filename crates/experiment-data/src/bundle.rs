@@ -12,7 +12,6 @@ use crate::key_path::KeyPath;
 use crate::source::Source;
 use crate::{DataError, DescriptionError, RecordError, RecordPlace, paths, toml_file};
 use lpv_core::{Discrete, Position, Record, RecordKind, Signals};
-use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -247,21 +246,25 @@ impl Bundle {
     }
 
     fn check_files(&self) -> Result<(), DataError> {
-        let mut seen: HashMap<PathBuf, usize> = HashMap::new();
-        for (index, entry) in self.description.records.iter().enumerate() {
+        let records = &self.description.records;
+        let mut seen: HashMap<PathBuf, Vec<usize>> = HashMap::new();
+        for (index, entry) in records.iter().enumerate() {
             // After following links, so that one file under two names is seen too.
-            match seen.entry(self.resolve(index)?.real) {
-                Entry::Vacant(new) => {
-                    new.insert(index);
-                }
-                Entry::Occupied(earlier) => {
-                    let problem = DescriptionError::DuplicateRecord {
-                        file: entry.file.clone(),
-                        first: *earlier.get(),
-                    };
-                    return Err(self.file_fault(index, problem));
-                }
+            let earlier = seen.entry(self.resolve(index)?.real).or_default();
+            let file = || entry.file.clone();
+            let shares = |k: &&usize| entry.shares_samples(&records[**k], &self.description.channels);
+            if let Some(&first) = earlier.iter().find(shares) {
+                let problem = DescriptionError::DuplicateRecord { file: file(), first };
+                return Err(self.file_fault(index, problem));
             }
+            if earlier.len() == MOST_PARTS {
+                let problem = DescriptionError::ManyParts {
+                    file: file(),
+                    most: MOST_PARTS,
+                };
+                return Err(self.file_fault(index, problem));
+            }
+            earlier.push(index);
         }
         Ok(())
     }
@@ -346,6 +349,8 @@ impl Bundle {
     }
 }
 
+/// Records that are parts of one file: each is held against all others.
+const MOST_PARTS: usize = 1000;
 /// Rows that are read at once of a signal that need not be whole.
 const BLOCK: usize = 1 << 16;
 

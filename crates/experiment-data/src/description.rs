@@ -181,6 +181,16 @@ impl RecordEntry {
         self.columns.get(column).map_or(column, String::as_str)
     }
 
+    /// Whether it has samples of an output or input in common with another entry of the same file.
+    pub(crate) fn shares_samples(&self, other: &Self, channels: &Channels) -> bool {
+        let overlap = match (self.rows, other.rows) {
+            (Some([a, b]), Some([c, d])) => a <= d && c <= b,
+            _ => true,
+        };
+        let mut signals = channels.output.columns.iter().chain(&channels.input.columns);
+        overlap && signals.any(|c| self.source_of(c) == other.source_of(c))
+    }
+
     /// Whether [`RecordEntry::record_kind`] is periodic.
     pub fn is_periodic(&self) -> bool {
         matches!(self.record_kind(), RecordKind::Periodic { .. })

@@ -34,7 +34,7 @@ pub(super) fn read_text(file: &Path) -> Result<String, DataError> {
     })
 }
 
-/// Short names where they are unique, the files otherwise.
+/// Short names where they are unique, the files otherwise, with a number behind those of one file.
 pub(super) fn record_names(description: &Description) -> Vec<String> {
     let short = |file: &str| {
         let path = Path::new(file).with_extension("");
@@ -47,9 +47,22 @@ pub(super) fn record_names(description: &Description) -> Vec<String> {
         *times.entry(name).or_default() += 1;
     }
     let unique = |n: &String| !n.is_empty() && times.get(n.as_str()) == Some(&1);
+    let mut of_file: HashMap<&str, usize> = HashMap::new();
+    for entry in &description.records {
+        *of_file.entry(entry.file.as_str()).or_default() += 1;
+    }
+    let mut seen: HashMap<&str, usize> = HashMap::new();
     names
         .iter()
         .zip(&description.records)
-        .map(|(n, entry)| if unique(n) { n.clone() } else { entry.file.clone() })
+        .map(|(n, entry)| match of_file.get(entry.file.as_str()) {
+            _ if unique(n) => n.clone(),
+            Some(1) => entry.file.clone(),
+            _ => {
+                let number = seen.entry(entry.file.as_str()).or_default();
+                *number += 1;
+                format!("{} #{number}", entry.file)
+            }
+        })
         .collect()
 }

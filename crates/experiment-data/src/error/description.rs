@@ -150,13 +150,23 @@ pub enum DescriptionError {
         /// Why it is outside.
         reason: &'static str,
     },
-    /// One file listed twice: it could be fitted and held out at once.
-    #[error("the file `{file}` is already records[{first}]; list a file once")]
+    /// The same samples listed twice: they could be fitted and held out at once.
+    #[error(
+        "the file `{file}` is already records[{first}]; list a file once, or other rows or columns of it"
+    )]
     DuplicateRecord {
         /// The file as written.
         file: String,
         /// Index of its first listing.
         first: usize,
+    },
+    /// More records of one file than are told apart.
+    #[error("more than {most} records are parts of the file `{file}`; cut it into several files")]
+    ManyParts {
+        /// The file as written.
+        file: String,
+        /// Most records of one file.
+        most: usize,
     },
     /// Coefficients that are no controller.
     #[error(transparent)]

@@ -13,3 +13,4 @@ mod odd_and_fine;
 mod round_trips;
 mod schema;
 mod shared_data;
+mod text_tables;

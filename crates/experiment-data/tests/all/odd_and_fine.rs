@@ -140,3 +140,60 @@ fn errors_are_typed() {
         Err(DataError::NotABundle { .. })
     ));
 }
+
+#[test]
+fn a_file_may_hold_several_records_of_other_samples() {
+    let dir = tempfile::tempdir().unwrap();
+    let rows: String = (0..40)
+        .map(|k| format!("{},{},{},{}\n", k % 7, k % 5, k % 3, k % 11))
+        .collect();
+    std::fs::write(dir.path().join("a.csv"), format!("u,y,u_val,y_val\n{rows}")).unwrap();
+    let open = |parts: &[&str]| {
+        let mut toml = "format = 2\nname = 'x'\nsample_rate = 1\n[channels.output]\ncolumns = ['y']\n\
+                        [channels.input]\ncolumns = ['u']\n"
+            .to_owned();
+        for part in parts {
+            toml += &format!("[[records]]\nfile = 'a.csv'\nkind = 'transient'\nuse = 'estimation'\n{part}\n");
+        }
+        std::fs::write(dir.path().join("experiment.toml"), toml).unwrap();
+        Bundle::open(dir.path())
+    };
+    let other = "columns = { u = 'u_val', y = 'y_val' }";
+    for parts in [
+        &["rows = [1, 20]", "rows = [21, 40]"][..],
+        &["", other],
+        &[
+            "rows = [1, 20]",
+            "columns = { u = 'u_val', y = 'y_val' }\nrows = [5, 30]",
+        ],
+    ] {
+        let bundle = open(parts).unwrap();
+        let records: Vec<_> = bundle.records().collect::<Result<_, _>>().unwrap();
+        assert_eq!(
+            (records[0].name.as_str(), records[1].name.as_str()),
+            ("a.csv #1", "a.csv #2")
+        );
+        assert_ne!(records[0].inputs.columns, records[1].inputs.columns);
+    }
+    for parts in [
+        &["rows = [1, 20]", "rows = [20, 40]"][..],
+        &["", ""],
+        &["rows = [1, 20]", ""],
+        // The output is the same.
+        &["", "columns = { u = 'u_val' }"],
+        &[other, other],
+    ] {
+        assert!(matches!(
+            open(parts),
+            Err(DataError::Description { problem, .. })
+                if matches!(*problem, DescriptionError::DuplicateRecord { first: 0, .. })
+        ));
+    }
+    let many: Vec<String> = (1..=1001).map(|k| format!("rows = [{k}, {k}]")).collect();
+    let many: Vec<&str> = many.iter().map(String::as_str).collect();
+    let text = open(&many).unwrap_err().to_string();
+    assert!(
+        text.contains("more than 1000 records are parts of the file"),
+        "{text}"
+    );
+}

@@ -132,7 +132,15 @@ impl Head {
         let mut at = splitter.split(&text)?;
         let names: Vec<String> = splitter.fields().map(words).collect();
         let named = |n: &String| !n.is_empty() && number(n.as_bytes(), Decimal::Point).is_none();
-        let foreign = |n: &String| n.contains([';', '\t']) || n.starts_with(['#', '%']);
+        // Numbers with blanks between them are cut at decimal commas.
+        let numbers = |n: &String| {
+            !n.is_empty()
+                && n.split_whitespace()
+                    .all(|w| number(w.as_bytes(), Decimal::Point).is_some())
+        };
+        let foreign = |n: &String| {
+            n.contains([';', '\t']) || n.starts_with(['#', '%']) || (n.contains(' ') && numbers(n))
+        };
         if !names.iter().any(named) || (rows > 0 && names.iter().any(foreign)) {
             return None;
         }

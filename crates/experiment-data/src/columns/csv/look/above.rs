@@ -35,7 +35,8 @@ impl<'a> Above<'a> {
             let fits = fields.len() == width
                 || (fields.len() == width + 1 && fields.last().is_some_and(|f| few_rows_use_last(f)))
                 || (fields.len() + 1 == width && rows.iter().all(|r| ends_empty(r, width)));
-            if texts.is_empty() && preamble.is_empty() && !fits && !comment && fields.len() > 1 {
+            let may_be_names = !comment && fields.len() > 1 && !is_note(&fields);
+            if texts.is_empty() && preamble.is_empty() && !fits && may_be_names {
                 misfit = Some((row.line, fields.len()));
             }
             if fits && preamble.is_empty() && texts.len() < 3 && row.cells.contains(&Cell::Words) {
@@ -199,6 +200,12 @@ fn uncomment(fields: &mut Vec<String>) -> bool {
         fields[0] = rest;
     }
     true
+}
+
+/// Whether a line tells something instead of naming columns: `Operator: Schmidt`, `Gain;2`, `Date;12.03.2026`.
+fn is_note(fields: &[String]) -> bool {
+    let tells = |f: &String| f.ends_with(':') || f.starts_with(|c: char| c.is_ascii_digit());
+    fields.iter().any(tells)
 }
 
 fn ends_empty(row: &Row, width: usize) -> bool {

@@ -159,7 +159,7 @@ fn run_new(a: New) -> Result<Done, PipelineError> {
     let name = file.to_string_lossy();
     told(
         a.json,
-        &serde_json::json!({ "file": name, "guesses": draft.guesses, "questions": draft.questions }),
+        &serde_json::json!({ "file": name, "guesses": draft.guesses, "questions": draft.questions, "command": draft.command }),
         [],
         || draft.text_for(&file),
     )

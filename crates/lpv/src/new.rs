@@ -1,13 +1,17 @@
 //! A first `experiment.toml` from record files: what names and data tell is filled in, the rest is marked.
 
 mod clock;
+mod command;
 mod gaps;
 mod lay;
+mod pairs;
 mod period;
 mod position;
 mod rate;
 mod roles;
+mod sampling;
 mod see;
+mod stated;
 mod write;
 
 use crate::PipelineError;
@@ -16,7 +20,7 @@ pub use crate::output::Overwrite;
 use clock::Clock;
 use experiment_data::Text;
 use gaps::{lost, part_of};
-use rate::{Rate, TimeColumn};
+use rate::TimeColumn;
 use see::Seen;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -53,6 +57,8 @@ pub struct Draft {
     pub guesses: Vec<String>,
     /// What could not be guessed, with the line to complete.
     pub questions: Vec<String>,
+    /// The command that completes the draft, with words in capitals for what only the user knows.
+    pub command: Option<String>,
 }
 
 impl Draft {
@@ -77,13 +83,13 @@ impl Draft {
         let mut lines = vec![format!("written: {}", file.display())];
         lines.extend(self.guesses.iter().map(|g| format!("guess: {g}")));
         lines.extend(self.questions.iter().map(|q| format!("fill in: {q}")));
-        lines.push(if self.questions.is_empty() {
-            format!(
+        lines.push(match (&self.command, self.questions.as_slice()) {
+            (Some(command), _) => format!("next: complete the lines marked FILL IN, or type: {command}"),
+            (None, []) => format!(
                 "next: look through it, then `lpv inspect {}`",
                 self.folder.display()
-            )
-        } else {
-            "next: complete the lines marked FILL IN".to_owned()
+            ),
+            (None, _) => "next: complete the lines marked FILL IN".to_owned(),
         });
         let lines: Vec<String> = lines.iter().map(|l| visible(l)).collect();
         lines.join("\n")
@@ -175,7 +181,7 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
     let mut questions = Vec::new();
     let mut seen: Vec<Seen> = Vec::new();
     for (file, path) in files.iter().zip(&paths) {
-        seen.push(see::see(file, path)?);
+        seen.extend(see::see(file, path, &mut guesses)?);
     }
     let common = see::common_columns(&mut seen);
     if common.is_empty() {
@@ -239,64 +245,21 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
                 .cloned()
                 .zip(data.iter().map(|x| range_of(x)))
                 .collect(),
-            validation: known
-                .validation
-                .iter()
-                .any(|v| v.canonicalize().is_ok_and(|v| v == seen.path)),
+            validation: seen.is_validation
+                || known
+                    .validation
+                    .iter()
+                    .any(|v| v.canonicalize().is_ok_and(|v| v == seen.path)),
         });
     }
     groups.by_data(&records, known, &mut guesses);
     let mut units = see::units(&seen);
-    let mut rates = Vec::new();
-    let rate = match (&time, known.sample_rate_hz) {
-        (None, Some(hz)) => Some(hz),
-        (None, None) => {
-            questions.push(
-                "sample_rate: no column tells the time; write down the rate in Hz, or give --sample-rate"
-                    .to_owned(),
-            );
-            None
-        }
-        (Some(time), Some(hz)) => {
-            if let Some(step) = time.clocks.first().and_then(|(_, clock)| clock.step()) {
-                match rate::agreeing_unit(step, hz) {
-                    Some(unit) => units.push((time.name.clone(), unit.to_owned())),
-                    None => questions.push(format!(
-                        "sample_rate: {hz} Hz is given, but the column `{}` has steps of {step}; which is right?",
-                        time.name
-                    )),
-                }
-            } else if let Some((file, Clock::Uneven(row))) = time.clocks.first() {
-                let place = row.map_or(String::new(), |r| format!(" (row {r})"));
-                questions.push(format!(
-                    "{file}: the column `{}` does not advance evenly{place}: are samples missing?",
-                    time.name
-                ));
-            }
-            Some(hz)
-        }
-        (Some(time), None) => match rate::rate_of(time, physics.as_ref(), &see::notes(&seen)) {
-            Rate::Found {
-                hz,
-                how,
-                unit,
-                or_else,
-            } => {
-                let doubt = or_else.map_or(String::new(), |other| {
-                    format!(" if that is in seconds; {other} if it is in milliseconds")
-                });
-                guesses.push(format!("sample_rate = {hz} {how}{doubt}"));
-                rates.extend(or_else);
-                units.extend(unit.map(|unit| (time.name.clone(), unit.to_owned())));
-                Some(hz)
-            }
-            Rate::Ask { problem, candidates } => {
-                questions.push(format!("sample_rate: {problem}; write down the rate in Hz"));
-                rates = candidates;
-                None
-            }
-        },
-    };
+    let sampling = sampling::decide(time.as_ref(), known.sample_rate_hz, &see::hints(&seen, physics));
+    if let (Some(time), Some(unit)) = (&time, sampling.unit) {
+        units.push((time.name.clone(), unit));
+    }
+    guesses.extend(sampling.guess);
+    questions.extend(sampling.question);
     // The time stays with the data, where it can be looked at again.
     groups.auxiliary.extend(time.map(|t| t.name));
     let names: Vec<String> = records.iter().map(|r| r.file.clone()).collect();
@@ -306,8 +269,8 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
                 .file_name()
                 .map_or("experiment".to_owned(), |n| n.to_string_lossy().into_owned())
         }),
-        rate,
-        rates,
+        rate: sampling.hz,
+        rates: sampling.others,
         places: position::places_in_names(&names).filter(|_| groups.scheduling.is_empty() && names.len() > 1),
         groups,
         units,
@@ -317,6 +280,7 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
     };
     let text = write::text(&plan, &mut guesses, &mut questions);
     Ok(Draft {
+        command: command::to_complete(files, &plan),
         folder,
         text,
         guesses,

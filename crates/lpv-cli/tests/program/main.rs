@@ -15,6 +15,7 @@ mod identify_time;
 mod inspect;
 mod memory;
 mod new;
+mod new_files;
 mod plane;
 mod python;
 mod report;

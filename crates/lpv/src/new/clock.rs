@@ -79,19 +79,14 @@ pub(super) fn clock_of(time: &[f64], time_of_day: bool) -> Clock {
     if !(mean.is_finite() && mean > 0.0) {
         return Clock::Uneven(None);
     }
-    let mut at = 0.0;
-    let mut largest = 0.0f64;
-    for (k, d) in steps.iter().enumerate() {
-        at += d;
-        largest = largest.max((at / mean - (k + 1) as f64).abs());
-    }
+    let (step, largest) = line_through(&steps);
     let within = |part: f64| steps.iter().all(|d| (d - mean).abs() <= part * mean);
     if within(EVEN) {
-        return Clock::Even(mean);
+        return Clock::Even(step);
     }
     // A lost sample makes a step of two, or shifts the stamps around it by half a sample.
     if within(0.45) && largest <= 0.25 {
-        return Clock::Jitter { step: mean, largest };
+        return Clock::Jitter { step, largest };
     }
     // Stamps that are rounded to more than a step follow the even clock to within the rounding.
     let resolution = steps
@@ -104,15 +99,43 @@ pub(super) fn clock_of(time: &[f64], time_of_day: bool) -> Clock {
         .iter()
         .filter(|d| (*d - usual).abs() > 0.1 * resolution)
         .count();
-    let rounded = resolution > 0.5 * mean && largest * mean <= 1.01 * resolution && steps.iter().all(on_grid);
+    let rounded = resolution > 0.5 * mean && largest * step <= 0.55 * resolution && steps.iter().all(on_grid);
     // A lost sample now and then is no rounding.
     if rounded && 20 * unusual >= steps.len() {
-        return Clock::Jitter { step: mean, largest };
+        return Clock::Jitter { step, largest };
     }
     lost(&steps, usual).unwrap_or_else(|| {
         let worst = steps.iter().position(|d| (d - usual).abs() > NEAR * usual);
         Clock::Uneven(worst.map(|k| k + 2))
     })
+}
+
+/// The even clock next to the stamps by least squares: its step, and the largest distance of a stamp from it in steps. First
+/// and last stamp alone would carry their own error over to all others.
+fn line_through(steps: &[f64]) -> (f64, f64) {
+    let centre = 0.5 * steps.len() as f64;
+    let mut stamps = Vec::with_capacity(steps.len() + 1);
+    let mut at = 0.0;
+    stamps.push(at);
+    stamps.extend(steps.iter().map(|d| {
+        at += d;
+        at
+    }));
+    let (mut above, mut below) = (0.0, 0.0);
+    for (k, stamp) in stamps.iter().enumerate() {
+        let x = k as f64 - centre;
+        above += x * stamp;
+        below += x * x;
+    }
+    let step = above / below;
+    let (low, high) = stamps
+        .iter()
+        .enumerate()
+        .map(|(k, stamp)| stamp - step * k as f64)
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), r| {
+            (low.min(r), high.max(r))
+        });
+    (step, 0.5 * (high - low) / step)
 }
 
 /// A clock whose steps are multiples of the usual one.
@@ -180,6 +203,20 @@ mod tests {
         let mut back = even(50, 1.0);
         back[20] = 3.0;
         assert_eq!(clock_of(&back, false), Clock::Uneven(Some(21)));
+    }
+
+    #[test]
+    fn scattered_stamps_show_the_step_and_their_scatter() {
+        for (step, scatter, rows) in [(1e-3, 0.1, 2048), (5.0, 0.2, 400), (2e-5, 0.05, 20_000)] {
+            let stamps: Vec<f64> = (0..rows)
+                .map(|k| step * (f64::from(k) + scatter * (2.3 * f64::from(k)).sin()))
+                .collect();
+            let Clock::Jitter { step: found, largest } = clock_of(&stamps, false) else {
+                panic!("{step}")
+            };
+            assert!((found / step - 1.0).abs() < 1e-5, "{found} {step}");
+            assert!((largest / scatter - 1.0).abs() < 0.02, "{largest} {scatter}");
+        }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The columns by role: first by name and unit, then by what they do.
 
 use super::clock::{Clock, clock_of, counts_rows};
-use super::rate::{Physics, TimeColumn};
+use super::rate::{self, Physics, TimeColumn};
 use super::roles::{Role, base_factor, is_speed, role_of, role_of_unit, unit_of};
 use super::see::Seen;
 use super::{Groups, Known, RecordFile, position};
@@ -112,6 +112,13 @@ impl Groups {
             .or(named.first().copied())
             .or_else(|| columns.iter().filter(free).find(advances))?
             .clone();
+        // Logs that stand in one file may have a clock each.
+        let step = clock(&name).and_then(|c| c.step());
+        let rival = columns.iter().filter(free).find_map(|other| {
+            let is_clock = container(other) != container(&name) && (by_name(&other) || advances(&other));
+            let own = clock(other)?.step().filter(|_| is_clock)?;
+            (!rate::is_same_step(own, step?)).then(|| (other.clone(), own))
+        });
         let named: HashSet<&String> = named.into_iter().collect();
         for group in self.all() {
             // Two clocks tell the same.
@@ -122,6 +129,7 @@ impl Groups {
             is_stamp: seen.is_stamp(&name),
             first: column(&name).and_then(|x| x.first().copied()).unwrap_or(0.0),
             clocks: Vec::new(),
+            rival,
             name,
         })
     }
@@ -169,6 +177,18 @@ impl Groups {
                 });
             }
         }
+    }
+}
+
+/// The struct or matrix that a column is part of; nothing for one that stands alone.
+fn container(name: &str) -> &str {
+    // `data(:,1)`, and not `force (N)`.
+    let matrix = name.rsplit_once('(').filter(|(_, part)| part.contains(':'));
+    let base = matrix.map_or(name, |(base, _)| base);
+    match base.rsplit_once('.') {
+        Some((container, _)) => container,
+        None if matrix.is_some() => base,
+        None => "",
     }
 }
 
@@ -227,6 +247,19 @@ fn follows(x: &[f64], v: &[f64]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_a_column_is_part_of() {
+        for (name, whole) in [
+            ("data(:,1)", "data"),
+            ("rec.pos(2,:)", "rec"),
+            ("rec.time", "rec"),
+            ("force (N)", ""),
+            ("t", ""),
+        ] {
+            assert_eq!(container(name), whole);
+        }
+    }
 
     #[test]
     fn a_speed_follows_its_position() {

@@ -2,6 +2,7 @@
 
 use super::clock::Clock;
 use super::roles::unit_of;
+use super::stated::Stated;
 
 /// A step of this many seconds or more is asked about where nothing but the number says that it is in seconds: positioning
 /// machines are logged faster, and in milliseconds.
@@ -22,6 +23,8 @@ pub(super) struct TimeColumn {
     pub(super) is_stamp: bool,
     /// Its first value.
     pub(super) first: f64,
+    /// Another column that advances evenly, by other steps: the clock of other signals.
+    pub(super) rival: Option<(String, f64)>,
     /// For each file: its name and what the column says in it.
     pub(super) clocks: Vec<(String, Clock)>,
 }
@@ -60,8 +63,17 @@ impl Rate {
     }
 }
 
+/// What tells the unit of a time column besides itself.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Hints {
+    pub(super) physics: Option<Physics>,
+    /// Whether this kind of file has its times in seconds.
+    pub(super) in_seconds: bool,
+    pub(super) stated: Vec<Stated>,
+}
+
 /// The rate that the time columns of all files say.
-pub(super) fn rate_of(time: &TimeColumn, physics: Option<&Physics>, notes: &[Vec<String>]) -> Rate {
+pub(super) fn rate_of(time: &TimeColumn, hints: &Hints) -> Rate {
     let name = &time.name;
     let mut first: Option<f64> = None;
     let mut scatter = 0.0f64;
@@ -70,7 +82,8 @@ pub(super) fn rate_of(time: &TimeColumn, physics: Option<&Physics>, notes: &[Vec
             Clock::Uneven(row) => {
                 let place = row.map_or(String::new(), |r| format!(" (row {r})"));
                 return Rate::ask(format!(
-                    "the column `{name}` does not advance evenly in {file}{place}"
+                    "the column `{name}` does not advance evenly in {file}{place}; bring all signals to even steps, in MATLAB \
+                     with this column as t: ti = t(1):median(diff(t)):t(end); u = interp1(t, u, ti)"
                 ));
             }
             Clock::Jitter { step, largest } => {
@@ -89,10 +102,23 @@ pub(super) fn rate_of(time: &TimeColumn, physics: Option<&Physics>, notes: &[Vec
     let Some(step) = first else {
         return Rate::ask(format!("the column `{name}` has too few rows"));
     };
+    if let Some((other, own)) = &time.rival {
+        return Rate::Ask {
+            problem: format!(
+                "the column `{name}` has steps of {}, `{other}` of {}: which is the time of the signals?",
+                nice(step),
+                nice(*own)
+            ),
+            candidates: vec![nice(1.0 / step), nice(1.0 / own)],
+        };
+    }
     let found = |(unit, seconds): (&'static str, f64), why: &str| {
         let scattered = if scatter > 0.0 {
+            // A sample that is late by d errs by 2 pi f d on a sine of f.
+            let hz = 0.01 / (std::f64::consts::TAU * scatter * step * seconds);
             format!(
-                ", the mean of stamps that scatter by up to {:.0} % of a step",
+                ", the mean of stamps that scatter by up to {:.0} % of a step; where the samples scatter with them, even steps err \
+                 by up to 1 % on a sine of {hz:.3} Hz",
                 100.0 * scatter
             )
         } else {
@@ -130,13 +156,13 @@ pub(super) fn rate_of(time: &TimeColumn, physics: Option<&Physics>, notes: &[Vec
     if let Some(unit) = unit_of_stamps(time.first) {
         return found(unit, &format!(", which counts {} since 1970", unit.0));
     }
-    if let Some(unit) = unit_by_notes(notes, step) {
-        return found(
-            unit,
-            &format!(" in {}, which the lines above the names say", unit.0),
-        );
+    if hints.in_seconds {
+        return found(UNITS[0], ", which this kind of file has in seconds");
     }
-    if let Some(physics) = physics
+    if let Some((unit, what)) = unit_by_stated(&hints.stated, step) {
+        return found(unit, &format!(" in {}, as {what} says", unit.0));
+    }
+    if let Some(physics) = hints.physics.as_ref()
         && let Some(unit) = unit_by_physics(physics, step)
     {
         return found(
@@ -170,6 +196,12 @@ pub(super) fn rate_of(time: &TimeColumn, physics: Option<&Physics>, notes: &[Vec
     }
 }
 
+/// Whether two steps are one, in the same or another unit of time.
+pub(super) fn is_same_step(a: f64, b: f64) -> bool {
+    let ratio = (a / b).max(b / a);
+    UNITS.iter().any(|(_, s)| (ratio * s - 1.0).abs() < 0.01)
+}
+
 /// The unit in which a known rate agrees with the time column; none if no unit does.
 pub(super) fn agreeing_unit(step: f64, hz: f64) -> Option<&'static str> {
     UNITS
@@ -195,7 +227,7 @@ fn stated_unit(column: &str) -> Option<&str> {
 }
 
 /// Seconds in a unit of time.
-fn seconds(unit: &str) -> Option<f64> {
+pub(super) fn seconds(unit: &str) -> Option<f64> {
     match unit.trim().to_lowercase().as_str() {
         "s" | "sec" | "second" | "seconds" | "sekunden" => Some(1.0),
         "ms" | "msec" | "millisecond" | "milliseconds" => Some(1e-3),
@@ -211,62 +243,11 @@ fn unit_of_stamps(first: f64) -> Option<(&'static str, f64)> {
     UNITS.into_iter().find(|(_, s)| (1e9..4e9).contains(&(first * s)))
 }
 
-/// The unit that agrees with a sample interval or rate above the names.
-fn unit_by_notes(notes: &[Vec<String>], step: f64) -> Option<(&'static str, f64)> {
-    // The format LVM has its X values in seconds.
-    if notes
-        .iter()
-        .flatten()
-        .any(|cell| cell.starts_with("LabVIEW Measurement"))
-    {
-        return Some(UNITS[0]);
-    }
-    notes.iter().find_map(|line| {
-        let [key, rest @ ..] = line.as_slice() else {
-            return None;
-        };
-        let (key, given) = match (rest.is_empty(), key.split_once([':', '='])) {
-            (true, Some((key, value))) => (key.to_owned(), vec![value.trim().to_owned()]),
-            _ => (key.clone(), rest.to_vec()),
-        };
-        let lower = key.to_lowercase();
-        let about = |words: &[&str]| words.iter().any(|w| lower.contains(w));
-        let mut cells = given.iter().flat_map(|c| c.split_whitespace());
-        let value: f64 = cells.next()?.replace(',', ".").parse().ok()?;
-        let unit = unit_of(&key)
-            .map(str::to_owned)
-            .or_else(|| cells.next().map(str::to_owned));
-        let interval = if about(&[
-            "interval",
-            "delta_x",
-            "delta t",
-            "sample time",
-            "sampletime",
-            "sampling time",
-            "tastzeit",
-            "abtastzeit",
-        ]) {
-            value * unit.as_deref().map_or(Some(1.0), seconds)?
-        } else if about(&[
-            "sample rate",
-            "sampling rate",
-            "samplerate",
-            "sampling frequency",
-            "abtastrate",
-        ]) {
-            let times = match unit.as_deref() {
-                None | Some("Hz" | "S/s") => 1.0,
-                Some("kHz" | "kS/s") => 1e3,
-                Some("MHz" | "MS/s") => 1e6,
-                Some(_) => return None,
-            };
-            1.0 / (value * times)
-        } else {
-            return None;
-        };
-        UNITS
-            .into_iter()
-            .find(|(_, s)| (step * s / interval - 1.0).abs() < 0.01)
+/// The unit in which the steps are an interval that the file states, and what states it.
+fn unit_by_stated(stated: &[Stated], step: f64) -> Option<((&'static str, f64), &str)> {
+    stated.iter().find_map(|known| {
+        let agrees = |(_, s): &(&str, f64)| (step * s / known.seconds - 1.0).abs() < 0.01;
+        Some((UNITS.into_iter().find(agrees)?, known.what.as_str()))
     })
 }
 
@@ -280,7 +261,7 @@ fn unit_by_physics(physics: &Physics, step: f64) -> Option<(&'static str, f64)> 
 }
 
 /// A round number where the rate nearly is one.
-fn nice(rate: f64) -> f64 {
+pub(super) fn nice(rate: f64) -> f64 {
     let digits = 10f64.powi(4 - rate.log10().floor() as i32);
     let round = (rate * digits).round() / digits;
     if (round / rate - 1.0).abs() < 1e-5 {
@@ -300,16 +281,24 @@ mod tests {
             unit: unit.to_owned(),
             is_stamp: false,
             first,
+            rival: None,
             clocks: vec![("a.csv".to_owned(), Clock::Even(step))],
         }
     }
 
-    fn hz(time: &TimeColumn, physics: Option<&Physics>, notes: &[&[&str]]) -> Option<f64> {
-        let notes: Vec<Vec<String>> = notes
-            .iter()
-            .map(|line| line.iter().map(ToString::to_string).collect())
-            .collect();
-        match rate_of(time, physics, &notes) {
+    fn hz(time: &TimeColumn, physics: Option<&Physics>, stated: &[f64]) -> Option<f64> {
+        let hints = Hints {
+            physics: physics.cloned(),
+            in_seconds: false,
+            stated: stated
+                .iter()
+                .map(|&seconds| Stated {
+                    what: "`Ts`".into(),
+                    seconds,
+                })
+                .collect(),
+        };
+        match rate_of(time, &hints) {
             Rate::Found { hz, .. } => Some(hz),
             Rate::Ask { .. } => None,
         }
@@ -356,17 +345,14 @@ mod tests {
         assert_eq!(hz(&doubtful, Some(&speed(0.1, false)), &[]), None);
         assert_eq!(hz(&doubtful, Some(&speed(0.1, true)), &[]), Some(0.1));
         let half = column("time", "", 0.0, 0.5);
-        for notes in [
-            &["Sample Interval", "5e-04"][..],
-            &["SampleTime[ms]", "0,5"],
-            &["Sample rate: 2 kHz"],
-            &["Sampling rate", "2000 Hz"],
-        ] {
-            assert_eq!(hz(&half, None, &[notes]), Some(2000.0), "{notes:?}");
-        }
-        assert_eq!(hz(&half, None, &[&["LabVIEW Measurement", ""]]), Some(2.0));
-        assert_eq!(hz(&half, None, &[&["Gain", "0.5"]]), None);
+        assert_eq!(hz(&half, None, &[5e-4]), Some(2000.0));
+        assert_eq!(hz(&half, None, &[0.5]), Some(2.0));
+        assert_eq!(hz(&half, None, &[0.7]), None);
         assert_eq!(agreeing_unit(10.0, 100.0), Some("ms"));
         assert_eq!(agreeing_unit(10.0, 50.0), None);
+        assert!(is_same_step(1e-3, 1.0) && is_same_step(5e-4, 5e-4) && !is_same_step(1e-3, 4e-3));
+        let mut two = column("rec.time", "s", 0.0, 0.004);
+        two.rival = Some(("data(:,1)".to_owned(), 0.001));
+        assert_eq!(hz(&two, None, &[0.001]), None);
     }
 }

@@ -1,8 +1,11 @@
 //! What the files hold, before anything is guessed from it.
 
-use super::refuse;
+use super::rate::{Hints, Physics};
+use super::{pairs, refuse, stated};
 use crate::PipelineError;
-use experiment_data::{Column, PassedOver, Separator, Text, lines_of_rows, look_into, read_columns_as};
+use experiment_data::{
+    Column, Contents, PassedOver, Scalar, Separator, Text, lines_of_rows, look_into, read_columns_as,
+};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
@@ -27,11 +30,37 @@ pub(super) struct Seen {
     /// Columns of another length, and what is no column at all.
     others: Vec<PassedOver>,
     notes: Vec<Vec<String>>,
+    scalars: Vec<Scalar>,
+    /// Whether its names say that it is held out.
+    pub(super) is_validation: bool,
 }
 
-/// Looks into a file.
-pub(super) fn see(file: &Path, path: &Path) -> Result<Seen, PipelineError> {
+/// Looks into a file: one record, or two where it has its signals once to fit and once to judge.
+pub(super) fn see(file: &Path, path: &Path, guesses: &mut Vec<String>) -> Result<Vec<Seen>, PipelineError> {
     let contents = look_into(path).map_err(|e| refuse(file, e.to_string()))?;
+    let Some(pair) = pairs::split(&contents.columns) else {
+        return Ok(vec![record_of(file, path, contents)?]);
+    };
+    guesses.push(format!(
+        "{}: {} are held out, to judge what is fitted to the others",
+        file.display(),
+        pair.held_out.join(", ")
+    ));
+    let held_out = Contents {
+        columns: pair.validation,
+        passed_over: Vec::new(),
+        ..contents.clone()
+    };
+    let fitted = Contents {
+        columns: pair.estimation,
+        ..contents
+    };
+    let mut both = vec![record_of(file, path, fitted)?, record_of(file, path, held_out)?];
+    both[1].is_validation = true;
+    Ok(both)
+}
+
+fn record_of(file: &Path, path: &Path, contents: Contents) -> Result<Seen, PipelineError> {
     let mut rows = rows_of_record(&contents.columns);
     // Beside objects that hold the signals, a short table is a setting.
     let objects = contents.passed_over.iter().any(|p| p.what.contains("object"));
@@ -72,6 +101,8 @@ pub(super) fn see(file: &Path, path: &Path) -> Result<Seen, PipelineError> {
         text: contents.text,
         others,
         notes: contents.notes,
+        scalars: contents.scalars,
+        is_validation: false,
     })
 }
 
@@ -240,9 +271,21 @@ pub(super) fn units(seen: &[Seen]) -> Vec<(String, String)> {
         .collect()
 }
 
-/// The lines above the names of the first file.
-pub(super) fn notes(seen: &[Seen]) -> Vec<Vec<String>> {
-    seen.first().map_or_else(Vec::new, |s| s.notes.clone())
+/// What the files state about their clocks beside their samples.
+pub(super) fn hints(seen: &[Seen], physics: Option<Physics>) -> Hints {
+    let mut all = Vec::new();
+    for file in seen {
+        for one in stated::stated(&file.notes, &file.scalars) {
+            if !all.contains(&one) {
+                all.push(one);
+            }
+        }
+    }
+    Hints {
+        physics,
+        in_seconds: seen.first().is_some_and(|s| stated::has_seconds(&s.notes)),
+        stated: all,
+    }
 }
 
 /// What one `[text]` can say about all files; what differs between them is left to the look at each.

@@ -1,0 +1,220 @@
+//! `lpv new`: what a file says besides its signals, and files of instruments.
+
+use crate::common::{Desk, PERIOD, csv, mode_record};
+use experiment_data::mat::{Array, Value, write_values};
+use experiment_data::{Bundle, Text};
+use lpv_core::{Purpose, RecordKind};
+
+fn array(rows: usize, data: &[f64]) -> Value {
+    Value::Array(Array {
+        shape: vec![rows as u64, (data.len() / rows) as u64],
+        data: data.to_vec(),
+    })
+}
+
+fn named(name: &str, value: Value) -> (String, Value) {
+    (name.to_owned(), value)
+}
+
+#[test]
+fn settings_tell_the_rate() {
+    let desk = Desk::new();
+    let (u, y) = mode_record();
+    let signals = || [named("u", array(u.len(), &u)), named("y", array(y.len(), &y))];
+    for (name, value, rate) in [
+        ("Fs", 10.0, 10.0),
+        ("Ts", 0.1, 10.0),
+        ("dt", 2.5e-5, 4e4),
+        ("sample_rate", 123.0, 123.0),
+    ] {
+        let mut values = signals().to_vec();
+        values.push(named(name, array(1, &[value])));
+        values.push(named("gain", array(1, &[7.0])));
+        desk.write("mat/a.mat", write_values(&values).unwrap());
+        let said = desk.done("new mat/a.mat --force");
+        assert!(said.contains(&format!("as `{name}` = {value} says")), "{said}");
+        let bundle = Bundle::open(&desk.path("mat")).unwrap();
+        assert_eq!(bundle.description().sample_rate_hz, rate);
+        desk.done("inspect mat");
+    }
+    // Two settings that contradict each other are asked about, and a setting decides the unit of a time.
+    let mut values = signals().to_vec();
+    values.push(named("fs", array(1, &[1000.0])));
+    values.push(named("Ts", array(1, &[0.01])));
+    desk.write("two/a.mat", write_values(&values).unwrap());
+    let said = desk.done("new two/a.mat");
+    for part in [
+        "`fs` = 1000 says 1000 Hz",
+        "`Ts` = 0.01 says 100 Hz",
+        "lpv new two/a.mat --sample-rate HZ --force",
+    ] {
+        assert!(said.contains(part), "{part} in {said}");
+    }
+    let steps: Vec<f64> = (0..u.len()).map(|k| k as f64).collect();
+    let mut values = signals().to_vec();
+    values.push(named("t", array(u.len(), &steps)));
+    values.push(named("fs", array(1, &[1000.0])));
+    desk.write("unit/a.mat", write_values(&values).unwrap());
+    let said = desk.done("new unit/a.mat");
+    assert!(
+        said.contains("sample_rate = 1000 from the column `t` in ms"),
+        "{said}"
+    );
+    // In a table: alone in its first row, or above the names.
+    let rows = csv(&[("u", &u), ("y", &y)]);
+    let mut lines = rows.lines();
+    let mut table = format!("{},Ts\n", lines.next().unwrap());
+    table += &format!("{},0.1\n", lines.next().unwrap());
+    lines.for_each(|line| table += &format!("{line},\n"));
+    desk.write("table/a.csv", table);
+    assert!(
+        desk.done("new table/a.csv")
+            .contains("sample_rate = 10, as `Ts` = 0.1 says")
+    );
+    desk.done("inspect table");
+    desk.write("above/a.csv", format!("# sample rate: 0.01 kHz\n{rows}"));
+    assert!(
+        desk.done("new above/a.csv")
+            .contains("sample_rate = 10, as the line")
+    );
+    desk.done("inspect above");
+}
+
+#[test]
+fn two_clocks_in_one_file_are_asked_about() {
+    let desk = Desk::new();
+    let (u, y) = mode_record();
+    let steps = |step: f64| (0..u.len()).map(|k| k as f64 * step).collect::<Vec<f64>>();
+    let data = [steps(0.001), u.clone(), y.clone()].concat();
+    let log = Value::Struct(vec![
+        named("time", array(1, &steps(0.004))),
+        named("pos", array(1, &y)),
+    ]);
+    let values = [named("data", array(u.len(), &data)), named("rec", log)];
+    desk.write("two/m.mat", write_values(&values).unwrap());
+    let said = desk.done("new two/m.mat --input data(:,2)");
+    for part in [
+        "`rec.time` has steps of 0.004, `data(:,1)` of 0.001",
+        "--sample-rate HZ --force",
+    ] {
+        assert!(said.contains(part), "{part} in {said}");
+    }
+    assert!(
+        desk.text("two/experiment.toml")
+            .contains("# FILL IN: 250 or 1000")
+    );
+    let said = desk.done("new two/m.mat --input data(:,2) --output data(:,3) --sample-rate 1000 --force");
+    assert!(!said.contains("fill in"), "{said}");
+    desk.done("inspect two");
+}
+
+#[test]
+fn names_tell_what_is_held_out() {
+    let desk = Desk::new();
+    let (u, y) = mode_record();
+    let half = u.len() / 2 / PERIOD * PERIOD;
+    let (first, second) = (
+        |x: &[f64]| x[..half].to_vec(),
+        |x: &[f64]| x[half..2 * half].to_vec(),
+    );
+    let columns = [first(&u), second(&u), first(&y), second(&y)];
+    let names = ["uEst", "uVal", "yEst", "yVal"];
+    let table: Vec<(&str, &[f64])> = names
+        .iter()
+        .zip(&columns)
+        .map(|(n, c)| (*n, c.as_slice()))
+        .collect();
+    desk.write("table/a.csv", csv(&table));
+    // Of a MAT file the lengths may differ.
+    let values = [
+        named("u", array(u.len(), &u)),
+        named("y", array(y.len(), &y)),
+        named("u_val", array(half, &columns[1])),
+        named("y_val", array(half, &columns[3])),
+        named("Ts", array(1, &[0.1])),
+    ];
+    desk.write("mat/a.mat", write_values(&values).unwrap());
+    for (folder, file, rows) in [("table", "a.csv", half), ("mat", "a.mat", u.len())] {
+        let said = desk.done(&format!("new {folder}/{file} --sample-rate 10"));
+        assert!(said.contains("are held out"), "{said}");
+        let bundle = Bundle::open(&desk.path(folder)).unwrap();
+        let records: Vec<_> = bundle.records().collect::<Result<_, _>>().unwrap();
+        assert_eq!(
+            records.iter().map(|r| r.purpose).collect::<Vec<_>>(),
+            [Purpose::Estimation, Purpose::Validation]
+        );
+        assert_eq!(records[0].inputs.columns[0], u[..rows]);
+        assert_eq!(records[1].inputs.columns[0], columns[1]);
+        assert_eq!(records[1].outputs.columns[0], columns[3]);
+        assert_ne!(records[0].name, records[1].name);
+        desk.done(&format!("inspect {folder}"));
+    }
+    // The same samples are not fitted and held out at once.
+    let text = desk.text("table/experiment.toml").replace("Val", "Est");
+    desk.write("table/experiment.toml", text);
+    let said = desk.refused("inspect table");
+    assert!(said.contains("is already records[0]"), "{said}");
+}
+
+#[test]
+fn scattered_stamps_state_their_error() {
+    let desk = Desk::new();
+    let (u, y) = mode_record();
+    let t: Vec<f64> = (0..u.len())
+        .map(|k| (k as f64 + 0.1 * (k as f64 * 2.3).sin()) * 1e-3)
+        .collect();
+    desk.write("data/a.csv", csv(&[("t", &t), ("u", &u), ("y", &y)]));
+    let said = desk.done("new data/a.csv");
+    // A tenth of a step: 0.01 / (2 pi 1e-4 s) is 16 Hz.
+    assert!(
+        said.contains("scatter by up to 10 % of a step") && said.contains("1 % on a sine of 15.9"),
+        "{said}"
+    );
+}
+
+/// A data set 58 of even samples in text.
+fn function(quantity: u8, unit: &str, node: u8, data: &[f64]) -> String {
+    let mut text = format!("    -1\n    58\n{}", "NONE\n".repeat(5));
+    text += &format!("    1         0    1         0       NONE{node:10}   3       NONE         1   3\n");
+    text += &format!(
+        "{:10}{:10}{:10}{:13.5}{:13.5}{:13.5}\n",
+        4,
+        data.len(),
+        1,
+        0.0,
+        0.1,
+        0.0
+    );
+    text += "        17    0    0    0 Time                 s\n";
+    text += &format!("{quantity:10}    0    0    0 NONE                 {unit}\n");
+    text += &"         0    0    0    0 NONE                 NONE\n".repeat(2);
+    for line in data.chunks(4) {
+        let cells: Vec<String> = line.iter().map(|v| format!("{v:20.11e}")).collect();
+        text += &format!("{}\n", cells.concat());
+    }
+    text + "    -1\n"
+}
+
+#[test]
+fn a_universal_file_needs_no_edit() {
+    let desk = Desk::new();
+    let (u, y) = mode_record();
+    desk.write("data/a.uff", function(13, "N", 1, &u) + &function(8, "m", 7, &y));
+    let said = desk.done("new data/a.uff");
+    for part in [
+        "`abscissa increment` = 0.1",
+        "input: force 1+Z",
+        "output: displacement 7+Z",
+    ] {
+        assert!(said.contains(part), "{part} in {said}");
+    }
+    let bundle = Bundle::open(&desk.path("data")).unwrap();
+    assert_eq!(bundle.description().channels.output.units, ["m"]);
+    assert_eq!(bundle.description().text, None::<Text>);
+    let record = bundle.load(0).unwrap();
+    assert_eq!(record.kind, RecordKind::Periodic { period: PERIOD });
+    for (a, b) in record.outputs.columns[0].iter().zip(&y) {
+        assert!((a - b).abs() <= 1e-11 * b.abs());
+    }
+    desk.done("identify data -o model.json");
+}

@@ -66,7 +66,7 @@ impl Number {
 }
 
 /// What most files hold.
-const DOUBLE: Number = Number {
+pub(crate) const DOUBLE: Number = Number {
     class: Class::Float,
     size: 8,
     big_endian: false,

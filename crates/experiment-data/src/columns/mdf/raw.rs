@@ -1,6 +1,6 @@
 //! One value of a record.
 
-use crate::columns::number::{Class, Number};
+use crate::columns::number::{Class, DOUBLE, Number};
 
 /// Where a record has a value, and how it is stored.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,6 +67,14 @@ impl Raw {
                 is_signed: class == Class::Signed,
                 big_endian,
             }),
+        }
+    }
+
+    /// The first byte of a little-endian double, where it is one.
+    pub(super) fn double(self) -> Option<usize> {
+        match self {
+            Self::Bytes { offset, number } if number == DOUBLE => Some(offset),
+            _ => None,
         }
     }
 

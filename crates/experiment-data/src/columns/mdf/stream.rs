@@ -299,11 +299,20 @@ fn sorted(buffer: &[u8], group: &Group, takers: &mut [Taker<'_>]) -> usize {
     for taker in takers {
         let first = taker.column.len() as u64;
         let left = usize::try_from(group.rows - first).unwrap_or(usize::MAX);
-        let records = buffer.chunks_exact(bytes).take(left).zip(first..);
+        let records = buffer.chunks_exact(bytes).take(left);
         let stored = taker.stored;
-        taker
-            .column
-            .extend(records.map(|(record, index)| stored.value(record, index)));
+        match (stored.raw.double(), stored.invalid) {
+            // What most channels hold.
+            (Some(at), None) => taker.column.extend(records.map(|record| {
+                let own: [u8; 8] = std::array::from_fn(|i| record[at + i]);
+                stored.conversion.apply(f64::from_le_bytes(own))
+            })),
+            _ => taker.column.extend(
+                records
+                    .zip(first..)
+                    .map(|(record, index)| stored.value(record, index)),
+            ),
+        }
     }
     buffer.len() / bytes * bytes
 }

@@ -4,7 +4,7 @@ use super::header::Spacing;
 use super::malformed;
 use super::sets::{Coding, Set};
 use crate::RecordError;
-use crate::columns::number::{Class, Number};
+use crate::columns::number::{Class, DOUBLE, Number};
 
 impl Set {
     /// Numbers that it claims: a value has one or two, and its abscissa one where these are stored.
@@ -48,18 +48,23 @@ impl Set {
         };
         let value = number(self.header.width());
         if abscissa_bytes == 0 {
-            return part.chunks_exact(value.size).map(|c| value.value(c)).collect();
+            let numbers = part.chunks_exact(value.size);
+            return match value {
+                DOUBLE => numbers
+                    .map(|c| f64::from_le_bytes(std::array::from_fn(|i| c[i])))
+                    .collect(),
+                _ => numbers.map(|c| value.value(c)).collect(),
+            };
         }
         let abscissa = number(abscissa_bytes);
         let point = abscissa_bytes + value.size * (1 + usize::from(self.header.is_complex));
-        part.chunks_exact(point)
-            .flat_map(|c| {
-                let values = c[abscissa_bytes..]
-                    .chunks_exact(value.size)
-                    .map(move |v| value.value(v));
-                std::iter::once(abscissa.value(&c[..abscissa_bytes])).chain(values)
-            })
-            .collect()
+        let numbers = part.chunks_exact(point).flat_map(|c| {
+            let values = c[abscissa_bytes..]
+                .chunks_exact(value.size)
+                .map(move |v| value.value(v));
+            std::iter::once(abscissa.value(&c[..abscissa_bytes])).chain(values)
+        });
+        numbers.collect()
     }
 
     fn of_text(&self, name: &str, part: &[u8]) -> Result<Vec<f64>, RecordError> {

@@ -67,6 +67,10 @@ impl WithSimd for AddProduct<'_> {
             inner,
             out,
         } = self;
+        // A controller without states adds nothing.
+        if rows == 0 || inner == 0 {
+            return;
+        }
         match rows {
             2 => add_columns::<2>(factor, a, b, inner, out),
             4 => add_columns::<4>(factor, a, b, inner, out),

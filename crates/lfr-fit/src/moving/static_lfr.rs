@@ -10,7 +10,7 @@ use lpv_core::Continuous;
 ///
 /// | field | default | meaning | range |
 /// |---|---|---|---|
-/// | `splits` | 1+0+1, 1+1+1, 1+0+2, 1+1+2, 2+1+2 | where the deltas act, tried in this order | not empty |
+/// | `splits` | 1+0+0, 1+0+1, 1+1+1, 1+0+2, 1+1+2, 2+1+2 | where the deltas act, tried in this order | not empty |
 /// | `degree` | 5 | of the polynomials of the state transformation's rate; too low a degree leaves an error that no LFR explains | 1 to 12 |
 /// | `starts` | 2 | starts of each split | 1 to 1000 |
 /// | `seed` | 0 | of the starts | |
@@ -30,7 +30,7 @@ pub struct StaticLfrSettings {
 }
 
 /// Forces, outputs and accelerations.
-const SPLITS: [[usize; 3]; 5] = [[1, 0, 1], [1, 1, 1], [1, 0, 2], [1, 1, 2], [2, 1, 2]];
+const SPLITS: [[usize; 3]; 6] = [[1, 0, 0], [1, 0, 1], [1, 1, 1], [1, 0, 2], [1, 1, 2], [2, 1, 2]];
 
 impl Default for StaticLfrSettings {
     fn default() -> Self {
@@ -169,9 +169,12 @@ pub fn fit_static(
         }
     };
     // Coordinates that the records ask for, and those of actuators and sensors that stand still.
-    let families = transformed.as_ref().map(Some).into_iter().chain([None]);
-    for (coordinates, &split) in
-        families.flat_map(|family| set.splits.iter().map(move |split| (family, split)))
+    let families = || transformed.as_ref().map(Some).into_iter().chain([None]);
+    // The smaller goes first in either: more deltas than the machine has follow these records and err along others.
+    for (&split, coordinates) in set
+        .splits
+        .iter()
+        .flat_map(|split| families().map(move |family| (split, family)))
     {
         // With fewer deltas than the free model needs no structure can do.
         if split.total() < fit.candidate.delta_count() && split != set.splits[set.splits.len() - 1] {
@@ -189,15 +192,17 @@ pub fn fit_static(
             continue;
         };
         let error = |refined: &Jointly| refined.account.moving_rms[1];
-        if (EXPLAINED * least..PROMISING * least).contains(&error(&refined)) {
+        let is_explained =
+            |refined: &Jointly| !spoilt(refined.account.frozen_rms[1]) && error(refined) <= EXPLAINED * least;
+        if !is_explained(&refined) && error(&refined) < PROMISING * least {
             // On the way, where a few more steps may lead all of it.
             let further = joint(&refined.candidate, MORE * set.iterations)?;
-            if let Some(further) = further.filter(|further| error(further) < error(&refined)) {
+            if let Some(further) = further.filter(|f| is_explained(f) || error(f) < error(&refined)) {
                 refined = further;
             }
         }
+        let explained = is_explained(&refined);
         let is_spoilt = spoilt(refined.account.frozen_rms[1]);
-        let explained = !is_spoilt && error(&refined) <= EXPLAINED * least;
         consider(refined, split);
         if is_spoilt {
             // Records that no such LFR explains pull it away from the responses: as it was before them.

@@ -11,6 +11,7 @@ mod fuzz;
 mod identification;
 mod measured;
 mod measured_page;
+mod memory;
 mod ordinary;
 mod page;
 mod reproduce;

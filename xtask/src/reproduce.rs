@@ -3,7 +3,7 @@
 use crate::experiment::Bench;
 use crate::identification::{ObfError, TestGrid};
 use crate::size::Size;
-use crate::{Reproduce, TaskError, check, figures, identification, measured, page, time};
+use crate::{Reproduce, TaskError, check, figures, identification, measured, memory, page, time};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -89,7 +89,7 @@ pub(crate) fn run(options: &Reproduce) -> Result<bool, TaskError> {
     clock.lap("figures");
     metrics["stage_seconds"] = json!(clock.laps);
     metrics["wall_seconds"] = json!(start.elapsed().as_secs_f64());
-    metrics["peak_rss_mib"] = json!(peak_rss_mib());
+    metrics["peak_rss_mib"] = json!(memory::peak_mib());
     let html = page::page(&metrics, &table_one, &obf, pictures)?.to_html()?;
     std::fs::write(options.output.join("report.html"), html)?;
     write_json(&options.output.join("metrics.json"), &metrics)?;
@@ -165,14 +165,6 @@ impl Stopwatch {
             .insert(stage.to_owned(), json!((now - self.last).as_secs_f64()));
         self.last = now;
     }
-}
-
-/// Peak resident memory, where the system tells (Linux).
-fn peak_rss_mib() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
-    let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib / 1024.0)
 }
 
 pub(crate) fn write_json(file: &Path, value: &impl Serialize) -> Result<(), TaskError> {

@@ -4,15 +4,15 @@
 //! Mode shapes are standing waves over the plane of the stage; responses are sums of partial fractions in z with noise whose covariance is
 //! known, so that the truth is known between the positions too. Nothing here comes from the code that estimates.
 
-use super::{C64, RATE, bars, normal};
+use super::{C64, MOST_MIB, RATE, bars, mebibytes, normal};
 use crate::TaskError;
+use crate::memory::measured;
 use lpv::lpv_core::{Discrete, Frf, FrfEstimate};
 use lpv::{Identified, IdentifyConfig, Moves, identify, silent};
 use lpv_numerics::statistics::median;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use std::time::Instant;
 
 /// What a kind of stage is.
 #[derive(Debug, Clone, Copy)]
@@ -57,6 +57,9 @@ struct Case {
     /// Median over the lines of the error against the truth over the noise of a response: at the positions, and the largest between them.
     error: [f64; 2],
     seconds: f64,
+    /// Peak of the resident memory of the process; none where it is not known.
+    #[serde(default)]
+    mib: Option<f64>,
 }
 
 /// All machines of a kind.
@@ -100,7 +103,14 @@ impl Row {
         if self.most(|c| c.seconds) > self.most_seconds {
             broken.push("time");
         }
+        if self.mib() > MOST_MIB {
+            broken.push("memory");
+        }
         broken
+    }
+
+    fn mib(&self) -> f64 {
+        self.most(|c| c.mib.unwrap_or(f64::NEG_INFINITY))
     }
 
     fn most(&self, value: impl Fn(&Case) -> f64) -> f64 {
@@ -111,7 +121,7 @@ impl Row {
         let least = |value: fn(&Case) -> usize| self.cases.iter().map(value).min().unwrap_or(0);
         let most = |value: fn(&Case) -> usize| self.cases.iter().map(value).max().unwrap_or(0);
         format!(
-            "| {} | {} | {} | {} to {} | {} to {} | {:.2} | {:.2} | {:.1} | {} |",
+            "| {} | {} | {} | {} to {} | {} to {} | {:.2} | {:.2} | {:.1} | {} | {} |",
             self.name,
             self.cases.len(),
             self.states,
@@ -122,6 +132,7 @@ impl Row {
             self.most(|c| c.error[0]),
             self.most(|c| c.error[1]),
             self.most(|c| c.seconds),
+            mebibytes(self.mib()),
             bars(&self.broken())
         )
     }
@@ -244,16 +255,10 @@ fn case(stage: &Stage, seed: u64) -> Result<Case, TaskError> {
             place,
         )?);
     }
-    let begin = Instant::now();
     let config = IdentifyConfig::default();
-    let found = identify(
-        &estimates,
-        clock,
-        &Moves::none("there are none"),
-        &config,
-        &silent,
-    )?;
-    let seconds = begin.elapsed().as_secs_f64();
+    let moves = Moves::none("there are none");
+    let (found, taken) = measured(|| identify(&estimates, clock, &moves, &config, &silent));
+    let found = found?;
     let small = match &found {
         Identified::Lpv(stage) => stage.small.as_ref(),
         Identified::Lti(_) => None,
@@ -285,6 +290,7 @@ fn case(stage: &Stage, seed: u64) -> Result<Case, TaskError> {
             worst(&positions)?,
             worst(&[-0.93, -0.58, -0.27, 0.11, 0.44, 0.71, 0.95])?,
         ],
-        seconds,
+        seconds: taken.seconds,
+        mib: taken.mib,
     })
 }

@@ -14,6 +14,7 @@ use std::path::Path;
 /// | `skip-periods` | from the decay between periods | periods dropped as transient |
 /// | `order` | minimum description length | order of the common denominator, integrators included; states of a time-domain fit |
 /// | `integrators` | slope at the lowest lines, and friction to ground there | poles held at z = 1 |
+/// | `rigid-body` | what the lowest lines show | whether the axes are decoupled with constant gains, or the gain is full and depends on p |
 /// | `functions` | truncation a tenth of the FRF noise | number of basis functions n_g |
 /// | `fuzziness` | 35 | m of Fuzzy-Kolmogorov c-Max |
 /// | `polish` | `minimax` | what follows FKcM |
@@ -36,6 +37,8 @@ pub struct IdentifyConfig {
     pub order: Option<usize>,
     /// Poles held at z = 1.
     pub integrators: Option<usize>,
+    /// The gain of the rigid body, where there are several positions and as many inputs as outputs.
+    pub rigid_body: Option<RigidBody>,
     /// Number of basis functions.
     pub functions: Option<usize>,
     /// Fuzziness of FKcM.
@@ -72,6 +75,16 @@ pub enum Structure {
     RigidBody,
     /// Carriage and beam from first principles: masses, lever arm, stiffnesses and dampings, with the bundle's `[geometry]`.
     XyTable,
+}
+
+/// What the gain of the rigid body is taken for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RigidBody {
+    /// Two integrators on each axis, with a gain that no position changes and that moves no other axis: as in the paper.
+    Decoupled,
+    /// A gain in every channel, which may depend on p.
+    Coupled,
 }
 
 /// What a fit in the time domain minimises.
@@ -174,6 +187,7 @@ impl Default for IdentifyConfig {
             skip_periods: None,
             order: None,
             integrators: None,
+            rigid_body: None,
             functions: None,
             fuzziness: 35.0,
             polish: Polish::Minimax,
@@ -269,6 +283,10 @@ const TEMPLATE: &str = r#"# Settings of `lpv identify`. A line that is commented
 
 # Poles held at z = 1: 2 for a position that follows a force, 1 with friction to ground or for a speed, 0 for a spring to ground.
 # integrators = 2
+
+# Gain of the rigid body at several positions: "decoupled" (two integrators an axis, no axis moves another, the same at every position)
+# or "coupled" (full, and a function of the position).
+# rigid-body = "decoupled"
 
 # Number of orthonormal basis functions n_g.
 # functions = 16

@@ -71,7 +71,7 @@ pub use {experiment_data, lpv_core, lpv_simulate};
 
 pub use basis::{BasisStage, choose_basis};
 pub use config::{
-    Direct, FitFocus, IdentifyConfig, InterpolationKind, LfrKind, Polish, Structure, Weighting,
+    Direct, FitFocus, IdentifyConfig, InterpolationKind, LfrKind, Polish, RigidBody, Structure, Weighting,
 };
 pub use deviation::{ChannelTable, FrozenDeviation};
 pub use error::PipelineError;

@@ -9,7 +9,7 @@ use crate::basis::{BasisStage, choose_basis};
 use crate::config::{IdentifyConfig, LfrKind};
 use crate::modes::modal;
 use crate::moves::Moves;
-use crate::poles::{PoleStage, fit_poles};
+use crate::poles::{PoleStage, RigidTerms, fit_poles};
 use crate::progress::{Progress, begin};
 use crate::small::{SmallStage, small_lfr};
 use lfr_realize::{Realization, realize};
@@ -152,7 +152,9 @@ pub fn identify(
         return Ok(Identified::Lti(Box::new(LtiStage { poles, modal, model })));
     }
     if let Some(rigid) = &poles.rigid {
-        poles.reasons.extend(rigid.lines(poles.slow_poles));
+        poles
+            .reasons
+            .extend(rigid.lines(poles.slow_poles, poles.rigid_terms() != RigidTerms::Constant));
     }
     let position = |e: &FrfEstimate| e.single_position().unwrap_or(0.0);
     let positions: Vec<f64> = estimates.iter().map(position).collect();

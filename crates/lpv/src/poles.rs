@@ -4,7 +4,7 @@ mod friction;
 mod search;
 
 use crate::PipelineError;
-use crate::config::IdentifyConfig;
+use crate::config::{IdentifyConfig, RigidBody};
 use crate::rigid::RigidEvidence;
 use friction::evidence;
 use lpv_core::{Discrete, FrfEstimate, counted};
@@ -33,6 +33,8 @@ pub struct PoleStage {
     pub scan: Option<Scan>,
     /// What the lowest lines show of the rigid body, where several positions and as many inputs as outputs tell.
     pub rigid: Option<RigidEvidence>,
+    /// What the gain of the rigid body is taken for, where that was given.
+    pub rigid_body: Option<RigidBody>,
     /// Why this order and these integrators.
     pub reasons: Vec<String>,
 }
@@ -54,9 +56,12 @@ pub enum RigidTerms {
 }
 
 impl PoleStage {
-    /// The rigid body that the integrators and the lowest lines ask for.
+    /// The rigid body that the integrators and the lowest lines ask for, or that was given.
     pub fn rigid_terms(&self) -> RigidTerms {
-        let varies = self.rigid.as_ref().is_some_and(RigidEvidence::gain_varies);
+        let varies = match self.rigid_body {
+            Some(given) => given == RigidBody::Coupled,
+            None => self.rigid.as_ref().is_some_and(RigidEvidence::gain_varies),
+        };
         match (self.integrators, self.slow_poles) {
             (0, _) => RigidTerms::Absent,
             (2, false) if !varies => RigidTerms::Constant,
@@ -84,7 +89,22 @@ pub fn fit_poles(
             problem: "no frequency response was given; estimate at least one position first",
         })?;
     let mut one_by_slope = false;
-    let count = config.integrators.unwrap_or_else(|| {
+    let is_square = middle.frf().outputs() == middle.frf().inputs();
+    let given = match config.rigid_body.filter(|_| estimates.len() > 1) {
+        Some(_) if !is_square => {
+            return Err(PipelineError::Structure {
+                problem: "`rigid-body` is for machines with as many inputs as outputs; leave it out",
+            });
+        }
+        Some(RigidBody::Decoupled) if config.integrators.is_some_and(|count| count != 2) => {
+            return Err(PipelineError::Structure {
+                problem: "`rigid-body = \"decoupled\"` has two integrators an axis; leave `integrators` out, or set it to 2",
+            });
+        }
+        Some(RigidBody::Decoupled) => Some(2),
+        _ => config.integrators,
+    };
+    let count = given.unwrap_or_else(|| {
         let (slope, count) = integrators_from_slope(middle);
         // A slope of one may be that of friction, which is looked for below, or of a lag.
         let count = match count {
@@ -134,11 +154,11 @@ pub fn fit_poles(
             ..PoleFitSettings::new(count + FLEXIBLE_ORDERS[0])
         },
         integrators: count,
-        slow_poles: config.integrators == Some(1),
+        slow_poles: given == Some(1),
     };
     let mut before = reasons.len();
     let mut found = search.run(&mut reasons)?;
-    if estimates.len() == 1 && config.integrators.is_none() {
+    if estimates.len() == 1 && given.is_none() {
         let (slope, _) = integrators_from_slope(middle);
         if let Some(other) = search.other_integrators(slope, &found.0, &mut reasons) {
             found = other;
@@ -148,7 +168,7 @@ pub fn fit_poles(
     if estimates.len() > 1 && (count > 0 || one_by_slope) {
         rigid = evidence(estimates, clock, &found.0);
         let seen = rigid.as_ref().is_some_and(RigidEvidence::has_friction);
-        if (seen || one_by_slope || missed(&found.0)) && config.integrators.is_none() {
+        if (seen || one_by_slope || missed(&found.0)) && given.is_none() {
             match search.with_friction(&found.0)? {
                 Some(other) => {
                     reasons.truncate(before);
@@ -166,7 +186,7 @@ pub fn fit_poles(
             }
         }
     }
-    if estimates.len() > 1 && rigid.is_none() && missed(&found.0) && config.integrators.is_none() {
+    if estimates.len() > 1 && rigid.is_none() && missed(&found.0) && given.is_none() {
         let (slope, _) = integrators_from_slope(middle);
         if let Some(other) = search.other_integrators(slope, &found.0, &mut reasons) {
             found = other;
@@ -196,7 +216,7 @@ pub fn fit_poles(
         // At one position distortion would buy a lower cost with poles outside; at several, other minima at each.
         search.settings.keep_stable = estimates.len() == 1;
         search.settings.several_starts = estimates.len() == 1;
-        if estimates.len() == 1 && config.integrators.is_none() {
+        if estimates.len() == 1 && given.is_none() {
             // Friction turns integrators into slow poles, and a direct term takes what the amplifier does to the phase.
             reasons.push("integrators left free: friction may have moved them".to_owned());
             search.integrate(0);
@@ -216,6 +236,7 @@ pub fn fit_poles(
         fits,
         scan,
         rigid,
+        rigid_body: config.rigid_body,
         reasons,
     })
 }

@@ -74,8 +74,8 @@ impl RigidEvidence {
         self.varies > VARIES
     }
 
-    /// In words; a warning where the model has no friction.
-    pub(crate) fn lines(&self, model_has_friction: bool) -> Vec<String> {
+    /// In words; a warning where the model has no friction, or a constant gain.
+    pub(crate) fn lines(&self, model_has_friction: bool, model_varies: bool) -> Vec<String> {
         let axes = self.friction.len();
         let (warning, missing) = if model_has_friction {
             ("", "")
@@ -95,13 +95,21 @@ impl RigidEvidence {
             })
             .collect();
         if self.gain_varies() {
+            let coupled = if self.coupled {
+                "the axes are coupled: "
+            } else {
+                ""
+            };
+            let (warning, missing) = if model_varies {
+                ("", "")
+            } else {
+                (
+                    "warning: ",
+                    "; the model has a constant one: leave `rigid-body` to the data",
+                )
+            };
             lines.push(format!(
-                "{}the gain of the rigid body varies by {:.0} % along the stroke",
-                if self.coupled {
-                    "the axes are coupled: "
-                } else {
-                    ""
-                },
+                "{warning}{coupled}the gain of the rigid body varies by {:.0} % along the stroke{missing}",
                 100.0 * self.varies
             ));
         }

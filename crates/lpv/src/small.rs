@@ -217,7 +217,7 @@ fn attempt(
     let slow = slow(&modes, units, clock);
     begin(progress, "small LFR: coordinates along the moves");
     match (&moves.data, body) {
-        (Ok(moves), Body::Constant | Body::Varying | Body::Friction) => match standing(&fit, &few, &units.moves(moves)?, config.seed) {
+        (Ok(moves), Body::Constant | Body::Decoupled | Body::Varying | Body::Friction) => match standing(&fit, &few, &units.moves(moves)?, config.seed) {
             Ok(Some(found)) => {
                 let account = MovingStage::new(&found);
                 let [own, turned, joint] = account.over_noise.map(|error| {

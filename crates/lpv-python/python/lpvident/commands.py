@@ -38,6 +38,7 @@ def identify(
     skip_periods: int | None = None,
     order: int | None = None,
     integrators: int | None = None,
+    rigid_body: str | None = None,
     functions: int | None = None,
     fuzziness: float | None = None,
     polish: str | None = None,
@@ -60,6 +61,7 @@ def identify(
         skip_periods: periods dropped as transient.
         order: order of the common denominator, integrators included; number of states of a fit in the time domain.
         integrators: poles held at z = 1.
+        rigid_body: "decoupled" (two integrators an axis, a gain that no position changes) or "coupled" (full, a function of the position).
         functions: number of basis functions.
         fuzziness: of Fuzzy-Kolmogorov c-Max, above 1 (35).
         polish: "minimax" or "none".
@@ -81,8 +83,8 @@ def identify(
         KeyboardInterrupt: on Ctrl-C; nothing is written.
     """
     given = dict(
-        structure=structure, skip_periods=skip_periods, order=order, integrators=integrators, functions=functions,
-        fuzziness=fuzziness, polish=polish, weighting=weighting, model_error=model_error, lfr=lfr, interpolation=interpolation,
+        structure=structure, skip_periods=skip_periods, order=order, integrators=integrators, rigid_body=rigid_body,
+        functions=functions, fuzziness=fuzziness, polish=polish, weighting=weighting, model_error=model_error, lfr=lfr, interpolation=interpolation,
         focus=focus, direct=direct, hold_out=hold_out, seed=seed, **unknown,
     )  # fmt: skip
     file = None if config is None else os.fspath(config)

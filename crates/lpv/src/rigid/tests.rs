@@ -1,4 +1,5 @@
 use super::*;
+use crate::{RigidBody, RigidTerms};
 use lpv_core::nalgebra::dmatrix;
 use lpv_core::{Continuous, StateSpace};
 use rand::{RngExt, SeedableRng};
@@ -55,7 +56,7 @@ fn estimate(
 }
 
 fn said(estimates: &[FrfEstimate], clock: Discrete, first_mode_hz: f64) -> Vec<String> {
-    RigidEvidence::of(estimates, clock, first_mode_hz).map_or_else(Vec::new, |found| found.lines(true))
+    RigidEvidence::of(estimates, clock, first_mode_hz).map_or_else(Vec::new, |found| found.lines(true, true))
 }
 
 #[test]
@@ -178,7 +179,7 @@ fn poles_follow_the_friction() {
         assert_eq!(seen, [d1 > 0.0, d2 > 0.0], "{d1}, {d2}: {:?}", rigid.friction);
         assert_eq!(found.slow_poles, d1 + d2 > 0.0, "{d1}, {d2}: {:?}", found.reasons);
         // A model without it says so where the machine has some, and nothing where it has none.
-        let (modelled, not) = (rigid.lines(true), rigid.lines(false));
+        let (modelled, not) = (rigid.lines(true, true), rigid.lines(false, true));
         assert_eq!(modelled.len(), seen.iter().filter(|s| **s).count());
         assert!(modelled.iter().all(|l| !l.contains("warning")), "{modelled:?}");
         assert!(not.iter().all(|l| l.starts_with("warning: ")) && not.len() == modelled.len());
@@ -191,6 +192,41 @@ fn poles_follow_the_friction() {
             .iter()
             .map(|f| f.account.cost / f.account.expected_cost);
         assert!(cost.fold(0.0, f64::max) < 1.5, "{d1}, {d2}: {:?}", found.reasons);
+    }
+}
+
+/// What is given about the rigid body goes before what the lowest lines show, and contradictions are said.
+#[test]
+fn a_given_rigid_body_is_taken() {
+    let clock = Discrete::from_rate(2000.0).unwrap();
+    for (coupling, friction) in [(0.0, 0.0), (0.3, 0.0), (0.0, 4.0)] {
+        let places: Vec<FrfEstimate> = (0..4)
+            .map(|i| {
+                let p = f64::from(i);
+                let off = coupling * (1.0 + p);
+                let mass = dmatrix![2.0, off; off, 5.0];
+                let friction = dmatrix![friction, 0.0; 0.0, friction];
+                estimate(&mass, &friction, (110.0 + 5.0 * p, 1e-3), p, 60 + i as u64).0
+            })
+            .collect();
+        let with = |rigid_body, integrators| {
+            let config = crate::IdentifyConfig {
+                rigid_body,
+                integrators,
+                ..crate::IdentifyConfig::default()
+            };
+            crate::fit_poles(&places, clock, &config)
+        };
+        let decoupled = with(Some(RigidBody::Decoupled), None).unwrap();
+        assert_eq!((decoupled.integrators, decoupled.slow_poles), (2, false));
+        assert_eq!(decoupled.rigid_terms(), RigidTerms::Constant);
+        let lines = decoupled.rigid.as_ref().unwrap().lines(false, false);
+        assert_eq!(lines.is_empty(), coupling + friction == 0.0, "{lines:?}");
+        assert!(lines.iter().all(|l| l.starts_with("warning: ")), "{lines:?}");
+        let coupled = with(Some(RigidBody::Coupled), None).unwrap();
+        assert!(matches!(coupled.rigid_terms(), RigidTerms::Varying { .. }));
+        let refused = with(Some(RigidBody::Decoupled), Some(1)).unwrap_err();
+        assert!(refused.to_string().contains("`integrators`"), "{refused}");
     }
 }
 

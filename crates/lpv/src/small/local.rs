@@ -1,6 +1,7 @@
 //! Where the small LFR begins: the middle position, with the rigid body that the data show.
 
 use crate::PipelineError;
+use crate::config::RigidBody;
 use crate::poles::{PoleStage, RigidTerms};
 use crate::rigid::gain_and_rate;
 use lfr_fit::{
@@ -16,6 +17,8 @@ pub(super) enum Body {
     Absent,
     /// Masses that do not depend on p.
     Constant,
+    /// The same, each axis by itself, because that was given.
+    Decoupled,
     /// Masses that do.
     Varying,
     /// With friction to ground.
@@ -28,6 +31,7 @@ impl Body {
     pub(super) fn of(poles: &PoleStage) -> Result<Self, PipelineError> {
         match poles.rigid_terms() {
             RigidTerms::Absent => Ok(Self::Absent),
+            RigidTerms::Constant if poles.rigid_body == Some(RigidBody::Decoupled) => Ok(Self::Decoupled),
             RigidTerms::Constant => Ok(Self::Constant),
             RigidTerms::Varying { .. } if poles.slow_poles => Ok(Self::Friction),
             RigidTerms::Varying { double: true, .. } => Ok(Self::Varying),
@@ -43,6 +47,7 @@ impl Body {
         match self {
             Self::Absent => "",
             Self::Constant => " with the rigid body exact",
+            Self::Decoupled => " with the rigid body exact, decoupled as given",
             Self::Varying => " with the integrators of the rigid body exact and its gain a function of p",
             Self::Friction => {
                 " with the integrators of the rigid body exact, its gain and friction functions of p"
@@ -69,6 +74,7 @@ impl Local {
         let rigid = match body {
             Body::Absent => RigidGain::Absent,
             Body::Constant => RigidGain::Decide,
+            Body::Decoupled => RigidGain::Diagonal,
             Body::Varying | Body::Friction => {
                 let first = modes.iter().map(|z| z.ln().norm() / clock.sample_time());
                 let first = first.fold(f64::INFINITY, f64::min) / std::f64::consts::TAU;
@@ -107,7 +113,7 @@ impl Local {
 
     pub(super) fn rigid(&self) -> Rigid<'_> {
         match self.body {
-            Body::Absent | Body::Constant => self.gamma.as_ref().into(),
+            Body::Absent | Body::Constant | Body::Decoupled => self.gamma.as_ref().into(),
             Body::Varying => Rigid::Varying,
             Body::Friction => Rigid::Friction,
         }

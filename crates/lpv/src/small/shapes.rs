@@ -33,7 +33,7 @@ pub(super) fn shapes(
     let rigid = match body {
         Body::Absent => false,
         Body::Constant | Body::Varying => true,
-        Body::Friction => return Ok(None),
+        Body::Friction | Body::Decoupled => return Ok(None),
     };
     begin(progress, "small LFR: constant poles");
     let Some(found) = constant_poles(data, rigid, range, settings)? else {

@@ -25,7 +25,7 @@ pub(crate) struct Options {
     /// Two seeds of the cheap machines; fails where a bar other than time is broken.
     #[arg(long, conflicts_with_all = ["bless", "seeds"])]
     quick: bool,
-    /// Seeds a machine; a twentieth of them of the largest.
+    /// Seeds a machine; a part of them of the largest.
     #[arg(long, default_value_t = 20)]
     seeds: u64,
     /// Only these parts; what the page says of the others is kept.
@@ -108,13 +108,13 @@ fn one_position(
     let mut rows = Vec::new();
     let mut found = Vec::new();
     for (index, kind) in one::KINDS.iter().enumerate() {
-        if options.quick && (kind.large || kind.modes == 30) {
+        if options.quick && (kind.size.0 > 4 || kind.modes == 30) {
             continue;
         }
-        let seeds = match (options.quick, kind.large) {
-            (true, _) => 2,
-            (false, false) => options.seeds,
-            (false, true) => options.seeds.div_ceil(20),
+        let seeds = if options.quick {
+            2
+        } else {
+            options.seeds.div_ceil(kind.thinned)
         };
         let first = 1000 * index as u64;
         let row = one::Row::new(kind, first..first + seeds)?;

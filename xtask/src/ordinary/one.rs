@@ -27,7 +27,8 @@ pub(super) struct Kind {
     snr_db: f64,
     /// Seconds that it may take.
     seconds: f64,
-    pub(super) large: bool,
+    /// One of so many seeds is enough.
+    pub(super) thinned: u64,
 }
 
 const fn one_channel(modes: usize) -> Kind {
@@ -39,11 +40,11 @@ const fn one_channel(modes: usize) -> Kind {
         periods: 8,
         snr_db: 66.0,
         seconds: 5.0,
-        large: false,
+        thinned: 1,
     }
 }
 
-const fn stage(modes: usize, size: (usize, usize), periods: usize, seconds: f64, large: bool) -> Kind {
+const fn stage(modes: usize, size: (usize, usize), periods: usize, seconds: f64, thinned: u64) -> Kind {
     Kind {
         modes,
         size,
@@ -52,7 +53,7 @@ const fn stage(modes: usize, size: (usize, usize), periods: usize, seconds: f64,
         periods,
         snr_db: 40.0,
         seconds,
-        large,
+        thinned,
     }
 }
 
@@ -62,10 +63,10 @@ pub(super) const KINDS: [Kind; 9] = [
     one_channel(15),
     one_channel(20),
     one_channel(30),
-    stage(12, (4, 4), 4, 60.0, false),
-    stage(12, (6, 6), 4, 60.0, true),
-    stage(17, (13, 4), 4, 60.0, true),
-    stage(20, (14, 14), 4, f64::INFINITY, true),
+    stage(12, (4, 4), 4, 60.0, 1),
+    stage(12, (6, 6), 4, 60.0, 4),
+    stage(17, (13, 4), 4, 60.0, 1),
+    stage(20, (14, 14), 4, f64::INFINITY, 20),
 ];
 
 impl Kind {

@@ -29,7 +29,7 @@ mod stribeck_friction;
 mod viscous_friction;
 
 use crate::base::{Base, Pair};
-use crate::effect::{Effect, EffectParameter, Place, Scale};
+use crate::effect::{Effect, EffectParameter, Moment, Place, Scale};
 use crate::screen::{Screen, Trial};
 use std::slice::from_ref;
 
@@ -74,6 +74,16 @@ pub(crate) fn changes_with_position(effect: &Effect) -> bool {
         &position_dependent_gain::EFFECTS,
     ];
     kinds.into_iter().flatten().any(|e| e.is(effect))
+}
+
+/// Whether an effect refines another one, or another form of its own.
+pub(crate) fn is_refined(effect: &Effect) -> bool {
+    all().any(|e| effect.refines(e))
+}
+
+/// Whether an effect is the rough form of one that another form tells better where records are explained down to their noise.
+pub(crate) fn is_rough(effect: &Effect) -> bool {
+    position_force::EFFECTS[2..].iter().any(|e| e.is(effect))
 }
 
 /// What presliding friction is called whose distance the records do not show: below what the readings resolve, or without a
@@ -122,6 +132,18 @@ fn smooth_sign(over_creep: f64) -> f64 {
         return over_creep.signum();
     }
     1.0 - 2.0 / ((2.0 * over_creep).exp() + 1.0)
+}
+
+/// The speed that creeps under a friction, no less than a part of the integration resolves: of an axis whose friction takes a speed away
+/// in less than that, the rule of Runge and Kutta makes one that grows.
+fn resolved(creep: f64, friction: f64, at: &Moment<'_>) -> f64 {
+    /// The rule is stable where a part is at most 2.78 times the time in which a speed dies out.
+    const STABLE: f64 = 0.4;
+    match at.machine {
+        // Where the controller is known the integration is refined instead.
+        Base::Axis(axis) if at.track.follows => creep.max(STABLE * friction.abs() * at.step / axis.mass()),
+        Base::Axis(_) | Base::XyTable(_) | Base::Lpv(_) => creep,
+    }
 }
 
 /// Forces of the motors that together do what this input of a channel does in the middle of the range.

@@ -209,14 +209,18 @@ pub struct Effect {
 }
 
 impl Effect {
-    /// Whether it is the same effect at the same place.
+    /// Whether it is the same effect at the same place, in the same form.
     pub fn is(&self, other: &Self) -> bool {
+        self.is_called(other) && self.parameters.len() == other.parameters.len()
+    }
+    /// Whether it is the same effect at the same place, in any form.
+    pub fn is_called(&self, other: &Self) -> bool {
         self.name == other.name && self.place == other.place
     }
-    /// Whether it refines another.
+    /// Whether it refines another, or the simpler form of its own.
     pub fn refines(&self, other: &Self) -> bool {
         let extends = |e: Extends| e.name == other.name;
-        self.place == other.place && self.extends.is_some_and(extends)
+        self.place == other.place && self.extends.is_some_and(extends) && !self.is(other)
     }
     /// Whether a machine has what the effect acts on.
     pub fn suits(&self, base: &Base) -> bool {

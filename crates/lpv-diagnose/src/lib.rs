@@ -151,8 +151,8 @@ pub use responses::{
     ResponseCase, ResponseStep, characterise_response, error_of, noise_of, response, trace_responses,
 };
 pub use screen::{Screen, Trial};
-pub use servo_axis::servo_axis;
+pub use servo_axis::{axis_in_band, servo_axis};
 pub use simulate::Response;
 pub use skew::{Skew, skew};
-pub use trace::{Added, Case, Judged, Trace, Tried, Verdict, sensor_noise, trace};
+pub use trace::{Added, Case, Judged, Trace, Tried, Verdict, sensor_noise, trace, trace_in_band};
 pub use track::{Track, roughness};

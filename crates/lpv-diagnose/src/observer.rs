@@ -21,8 +21,10 @@ const OVER_MOTION: f64 = 2.0;
 const PERIODS: f64 = 8.0;
 /// And at most this part of the sample rate, where the sampled feedback is still that of the formula.
 const MOST: f64 = 0.02;
+/// Times its bandwidth up to which the force that a model lacks counts: above, a noise that is not white looks like one.
+pub const FORCE_BAND: f64 = 4.0;
 /// Damping.
-const DAMPING: f64 = 0.7;
+pub(crate) const DAMPING: f64 = 0.7;
 
 /// An observer.
 #[derive(Debug, Clone)]

@@ -116,7 +116,7 @@ pub fn trace_responses(case: &ResponseCase<'_>) -> Result<Vec<ResponseStep>, Tra
         .fold(0.0, f64::max);
     while steps.len() <= MOST {
         let before = judge(&now.0);
-        let taken = |e: &Effect| now.0.effects.iter().any(|(t, _)| t.is(e));
+        let taken = |e: &Effect| now.0.effects.iter().any(|(t, _)| t.is_called(e));
         let mut tried: Vec<(&'static Effect, (Explained, Minimum))> = catalogue::all()
             .filter(|e| e.suits(&now.0.base) && !taken(e) && !tied.contains(&e.name))
             .collect::<Vec<_>>()

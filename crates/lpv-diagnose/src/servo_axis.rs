@@ -3,7 +3,7 @@
 use crate::{Axis, Base, TraceError};
 use lpv_core::linalg::svd;
 use lpv_core::{Discrete, Record};
-use lti_ident::rigid_body::{Filter, Motion, RigidBodySettings, centred, decimated};
+use lti_ident::rigid_body::{Estimator, Filter, Motion, RigidBodySettings, centred, decimated};
 use lti_ident::{LtiIdentError, Segment};
 use nalgebra::{DMatrix, DVector};
 
@@ -40,6 +40,27 @@ pub fn servo_axis(
         (Some(found), Ok(_)) if better(&found) => Ok(found.held(reasons)),
         (_, free) => free,
     }
+}
+
+/// A free axis by the force below a frequency, where `base` is one and was found in a wider band: an input that comes late, or a noise that
+/// is not white, leaves little of an inertia above. None where there is no other.
+pub fn axis_in_band(base: &Base, records: &[Record], clock: Discrete, most_hz: f64) -> Option<Base> {
+    let positions: Vec<&[f64]> = records.iter().map(|r| r.outputs.columns[0].as_slice()).collect();
+    let wide = Filter::new(&positions, clock, &RigidBodySettings::default()).ok()?;
+    let is_free = matches!(base, Base::Axis(axis) if axis.stiffness().is_none());
+    if !is_free || wide.regression_cutoff_hz <= most_hz {
+        return None;
+    }
+    let settings = RigidBodySettings {
+        regression_cutoff_hz: Some(most_hz),
+        estimator: Estimator::LeastSquares,
+        dry_friction: true,
+        ..RigidBodySettings::default()
+    };
+    let segments: Vec<Segment<'_>> = records.iter().map(Segment::whole).collect();
+    let found = lti_ident::rigid_body::identify(&segments, clock, &settings).ok()?;
+    let axis = found.model.axes()[0];
+    Some(Base::Axis(Axis::new(axis.inertia, axis.viscous, axis.offset)))
 }
 
 fn free_axis(records: &[Record], clock: Discrete) -> Result<Base, TraceError> {

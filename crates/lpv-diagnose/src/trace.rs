@@ -4,6 +4,7 @@ mod account;
 mod bench;
 mod chosen;
 mod conclude;
+mod in_band;
 mod noise;
 mod refine;
 mod select;
@@ -15,8 +16,9 @@ use crate::fit::{Explained, Fitted, Prior};
 use crate::track::Track;
 use crate::whiten::{SHORT, Whitening};
 pub use account::{Added, Judged, Trace, Tried, Verdict};
-use bench::Bench;
+use bench::{Aim, Bench};
 use chosen::Chosen;
+pub use in_band::trace_in_band;
 use lpv_core::ControllerState;
 use lpv_numerics::statistics::power_db;
 use noise::loop_noise;
@@ -84,7 +86,7 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
         false => case.noise[i],
     });
     let case = Case { noise, ..*case };
-    let strict = compete(&case, alone(&case)?);
+    let strict = compete(&case, Aim::Noise, alone(&case)?);
     let free = match case.free {
         Some((base, prior)) if !strict.is_noise() => {
             let free = Case {
@@ -99,7 +101,7 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
         _ => None,
     };
     let mut found = match free {
-        Some((free, bare)) => compete(&free, bare).conclude(&free)?,
+        Some((free, bare)) => compete(&free, Aim::Noise, bare).conclude(&free)?,
         None => strict.conclude(&case)?,
     };
     // What tests see in errors that are no larger than the rounding is the rounding: it goes with what is rounded.
@@ -144,6 +146,7 @@ fn alone(case: &Case<'_>) -> Result<(Whitening, Fitted), TraceError> {
     let bench = Bench {
         whitening: loop_noise(case, &bare, SHORT)?,
         case,
+        aim: Aim::Noise,
     };
     let fit = bench.problem().fit(&bare, ITERATIONS, None)?;
     Ok((bench.whitening, fit))
@@ -169,13 +172,14 @@ impl Contest {
     }
 }
 
-fn compete(case: &Case<'_>, (whitening, bare): (Whitening, Fitted)) -> Contest {
-    let bench = Bench { whitening, case };
+fn compete(case: &Case<'_>, aim: Aim, (whitening, bare): (Whitening, Fitted)) -> Contest {
+    let bench = Bench { whitening, case, aim };
     let before = bench.judge(&bare.model);
     let mut chosen = Chosen {
         now: bare.clone(),
         judged: before.clone(),
         added: Vec::new(),
+        least: aim.least(before.cost),
     };
     let mut candidates = Vec::new();
     // Through an observer what is as small as the noise may be its own.
@@ -191,13 +195,16 @@ fn compete(case: &Case<'_>, (whitening, bare): (Whitening, Fitted)) -> Contest {
             break;
         };
         candidates.extend(selection.tried(&bench, &chosen.now, chosen.judged.cost));
-        if !chosen.add(&selection) {
+        if !(chosen.add(&selection) || aim == Aim::Force && chosen.add_pair(&bench, &bare, &selection)) {
             break;
         }
         chosen.choose_again(&bench, &bare);
-        if chosen.judged.cost <= NOISE || bench.is_below_noise(&chosen.judged) {
+        if aim == Aim::Noise && (chosen.judged.cost <= NOISE || bench.is_below_noise(&chosen.judged)) {
             break;
         }
+    }
+    if aim == Aim::Force {
+        chosen.refine(&bench, &bare);
     }
     Contest {
         whitening: bench.whitening,

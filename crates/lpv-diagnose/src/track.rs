@@ -1,11 +1,13 @@
 //! Records as the simulation reads them.
 
+mod beginning;
+
 use crate::TraceError;
 use crate::base::{Pair, Start};
-use lpv_core::linalg::least_squares;
+use beginning::{BEGINNING, beginning};
 use lpv_core::{ControllerState, Record};
 use lpv_numerics::statistics::range;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 /// One record: signals by sample, and the scheduling between the samples.
 #[derive(Debug, Clone)]
@@ -47,8 +49,6 @@ pub struct Track {
 const LOST: f64 = 1e6;
 /// Deviations of the noise within which a first reading is where the record begins.
 const SAME: f64 = 3.0;
-/// Samples that tell how a record begins.
-const BEGINNING: usize = 16;
 impl Track {
     /// Samples that a record needs.
     pub const LEAST: usize = 32;
@@ -220,6 +220,15 @@ impl Track {
         }
     }
 
+    /// The same record in the loop of another controller.
+    #[must_use]
+    pub fn held_by(&self, record: &Record, controller: &ControllerState) -> Self {
+        Self {
+            moving: controller.begun(record),
+            ..self.clone()
+        }
+    }
+
     /// The same record with the scheduling held.
     pub(crate) fn at_rest(&self, position: f64) -> Self {
         Self {
@@ -277,30 +286,6 @@ fn half(substeps: usize) -> f64 {
     0.5 / substeps as f64
 }
 
-/// Value and rise per sample at the start of a signal: a polynomial through the first samples, of the degree with the shortest
-/// description.
-fn beginning(y: &[f64]) -> [f64; 2] {
-    /// The highest degree.
-    const DEGREE: i32 = 5;
-    let right = DVector::from_column_slice(&y[..BEGINNING.min(y.len())]);
-    let n = right.len();
-    let mut best = (f64::INFINITY, [y[0], 0.0]);
-    for degree in 1..=DEGREE {
-        let rows = DMatrix::from_fn(n, degree as usize + 1, |k, j| {
-            (k as f64 / n as f64).powi(j as i32)
-        });
-        let Ok(found) = least_squares(rows.clone(), &right, 1e-12) else {
-            continue;
-        };
-        let left = (&right - rows * &found).norm_squared().max(f64::MIN_POSITIVE);
-        let length = n as f64 * left.ln() + f64::from(degree + 1) * (n as f64).ln();
-        if length < best.0 {
-            best = (length, [found[0], found[1] / n as f64]);
-        }
-    }
-    best.1
-}
-
 /// A smooth signal and its rate between the samples: cubic pieces with slopes from four neighbours.
 fn between(p: &[f64], step: f64, substeps: usize) -> Vec<[f64; 2]> {
     let n = p.len();
@@ -355,19 +340,7 @@ pub fn roughness(rows: impl Iterator<Item = [f64; 4]>) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{beginning, between};
-
-    /// `3e-5 + 7e-3 t + 0.45 t^2` sampled with 1 kHz, with a ripple of 1e-9.
-    #[test]
-    fn a_beginning_in_motion() {
-        let y: Vec<f64> = (0..40)
-            .map(|k| 1e-3 * f64::from(k))
-            .map(|t| 3e-5 + 7e-3 * t + 0.45 * t * t + 1e-9 * (3e3 * t).sin())
-            .collect();
-        let [position, rise] = beginning(&y);
-        assert!((position - 3e-5).abs() < 5e-9, "{position}");
-        assert!((rise - 7e-6).abs() < 1e-9, "{rise}");
-    }
+    use super::between;
 
     #[test]
     fn a_sine_between_its_samples() {

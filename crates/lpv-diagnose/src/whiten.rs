@@ -63,6 +63,36 @@ impl Whitening {
         }
     }
 
+    /// The force that would take an error away, at an observer of bandwidth `w / (2 pi)` and over the mass: `w^2 e + 2 d w e'`, with the
+    /// mean rate over so many samples; in units of one until it is [sized](Self::sized).
+    pub(crate) fn by_force(
+        channels: usize,
+        [stiffness, damping]: [f64; 2],
+        (span, step): (usize, f64),
+    ) -> Self {
+        let rate = damping / (span as f64 * step);
+        let mut one = vec![0.0; span + 1];
+        (one[0], one[span]) = (stiffness + rate, -rate);
+        let taps = std::array::from_fn(|i| if i < channels { one.clone() } else { Vec::new() });
+        Self {
+            taps,
+            channels,
+            deviation: [1.0; 2],
+        }
+    }
+
+    /// The same in units of the root mean square that it makes of these errors.
+    pub(crate) fn sized(self, errors: &[Vec<Pair>]) -> Self {
+        let mut white = Vec::new();
+        errors.iter().for_each(|e| self.apply(e, &mut white));
+        let size = (white.iter().map(|w| w * w).sum::<f64>() / white.len().max(1) as f64).sqrt();
+        if size > 0.0 {
+            self.finer(size.recip())
+        } else {
+            self
+        }
+    }
+
     /// The same in units that are so many times smaller.
     pub(crate) fn finer(mut self, times: f64) -> Self {
         self.taps.iter_mut().flatten().for_each(|t| *t *= times);
@@ -78,7 +108,8 @@ impl Whitening {
             out.resize(first + error.len(), 0.0);
             let white = &mut out[first..];
             // Tap by tap, so that samples lie beside each other.
-            for (j, tap) in taps.iter().enumerate().take(error.len()) {
+            let present = taps.iter().enumerate().take(error.len());
+            for (j, tap) in present.filter(|(_, tap)| **tap != 0.0) {
                 for (w, e) in white[j..].iter_mut().zip(&error) {
                     *w += tap * e;
                 }

@@ -39,7 +39,8 @@ const fn at(place: Place) -> Effect {
         meaning: "spring to ground, from a cable or hose",
         parameters: const {
             &[
-                parameter("stiffness", "u/y", Scale::Linear),
+                // One that pushes away is no cable.
+                parameter("stiffness", "u/y", Scale::Positive),
                 parameter("cubic", "u/y^3", Scale::Linear),
             ]
         },

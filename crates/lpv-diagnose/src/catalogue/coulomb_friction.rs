@@ -80,7 +80,8 @@ struct Coulomb {
 impl Block for Coulomb {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
         for i in 0..2 {
-            forces.motors[i] -= self.force[i] * super::smooth_sign(at.motion.motor_speed[i] / self.creep);
+            let creep = super::resolved(self.creep, self.force[i], at);
+            forces.motors[i] -= self.force[i] * super::smooth_sign(at.motion.motor_speed[i] / creep);
         }
     }
 }

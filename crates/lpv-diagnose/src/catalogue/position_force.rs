@@ -2,14 +2,21 @@
 
 use super::parameter;
 use crate::base::{Base, Forces, Pair};
-use crate::effect::{Block, Effect, Family, Moment, Needs, Place, Scale};
+use crate::effect::{Block, Effect, Extends, Family, Moment, Needs, Place, Scale};
 use crate::screen::Screen;
 
-pub(super) static EFFECTS: [Effect; 2] = [at(Place::Motor(0)), at(Place::Motor(1))];
+pub(super) static EFFECTS: [Effect; 4] = [
+    at(Place::Motor(0)),
+    at(Place::Motor(1)),
+    straight(Place::Motor(0)),
+    straight(Place::Motor(1)),
+];
+
+const NAME: &str = "position-force";
 
 const fn at(place: Place) -> Effect {
     Effect {
-        name: "position-force",
+        name: NAME,
         family: Family::PositionForce,
         place,
         needs: Needs::FreeMotor(place.first()),
@@ -21,7 +28,10 @@ const fn at(place: Place) -> Effect {
                 parameter("cube", "u/y^3", Scale::Linear),
             ]
         },
-        extends: None,
+        extends: Some(Extends {
+            name: NAME,
+            starts: |v, _, _| vec![vec![v[0], 0.0, 0.0]],
+        }),
         starts,
         on_response: None,
         block: |v, machine, place| {
@@ -31,6 +41,26 @@ const fn at(place: Place) -> Effect {
                 powers: [v[0], v[1], v[2]],
             })
         },
+    }
+}
+
+/// The same along a straight line, which is all that some records tell: a curve of them leads astray beyond.
+const fn straight(place: Place) -> Effect {
+    Effect {
+        parameters: const { &[parameter("slope", "u/y", Scale::Linear)] },
+        extends: None,
+        starts: |screen, place| match starts(screen, place).is_empty() {
+            true => Vec::new(),
+            false => vec![vec![0.0]],
+        },
+        block: |v, machine, place| {
+            let unit = super::motor_forces(machine, place.first(), 1.0);
+            Box::new(Smooth {
+                unit,
+                powers: [v[0], 0.0, 0.0],
+            })
+        },
+        ..at(place)
     }
 }
 

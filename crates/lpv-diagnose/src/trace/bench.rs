@@ -21,6 +21,16 @@ const LEADERS: usize = 3;
 pub(super) struct Bench<'a> {
     pub(super) case: &'a Case<'a>,
     pub(super) whitening: Whitening,
+    pub(super) aim: Aim,
+}
+
+/// What a competition is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Aim {
+    /// Records explained down to their noise.
+    Noise,
+    /// Less force that is missing, see [`super::in_band`].
+    Force,
 }
 
 pub(super) struct Candidate {

@@ -1,7 +1,7 @@
 //! The effects that earned a place so far.
 
 use super::bench::Bench;
-use super::refine::is_worth;
+use super::refine::{is_worth, refined};
 use super::select::{Final, Selection, select};
 use super::{Added, EQUAL, ITERATIONS, Judged, NOISE, SURE, decibel};
 use crate::fit::Fitted;
@@ -15,6 +15,8 @@ pub(super) struct Chosen {
     pub(super) now: Fitted,
     pub(super) judged: Judged,
     pub(super) added: Vec<Added>,
+    /// Least fall of the cost on the judged records by which a further effect is one.
+    pub(super) least: f64,
 }
 
 impl Chosen {
@@ -24,7 +26,7 @@ impl Chosen {
             return false;
         };
         let excess = (self.judged.cost - 1.0).max(0.0);
-        let enough = after.cost <= NOISE || self.judged.cost - after.cost >= SHARE * excess;
+        let enough = after.cost <= NOISE || self.judged.cost - after.cost >= self.least.max(SHARE * excess);
         if !(enough && earns((fit, after), (&self.now, &self.judged))) {
             return false;
         }
@@ -37,6 +39,40 @@ impl Chosen {
             runner_up,
         });
         (self.now, self.judged) = (fit.clone(), after.clone());
+        true
+    }
+
+    /// Adds the best pair of effects where none earns a place alone; whether one earns it.
+    pub(super) fn add_pair(&mut self, bench: &Bench<'_>, bare: &Fitted, selection: &Selection) -> bool {
+        /// Effects that another one is sought beside.
+        const BEAM: usize = 3;
+        let pairs = selection.finals.iter().take(BEAM).filter_map(|first| {
+            let selection = select(bench, &bare.model.base, &first.1, first.2.cost)?;
+            let ((second, fit, judged), runner_up) = selection.best()?;
+            Some((first.0, *second, fit.clone(), judged.clone(), runner_up))
+        });
+        let best = pairs.min_by(|a, b| a.3.cost.total_cmp(&b.3.cost));
+        let Some((first, second, fit, judged, runner_up)) = best else {
+            return false;
+        };
+        let fall = self.judged.cost - judged.cost;
+        if fall < self.least.max(SHARE * self.judged.cost)
+            || !earns((&fit, &judged), (&self.now, &self.judged))
+        {
+            return false;
+        }
+        for (effect, runner_up) in [(first, None), (second, runner_up)] {
+            self.added.push(Added {
+                effect,
+                values: Vec::new(),
+                then: fit.model.clone(),
+                gain_db: 0.0,
+                p_value: 1.0,
+                runner_up,
+            });
+        }
+        (self.now, self.judged) = (fit, judged);
+        self.account(bench, bare);
         true
     }
 
@@ -73,6 +109,41 @@ impl Chosen {
         }
     }
 
+    /// Refinements take the place of effects where they are worth it on the judged records.
+    pub(super) fn refine(&mut self, bench: &Bench<'_>, bare: &Fitted) {
+        for i in 0..self.added.len() {
+            if let Some((effect, fit, judged)) = self.refinement(bench, bare, i) {
+                self.added[i].runner_up =
+                    Some((self.added[i].effect, decibel(self.judged.cost / judged.cost)));
+                self.added[i].effect = effect;
+                (self.now, self.judged) = (fit, judged);
+                self.account(bench, bare);
+            }
+        }
+    }
+
+    /// The best refinement of one effect that is worth it.
+    fn refinement(&self, bench: &Bench<'_>, bare: &Fitted, i: usize) -> Option<Final> {
+        let (rest, without) = match self.added.len() {
+            1 => (bare.clone(), bench.judge(&bare.model)),
+            _ => self.without(bench, i)?,
+        };
+        let mut last = self.now.clone();
+        let own = last.model.effects.remove(i);
+        last.model.effects.push(own);
+        let screen = bench.look(&bare.model.base, &rest)?;
+        let starts = refined(bench, &[(self.added[i].effect, last)], &rest, &screen)?;
+        let finals = bench.finals(&starts.iter().collect::<Vec<_>>(), &rest);
+        let worth = finals.into_iter().filter_map(|(effect, fit)| {
+            let (fit, judged) = self.in_place(bench, i, &fit)?;
+            let falls = self.judged.cost - judged.cost >= self.least;
+            let is_better = falls && is_worth(&judged, &self.judged, without.cost);
+            let (at, values) = (&fit.model.effects[i].0, &fit.model.effects[i].1);
+            (is_better && at.allows(values) && bench.lasts(&fit.model, i)).then_some((effect, fit, judged))
+        });
+        worth.min_by(|a, b| a.2.cost.total_cmp(&b.2.cost))
+    }
+
     /// Effects whose amplitudes may as well be zero, or whose times no record shows, go, the last first; where the integration has
     /// changed also those that explain nothing beside the others.
     pub(super) fn keep_what_earns(&mut self, bench: &Bench<'_>, bare: &Fitted, has_changed: bool) {
@@ -99,7 +170,7 @@ impl Chosen {
     }
 
     /// A fit without one of the effects.
-    fn without(&self, bench: &Bench<'_>, i: usize) -> Option<(Fitted, Judged)> {
+    pub(super) fn without(&self, bench: &Bench<'_>, i: usize) -> Option<(Fitted, Judged)> {
         let mut rest = self.now.model.clone();
         rest.effects.remove(i);
         let rest = bench.problem().fit(&rest, ITERATIONS, Some(&self.now)).ok()?;
@@ -132,7 +203,7 @@ impl Chosen {
     }
 
     /// What each effect brought, one after the other.
-    fn account(&mut self, bench: &Bench<'_>, bare: &Fitted) {
+    pub(super) fn account(&mut self, bench: &Bench<'_>, bare: &Fitted) {
         let (mut before, mut cost) = (bare.objective, bench.judge(&bare.model).cost);
         for (i, added) in self.added.iter_mut().enumerate() {
             let mut model = self.now.model.clone();

@@ -1,6 +1,6 @@
 //! From the end of a competition to what is told.
 
-use super::bench::Bench;
+use super::bench::{Aim, Bench};
 use super::chosen::Chosen;
 use super::noise::loop_noise;
 use super::{Case, Contest, ITERATIONS, Judged, LEFT, NOISE, Trace, Verdict};
@@ -47,6 +47,7 @@ impl Contest {
         let bench = Bench {
             whitening: self.whitening.clone(),
             case: finer.as_ref().unwrap_or(case),
+            aim: Aim::Noise,
         };
         if finer.is_some() {
             self.bare = bench.problem().fit(&self.bare.model, FEW, None)?;
@@ -57,6 +58,7 @@ impl Contest {
             judged: bench.judge(&self.now.model),
             now: self.now,
             added: std::mem::take(&mut self.added),
+            least: 0.0,
         };
         // What an effect explained may have been the coarse integration, or what a later one explains.
         chosen.keep_what_earns(&bench, &self.bare, finer.is_some());
@@ -173,6 +175,7 @@ impl Contest {
             let bench = Bench {
                 whitening: self.whitening.clone(),
                 case: &Case { judged, ..*case },
+                aim: Aim::Noise,
             };
             bench
                 .judging()
@@ -204,7 +207,7 @@ impl Contest {
 
 impl Bench<'_> {
     /// Root mean square of the error one step ahead on the judged records, by output.
-    fn one_step(&self, model: &Explained) -> Option<Pair> {
+    pub(super) fn one_step(&self, model: &Explained) -> Option<Pair> {
         let Case {
             controller,
             judged,
@@ -242,7 +245,7 @@ impl Bench<'_> {
     }
 
     /// Errors on the judged records, and what tests find in them; nothing where the model diverges.
-    fn told(&self, model: &Explained, noise: &Whitening) -> (Vec<Vec<Pair>>, Vec<Left>) {
+    pub(super) fn told(&self, model: &Explained, noise: &Whitening) -> (Vec<Vec<Pair>>, Vec<Left>) {
         let tracks = self.case.judged;
         let runs = tracks
             .par_iter()
@@ -292,7 +295,7 @@ impl Fitted {
     }
 
     /// Standard deviations of the machine's parameters, infinite where they are held; those of the effects go to them.
-    fn give_deviations(&self, added: &mut [super::Added]) -> Vec<f64> {
+    pub(super) fn give_deviations(&self, added: &mut [super::Added]) -> Vec<f64> {
         let mut deviations = self.deviations();
         let mut next = || deviations.next().unwrap_or(f64::INFINITY);
         let parameters = self.model.base.parameters();

@@ -16,7 +16,7 @@ pub(super) fn refined(
     screen: &Screen<'_>,
 ) -> Option<Vec<Explained>> {
     let (narrow, known) = bench.narrow(now, screen)?;
-    let taken = |e: &Effect| now.model.effects.iter().any(|(t, _)| t.is(e));
+    let taken = |e: &Effect| now.model.effects.iter().any(|(t, _)| t.is_called(e));
     let mut all = Vec::new();
     for (effect, rough) in finals {
         let (rest, values) = without_last(&rough.model)?;

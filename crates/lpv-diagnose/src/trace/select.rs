@@ -1,6 +1,6 @@
 //! One more effect: all are looked at quickly, the most promising are fitted in full.
 
-use super::bench::{Bench, Candidate};
+use super::bench::{Aim, Bench, Candidate};
 use super::refine::WORTH;
 use super::{EQUAL, Judged, NOISE, Tried, decibel, refine};
 use crate::base::Base;
@@ -34,9 +34,9 @@ pub(super) struct Selection {
 /// what its parameters cost.
 pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) -> Option<Selection> {
     let screen = bench.look(base, now)?;
-    let taken = |e: &Effect| now.model.effects.iter().any(|(t, _)| t.is(e));
+    let taken = |e: &Effect| now.model.effects.iter().any(|(t, _)| t.is_called(e));
     let mut found: Vec<Candidate> = catalogue::all()
-        .filter(|e| e.suits(base) && !taken(e))
+        .filter(|e| e.suits(base) && !taken(e) && bench.aim.admits(e))
         .flat_map(|e| (e.starts)(&screen, e.place).into_iter().map(move |v| (e, v)))
         .collect::<Vec<_>>()
         .into_par_iter()
@@ -70,9 +70,11 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
     chosen.extend(actual.iter().map(|a| a.1).filter(|i| *i >= FINALISTS).take(2));
     let starts: Vec<&Explained> = chosen.iter().map(|i| &screened[*i].start).collect();
     let mut finals = bench.finals(&starts, now);
-    let refined = refine::refined(bench, &finals, now, &screen)?;
-    finals.extend(bench.finals(&refined.iter().collect::<Vec<_>>(), now));
-    refine::simplified(bench, &mut finals, now);
+    if bench.aim == Aim::Noise {
+        let refined = refine::refined(bench, &finals, now, &screen)?;
+        finals.extend(bench.finals(&refined.iter().collect::<Vec<_>>(), now));
+        refine::simplified(bench, &mut finals, now);
+    }
     finals.retain(|(_, fit)| is_possible(bench, &fit.model, &screen));
     let mut finals: Vec<Final> = finals
         .into_iter()
@@ -81,8 +83,16 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
             (e, f, judged)
         })
         .collect();
-    finals.sort_by(|a, b| a.1.length().total_cmp(&b.1.length()));
-    equals_in_order(&mut finals, bench.case.judged.iter().all(|t| t.follows));
+    match bench.aim {
+        Aim::Noise => {
+            finals.sort_by(|a, b| a.1.length().total_cmp(&b.1.length()));
+            equals_in_order(&mut finals, bench.case.judged.iter().all(|t| t.follows));
+        }
+        Aim::Force => {
+            finals.sort_by(|a, b| a.2.cost.total_cmp(&b.2.cost));
+            nearly_equal_in_order(&mut finals);
+        }
+    }
     refine::simpler_first(&mut finals, cost);
     Some(Selection { screened, finals })
 }
@@ -145,6 +155,15 @@ fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)], is_held: bo
         |(e, ..)| *e,
         |(e, f, j)| (f.length() <= most || j.cost <= near) && e.parameters.len() <= parameters,
     );
+}
+
+/// Of effects that leave nearly as much of the force of the judged records, the first in the catalogue leads.
+fn nearly_equal_in_order(finals: &mut [Final]) {
+    let Some((.., judged)) = finals.first() else {
+        return;
+    };
+    let most = WORTH * judged.cost;
+    first_of_equals(finals, |(e, ..)| *e, |(.., j)| j.cost <= most);
 }
 
 /// Whether the last effect is one with the values that were found, and repeats along a record: less of a wave passes for any force

@@ -5,4 +5,5 @@
 mod axes_by_themselves;
 mod axis_by_hand;
 mod held_axis;
+mod in_band;
 mod two_axes_by_hand;

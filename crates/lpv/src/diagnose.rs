@@ -9,6 +9,7 @@ mod errors;
 mod explanation;
 mod figures;
 mod files;
+mod in_band;
 mod left;
 mod noise;
 mod page;
@@ -165,7 +166,7 @@ fn of_axis(
             (observer.controller, Some(observer.hz))
         }
     };
-    let start = controller.start()?;
+    let mut start = controller.start()?;
     let tracks = |records: &[Record]| -> Result<Vec<Track>, PipelineError> {
         Ok(records
             .iter()
@@ -220,19 +221,21 @@ fn of_axis(
         )
     };
     begin(progress, "competition of effects");
-    let look = |noise, fitted: &[Track], judged: &[Track]| {
-        trace(&Case {
-            base: &base,
-            prior: prior.as_ref(),
-            free: free.as_ref().map(|(base, prior)| (base, prior)),
-            controller: &start,
-            noise,
-            fitted,
-            judged,
-            on_fit: &on_fit,
-        })
+    let case = Case {
+        base: &base,
+        prior: prior.as_ref(),
+        free: free.as_ref().map(|(base, prior)| (base, prior)),
+        controller: &start,
+        noise,
+        fitted: &[],
+        judged: &[],
+        on_fit: &on_fit,
     };
-    let mut found = look(noise, &fitted, &judged)?;
+    let mut found = trace(&Case {
+        fitted: &fitted,
+        judged: &judged,
+        ..case
+    })?;
     // Where a record begins, and what is noise, is told by the model that was found.
     if is_observed && found.verdict != Verdict::NothingMissing {
         [fitted, judged] = told
@@ -240,11 +243,31 @@ fn of_axis(
             .map(|t| observer::settled(&found.model, &start, t));
         let seen = roughness(&found.model, &start, &fitted);
         noise = std::array::from_fn(|i| noise[i].min(seen[i]));
-        found = look(noise, &fitted, &judged)?;
+        found = trace(&Case {
+            noise,
+            fitted: &fitted,
+            judged: &judged,
+            ..case
+        })?;
+    }
+    if let Some(hz) = observer_hz
+        && !matches!(found.verdict, Verdict::Explained | Verdict::NothingMissing)
+    {
+        let case = Case { noise, ..case };
+        let records = [&fit_records[..], &judge_records[..]];
+        if let Some(in_band) = in_band::look(&case, (hz, clock), &found, records, &told)? {
+            start = in_band.controller;
+            [fitted, judged] = in_band.tracks;
+            found = in_band.found;
+        }
     }
     reasons.extend(doubt::doubts(&found, bundle));
-    let mut axis = axis::errors(&found, &start, clock, &fit_records, &fitted)?;
-    axis.extend(axis::errors(&found, &start, clock, &judge_records, &judged)?);
+    let band = (
+        clock,
+        observer_hz.map_or(f64::INFINITY, |hz| observer::FORCE_BAND * hz),
+    );
+    let mut axis = axis::errors(&found, &start, band, &fit_records, &fitted)?;
+    axis.extend(axis::errors(&found, &start, band, &judge_records, &judged)?);
     let records = match is_observed {
         true => {
             let records: Vec<&Record> = fit_records.iter().chain(&judge_records).collect();

@@ -28,10 +28,11 @@ pub struct AxisStage {
     pub errors: AxisCheck,
 }
 
+/// Errors of some records; the clock comes with the highest frequency at which forces are compared.
 pub(super) fn errors(
     found: &Trace,
     controller: &ControllerState,
-    clock: Discrete,
+    clock: (Discrete, f64),
     records: &[Record],
     tracks: &[Track],
 ) -> Result<Vec<AxisErrors>, PipelineError> {
@@ -66,7 +67,7 @@ pub(super) fn errors(
 fn check(
     model: &Explained,
     controller: &ControllerState,
-    clock: Discrete,
+    clock: (Discrete, f64),
     record: &Record,
     track: &Track,
 ) -> Result<Option<AxisCheck>, PipelineError> {

@@ -53,14 +53,22 @@ pub(super) fn check(
         .map(|(i, axis)| {
             let open = row(&open.outputs, i);
             let closed = closed.map(|run| (row(&run.outputs, i), row(&run.inputs, i)));
-            check_axis(clock, record, i, |m| m.force(axis), &open, closed)
+            check_axis(
+                (clock, f64::INFINITY),
+                record,
+                i,
+                |m| m.force(axis),
+                &open,
+                closed,
+            )
         })
         .collect()
 }
 
-/// One axis: the force that it needs along a motion, its position in open loop, position and force in closed loop.
+/// One axis: the force that it needs along a motion, its position in open loop, position and force in closed loop. Forces are compared
+/// in the band of the acceleration, and up to `most_hz` at the most.
 pub(crate) fn check_axis(
-    clock: Discrete,
+    (clock, most_hz): (Discrete, f64),
     record: &Record,
     i: usize,
     force: impl Fn(&Motion) -> Vec<f64>,
@@ -68,7 +76,14 @@ pub(crate) fn check_axis(
     closed: Option<(Vec<f64>, Vec<f64>)>,
 ) -> Result<AxisCheck, PipelineError> {
     let (q, u) = (&record.outputs.columns[i], &record.inputs.columns[i]);
-    let filter = Filter::new(&[q], clock, &RigidBodySettings::default())?;
+    let mut filter = Filter::new(&[q], clock, &RigidBodySettings::default())?;
+    if filter.regression_cutoff_hz > most_hz {
+        let settings = RigidBodySettings {
+            regression_cutoff_hz: Some(most_hz),
+            ..RigidBodySettings::default()
+        };
+        filter = Filter::new(&[q], clock, &settings)?;
+    }
     // Simulated positions go through the same filter, so that derivatives compare like with like.
     let motion = |q: &[f64]| Motion::new(q, clock, filter.position_cutoff_hz);
     let kept = |x: &[f64]| decimated(x, clock, filter.regression_cutoff_hz, filter.decimation);

@@ -39,8 +39,7 @@ const fn at(place: Place) -> Effect {
         meaning: "spring to ground, from a cable or hose",
         parameters: const {
             &[
-                // One that pushes away is no cable.
-                parameter("stiffness", "u/y", Scale::Positive),
+                parameter("stiffness", "u/y", Scale::Linear),
                 parameter("cubic", "u/y^3", Scale::Linear),
             ]
         },

@@ -51,7 +51,9 @@ impl Aim {
     /// Whether an effect is looked for.
     pub(super) fn admits(self, effect: &Effect) -> bool {
         let is_friction = effect.family == Family::Friction;
-        let is_smooth = effect.family == Family::PositionForce && effect.name != "cogging";
+        // A straight force of position may also push away, which no cable does.
+        let is_smooth =
+            effect.family == Family::PositionForce && !["cogging", "cable-stiffness"].contains(&effect.name);
         match self {
             Self::Noise => !catalogue::is_rough(effect),
             // Refinements come last, see `Chosen::refine`.

@@ -1,14 +1,11 @@
 //! MAT and NPZ files of scipy and numpy (tests/fixtures/make.py), and one written byte by byte.
+use crate::fixtures::{self, K, expected};
 use experiment_data::{Bundle, DataError};
 use lpv_core::Record;
-use std::path::PathBuf;
 use tempfile::TempDir;
 
 fn fixture(name: &str) -> Vec<u8> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/fixtures")
-        .join(name);
-    std::fs::read(path).unwrap()
+    std::fs::read(fixtures::path(name)).unwrap()
 }
 
 /// A bundle of one transient record with the given file; the columns are auxiliary, as nothing is asked of those.
@@ -51,24 +48,6 @@ fn error(file: &str, content: &[u8], columns: &[&str]) -> String {
         .to_string()
 }
 
-const K: [f64; 5] = [0.0, 1.0, 2.0, 3.0, 4.0];
-
-fn expected(column: &str, k: f64) -> f64 {
-    match column {
-        "i1" | "i8" => k - 2.0,
-        "i2" => 1000.0 * k - 2000.0,
-        "i4" => 100_000.0 * k - 200_000.0,
-        "u1" => k + 250.0,
-        "u2" => k + 65_000.0,
-        "u4" => k + 4_294_967_000.0,
-        "u8" => k,
-        "flag" => f64::from(k % 2.0 == 0.0),
-        "f2" => k / 4.0,
-        "rig.axis.qm" => k / 7.0,
-        _ => k / 3.0,
-    }
-}
-
 #[test]
 fn all_numeric_types_of_other_programs() {
     let integers = ["i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "flag", "row"];
@@ -84,7 +63,7 @@ fn all_numeric_types_of_other_programs() {
         assert_eq!(record.outputs.columns[0], K.map(|k| k / 3.0));
         assert_eq!(record.inputs.columns[0], K.map(|k| f64::from((k / 3.0) as f32)));
         for (name, column) in columns.iter().zip(&record.auxiliary.columns) {
-            assert_eq!(*column, K.map(|k| expected(name, k)), "{file}, {name}");
+            assert_eq!(*column, expected(name), "{file}, {name}");
         }
     }
 }

@@ -1,33 +1,6 @@
 //! MAT 7.3 and Parquet files of h5py and pyarrow (tests/fixtures/make.py).
+use crate::fixtures::{self, expected};
 use experiment_data::{ColumnInfo, list_columns, read_columns};
-use std::path::PathBuf;
-
-fn fixture(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/fixtures")
-        .join(name)
-}
-
-const K: [f64; 5] = [0.0, 1.0, 2.0, 3.0, 4.0];
-
-fn expected(column: &str, k: f64) -> f64 {
-    match column {
-        "f4" => f64::from((k / 3.0) as f32),
-        "i1" | "i8" => k - 2.0,
-        "i2" => 1000.0 * k - 2000.0,
-        "i4" => 100_000.0 * k - 200_000.0,
-        "u1" => (k + 250.0) % 256.0,
-        "u2" => k + 65_000.0,
-        "u4" => k + 4_294_967_000.0,
-        "u8" => k,
-        "flag" => f64::from(k % 2.0 == 0.0),
-        "f2" => k / 4.0,
-        "constant" => 0.25,
-        "decimal" => [1.25, -2.5, 0.0, 100.0, 7.75][k as usize],
-        "rig.axis.qm" | "rig.qm" => k / 7.0,
-        _ => k / 3.0,
-    }
-}
 
 const NUMBERS: [&str; 11] = ["f8", "f4", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "flag"];
 
@@ -44,9 +17,9 @@ fn all_numeric_types_of_other_programs() {
         let mut names: Vec<&str> = NUMBERS.iter().chain(more).copied().collect();
         // The order is that of the names.
         names.reverse();
-        let columns = read_columns(&fixture(file), &names).unwrap();
+        let columns = read_columns(&fixtures::path(file), &names).unwrap();
         for (name, column) in names.iter().zip(columns) {
-            assert_eq!(column, K.map(|k| expected(name, k)), "{file}, {name}");
+            assert_eq!(column, expected(name), "{file}, {name}");
         }
     }
 }
@@ -60,7 +33,7 @@ fn lists_name_what_can_be_read() {
         "plain_hdf5.mat",
         "snappy.parquet",
     ] {
-        let listed = list_columns(&fixture(file)).unwrap();
+        let listed = list_columns(&fixtures::path(file)).unwrap();
         let names: Vec<&str> = listed.iter().map(|c| c.name.as_str()).collect();
         println!("{file}: {names:?}");
         for name in NUMBERS {
@@ -74,7 +47,7 @@ fn lists_name_what_can_be_read() {
         // `gaps` is listed, because only its values show that some are absent; `packed` by its filter.
         for ColumnInfo { name, rows } in &listed {
             if !["gaps", "packed"].contains(&name.as_str()) {
-                let column = &read_columns(&fixture(file), &[name]).unwrap()[0];
+                let column = &read_columns(&fixtures::path(file), &[name]).unwrap()[0];
                 assert_eq!(column.len() as u64, *rows, "{file}, {name}");
             }
         }
@@ -122,9 +95,11 @@ fn what_is_no_column_of_numbers_is_named() {
             "`f8` packed with ZSTD is not supported; supported: Parquet with snappy",
         ),
     ] {
-        let text = read_columns(&fixture(file), &[column]).unwrap_err().to_string();
+        let text = read_columns(&fixtures::path(file), &[column])
+            .unwrap_err()
+            .to_string();
         assert!(text.contains(part), "{part} expected in {text}");
     }
-    let empty = read_columns(&fixture("v73.mat"), &["empty", "scalar"]).unwrap();
+    let empty = read_columns(&fixtures::path("v73.mat"), &["empty", "scalar"]).unwrap();
     assert_eq!(empty, [vec![], vec![3.0]]);
 }

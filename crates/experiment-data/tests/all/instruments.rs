@@ -2,39 +2,19 @@
 
 mod by_hand;
 
+use crate::fixtures::{self, K, expected};
 use experiment_data::{Contents, look_into, read_columns};
-use std::path::PathBuf;
-
-fn fixture(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/fixtures")
-        .join(name)
-}
-
-const K: [f64; 5] = [0.0, 1.0, 2.0, 3.0, 4.0];
 
 const NUMBERS: [&str; 10] = ["f8", "f4", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"];
 
-fn expected(column: &str) -> [f64; 5] {
-    K.map(|k| match column {
-        "f4" => f64::from((k / 3.0) as f32),
-        "i1" | "i8" => k - 2.0,
-        "i2" => 1000.0 * k - 2000.0,
-        "i4" => 100_000.0 * k - 200_000.0,
-        "u1" => k + 250.0,
-        "u2" => k + 65_000.0,
-        "u4" => k + 4_294_967_000.0,
-        "u8" => k,
-        _ => k / 3.0,
-    })
-}
-
 fn one(file: &str, column: &str) -> Vec<f64> {
-    read_columns(&fixture(file), &[column]).unwrap().remove(0)
+    read_columns(&fixtures::path(file), &[column]).unwrap().remove(0)
 }
 
 fn refusal(file: &str, column: &str) -> String {
-    read_columns(&fixture(file), &[column]).unwrap_err().to_string()
+    read_columns(&fixtures::path(file), &[column])
+        .unwrap_err()
+        .to_string()
 }
 
 /// Names, rows and units.
@@ -63,14 +43,14 @@ fn all_numeric_types_to_the_last_bit() {
         "deflated.mf4",
         "transposed.mf4",
     ] {
-        let found = read_columns(&fixture(file), &NUMBERS).unwrap();
+        let found = read_columns(&fixtures::path(file), &NUMBERS).unwrap();
         for (name, column) in NUMBERS.iter().zip(found) {
             assert_eq!(column, expected(name), "{file}: {name}");
         }
     }
     // Two groups have an `f8`.
     let names = NUMBERS.map(|n| if n == "f8" { "log.f8" } else { n });
-    let found = read_columns(&fixture("segments.tdms"), &names).unwrap();
+    let found = read_columns(&fixtures::path("segments.tdms"), &names).unwrap();
     for (name, column) in NUMBERS.iter().zip(found) {
         assert_eq!(column, expected(name), "{name}");
     }
@@ -79,7 +59,7 @@ fn all_numeric_types_to_the_last_bit() {
 #[test]
 fn hdf5_of_numerical_programs() {
     for file in ["oldest.h5", "newest.h5"] {
-        let found = look_into(&fixture(file)).unwrap();
+        let found = look_into(&fixtures::path(file)).unwrap();
         let has = columns(&found);
         for column in [
             ("f8", 5, "N"),
@@ -109,7 +89,7 @@ fn hdf5_of_numerical_programs() {
 #[test]
 fn segments_of_tdms() {
     let file = "segments.tdms";
-    let found = look_into(&fixture(file)).unwrap();
+    let found = look_into(&fixtures::path(file)).unwrap();
     let has = columns(&found);
     for column in [("log.f8", 5, "N"), ("i2", 5, "N"), ("it's.f8", 5, "")] {
         assert!(has.contains(&column), "{column:?} in {has:?}");
@@ -128,7 +108,7 @@ fn segments_of_tdms() {
 #[test]
 fn groups_of_mdf() {
     for file in ["plain.mf4", "deflated.mf4", "transposed.mf4"] {
-        let found = look_into(&fixture(file)).unwrap();
+        let found = look_into(&fixtures::path(file)).unwrap();
         let has = columns(&found);
         for column in [
             ("group1.time", 5, "s"),
@@ -149,7 +129,7 @@ fn groups_of_mdf() {
 #[test]
 fn functions_of_universal_files() {
     for file in ["text.uff", "bytes.uff"] {
-        let found = look_into(&fixture(file)).unwrap();
+        let found = look_into(&fixtures::path(file)).unwrap();
         assert_eq!(
             columns(&found),
             [

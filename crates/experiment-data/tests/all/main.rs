@@ -5,6 +5,7 @@
 mod bad_input;
 mod broken;
 mod common;
+mod fixtures;
 mod foreign_files;
 mod foreign_tables;
 mod instruments;

@@ -1,34 +1,13 @@
 //! Which input moves which outputs, which sensor is late, and whether inputs run on between samples: signals from formulas.
 
-use lpv_diagnose::lpv_core::{Discrete, Purpose, Record, RecordKind, Signals};
+use crate::common::record;
+use lpv_diagnose::lpv_core::{Discrete, Record};
 use lpv_diagnose::observer::{self, Observer};
 use lpv_diagnose::{Axis, Base, TraceError, Track, axes, skew};
 
 use std::f64::consts::TAU;
 
 const RATE: f64 = 250.0;
-
-fn record(name: &str, outputs: Vec<Vec<f64>>, inputs: Vec<Vec<f64>>) -> Record {
-    let names = |letter: &str, n: usize| (0..n).map(|i| format!("{letter}{i}")).collect::<Vec<_>>();
-    let signals = |letter: &str, columns: Vec<Vec<f64>>| {
-        let names = names(letter, columns.len());
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        Signals::new(&names, columns)
-    };
-    let none = || Signals::new(&[], vec![]);
-    Record {
-        name: name.to_owned(),
-        kind: RecordKind::Transient,
-        purpose: Purpose::Estimation,
-        position: None,
-        outputs: signals("y", outputs),
-        inputs: signals("u", inputs),
-        references: none(),
-        scheduling: none(),
-        auxiliary: none(),
-        injection: none(),
-    }
-}
 
 /// Uniform noise between -1 and 1.
 struct Noise(u64);

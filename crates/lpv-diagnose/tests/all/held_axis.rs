@@ -1,6 +1,7 @@
 //! An axis whose controller nobody knows, simulated by hand: dry friction and gravity over less than a turn; and nothing.
 
-use lpv_diagnose::lpv_core::{Discrete, Purpose, Record, RecordKind, Signals};
+use crate::common::{self, middle_step};
+use lpv_diagnose::lpv_core::{Discrete, Record};
 use lpv_diagnose::observer::{self, Observer};
 use lpv_diagnose::{Axis, Base, Case, Explained, Trace, Track, Verdict, servo_axis, trace};
 
@@ -26,25 +27,11 @@ fn record(number: usize, inertia: f64, [friction, gravity]: [f64; 2], (step, ori
                 let dry = friction * (v / 1e-3).tanh();
                 force - 0.6 * v - dry - gravity * (x + 0.5).cos()
             };
-            // The rule of the middle: its error is far below the finest step of the readings.
-            let middle = v + 0.5 * h * rate(x, v);
-            v += h * rate(x + 0.5 * h * v, middle);
-            x += h * middle;
+            // Its error is far below the finest step of the readings.
+            middle_step(&mut x, &mut v, h, rate);
         }
     }
-    let none = || Signals::new(&[], vec![]);
-    observer::followed(Record {
-        name: number.to_string(),
-        kind: RecordKind::Transient,
-        purpose: Purpose::Estimation,
-        position: None,
-        outputs: Signals::new(&["y"], vec![outputs]),
-        inputs: Signals::new(&["u"], vec![inputs]),
-        references: none(),
-        scheduling: none(),
-        auxiliary: none(),
-        injection: none(),
-    })
+    observer::followed(common::record(&number.to_string(), vec![outputs], vec![inputs]))
 }
 
 fn find(

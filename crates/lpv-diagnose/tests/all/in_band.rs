@@ -1,6 +1,7 @@
 //! Axes in which more is wrong than any catalogue holds, simulated by hand: what every machine has is named with its size, and nothing else.
 
-use lpv_diagnose::lpv_core::{ControllerState, Discrete, Purpose, Record, RecordKind, Signals};
+use crate::common::{self, middle_step};
+use lpv_diagnose::lpv_core::{ControllerState, Discrete, Record};
 use lpv_diagnose::observer::{self, Observer};
 use lpv_diagnose::{Added, Axis, Base, Case, Explained, Trace, Track, trace, trace_in_band};
 
@@ -43,25 +44,10 @@ fn record(number: usize, (inertia, reach): (f64, f64), acts: Acts) -> Record {
             let rate = |x: f64, v: f64| {
                 force - acts.viscous * v - acts.friction * (v / 1e-3).tanh() - acts.slope * x + unknown
             };
-            // The rule of the middle.
-            let middle = v + 0.5 * h * rate(x, v);
-            v += h * rate(x + 0.5 * h * v, middle);
-            x += h * middle;
+            middle_step(&mut x, &mut v, h, rate);
         }
     }
-    let none = || Signals::new(&[], vec![]);
-    observer::followed(Record {
-        name: number.to_string(),
-        kind: RecordKind::Transient,
-        purpose: Purpose::Estimation,
-        position: None,
-        outputs: Signals::new(&["y"], vec![outputs]),
-        inputs: Signals::new(&["u"], vec![inputs]),
-        references: none(),
-        scheduling: none(),
-        auxiliary: none(),
-        injection: none(),
-    })
+    observer::followed(common::record(&number.to_string(), vec![outputs], vec![inputs]))
 }
 
 fn tracks(records: &[Record], controller: &ControllerState) -> Result<Vec<Track>, lpv_diagnose::TraceError> {

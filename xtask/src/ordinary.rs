@@ -8,6 +8,7 @@ mod stage;
 use crate::{TaskError, reproduce, root};
 use lpv::lpv_core::num_complex::Complex;
 use places::{PLACES, Place};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
@@ -169,6 +170,15 @@ fn along_a_line(options: &Options) -> Result<Vec<stage::Row>, TaskError> {
 }
 
 const RATE: f64 = 5000.0;
+
+/// The sampled pole of a mode at this frequency, damped by 0.2 to 1 %.
+fn pole(hz: f64, rng: &mut ChaCha8Rng) -> C64 {
+    let (w, d) = (
+        std::f64::consts::TAU * hz,
+        10f64.powf(rng.random_range(-2.7..-2.0)),
+    );
+    (C64::new(-d * w, w * (1.0 - d * d).sqrt()) / RATE).exp()
+}
 
 fn normal(rng: &mut ChaCha8Rng) -> C64 {
     let (re, im): (f64, f64) = (StandardNormal.sample(rng), StandardNormal.sample(rng));

@@ -217,7 +217,8 @@ fn attempt(
     let slow = slow(&modes, units, clock);
     begin(progress, "small LFR: coordinates along the moves");
     match (&moves.data, body) {
-        (Ok(moves), Body::Constant | Body::Decoupled | Body::Varying | Body::Friction) => match standing(&fit, &few, &units.moves(moves)?, config.seed) {
+        (Ok(_), Body::Absent) => reasons.push(format!("moving records: not used, the machine has no rigid body; {slow}")),
+        (Ok(moves), _) => match standing(&fit, &few, &units.moves(moves)?, config.seed) {
             Ok(Some(found)) => {
                 let account = MovingStage::new(&found);
                 let [own, turned, joint] = account.over_noise.map(|error| {
@@ -251,7 +252,6 @@ fn attempt(
             Err(refused) => reasons.push(format!("moving records: {refused}; {slow}")),
         },
         (Err(why), _) => reasons.push(format!("moving records: none, {why}; {slow}")),
-        (Ok(_), Body::Absent) => reasons.push(format!("moving records: not used, the machine has no rigid body; {slow}")),
     }
     if moving.is_none() {
         begin(progress, "small LFR: all lines");

@@ -1,7 +1,7 @@
 //! Many modes and many channels at one position: responses are sums of partial fractions in z, with noise of few periods whose covariance
 //! is estimated as from a measurement. Nothing here comes from the code that estimates.
 
-use super::{C64, MOST_MIB, RATE, bars, mebibytes, normal, percent_within};
+use super::{C64, MOST_MIB, RATE, bars, mebibytes, normal, percent_within, pole};
 use crate::TaskError;
 use crate::memory::measured;
 use lpv::lpv_core::{Discrete, Frf, FrfEstimate};
@@ -124,12 +124,8 @@ impl Machine {
     fn new(kind: &Kind, band: (f64, f64), rng: &mut ChaCha8Rng) -> Self {
         let gap = (band.1 - band.0) / kind.modes as f64;
         let poles = (0..kind.modes).map(|i| {
-            let f = band.0 + gap * (i as f64 + rng.random_range(0.1..0.9));
-            let (w, d) = (
-                std::f64::consts::TAU * f,
-                10f64.powf(rng.random_range(-2.7..-2.0)),
-            );
-            (C64::new(-d * w, w * (1.0 - d * d).sqrt()) / RATE).exp()
+            let hz = band.0 + gap * (i as f64 + rng.random_range(0.1..0.9));
+            pole(hz, rng)
         });
         let poles: Vec<C64> = poles.collect();
         let ports = kind.size.0 + kind.size.1;

@@ -4,7 +4,7 @@
 //! Mode shapes are standing waves over the plane of the stage; responses are sums of partial fractions in z with noise whose covariance is
 //! known, so that the truth is known between the positions too. Nothing here comes from the code that estimates.
 
-use super::{C64, MOST_MIB, RATE, bars, mebibytes, normal};
+use super::{C64, MOST_MIB, RATE, bars, mebibytes, normal, pole};
 use crate::TaskError;
 use crate::memory::measured;
 use lpv::lpv_core::{Discrete, Frf, FrfEstimate};
@@ -151,12 +151,8 @@ struct Machine {
 impl Machine {
     fn new(stage: &Stage, rng: &mut ChaCha8Rng) -> Self {
         let poles = (0..stage.modes).map(|i| {
-            let f = 100.0 * (1.0 + 0.5 * (i as f64 + rng.random_range(0.1..0.6)));
-            let (w, d) = (
-                std::f64::consts::TAU * f,
-                10f64.powf(rng.random_range(-2.7..-2.0)),
-            );
-            (C64::new(-d * w, w * (1.0 - d * d).sqrt()) / RATE).exp()
+            let hz = 100.0 * (1.0 + 0.5 * (i as f64 + rng.random_range(0.1..0.6)));
+            pole(hz, rng)
         });
         let poles: Vec<C64> = poles.collect();
         let waves = (0..stage.modes).map(|i| {

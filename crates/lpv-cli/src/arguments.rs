@@ -62,7 +62,7 @@ pub(crate) enum Command {
 
 #[derive(Args)]
 pub(crate) struct New {
-    /// Record files: .npz, .csv and other text tables, .parquet, .mat.
+    /// Record files: .npz, .csv and other text tables, .parquet, .mat, .h5, .tdms, .mf4, .uff.
     #[arg(required = true, value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
     /// Columns of the measured outputs.

@@ -98,7 +98,7 @@ fn open(place: &Path) -> Result<Bundle, PipelineError> {
         .to_lowercase();
     let problem = match ending.as_str() {
         _ if !place.is_file() => None,
-        "csv" | "npz" | "parquet" | "mat" | "txt" | "npy" | "h5" => {
+        _ if ending == "npy" || RecordFormat::of(&place.to_string_lossy()).is_ok() => {
             let folder = place.parent().filter(|f| f.join("experiment.toml").is_file());
             Some(match folder {
                 Some(folder) => format!(

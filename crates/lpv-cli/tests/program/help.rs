@@ -225,9 +225,11 @@ fn a_slip_is_answered_with_what_was_meant() {
     mode_bundle(&desk, "bundle");
     desk.done("identify bundle -o m.json");
     desk.write("alone.csv", "u,y\n0,1\n1,2\n");
+    desk.write("alone.mf4", "of an instrument");
     for (line, part) in [
         ("simulate -o out --hide abbe", "nearest: `abbe-offset`"),
         ("inspect alone.csv", "`lpv new`"),
+        ("inspect alone.mf4", "`lpv new`"),
         (
             "inspect bundle/run.csv",
             "give the folder of its experiment.toml, bundle",

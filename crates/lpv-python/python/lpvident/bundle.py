@@ -247,7 +247,8 @@ class Bundle:
         return diagnose(self, model, progress=progress)
 
     def __repr__(self) -> str:
-        return f"Bundle({str(self.path)!r}): {self.name}, {len(self)} records at {self.sample_rate:g} Hz"
+        records = f"{len(self)} record" + ("" if len(self) == 1 else "s")
+        return f"Bundle({str(self.path)!r}): {self.name}, {records} at {self.sample_rate:g} Hz"
 
 
 def _rate(index: Any) -> float:

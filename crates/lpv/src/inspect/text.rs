@@ -5,7 +5,7 @@ use crate::encode::cell;
 use crate::error::short_place;
 use crate::finding::{self, Finding, Severity};
 use crate::table::TextTable;
-use lpv_core::Position;
+use lpv_core::{Position, counted};
 use std::fmt::Write as _;
 
 impl Inspection {
@@ -20,9 +20,9 @@ impl Inspection {
             .iter()
             .fold(String::new(), |out, f| out + f + "\n");
         out += &format!(
-            "{}: {} records at {} Hz\n",
+            "{}: {} at {} Hz\n",
             self.name,
-            self.records.len(),
+            counted(self.records.len(), "record"),
             self.sample_rate_hz
         );
         for c in &self.channels {

@@ -7,7 +7,7 @@
 use crate::TraceError;
 use lpv_core::linalg::least_squares;
 use lpv_core::{Discrete, Record};
-use lti_ident::rigid_body::{Filter, Motion, RigidBodySettings, centred, decimated};
+use lti_ident::rigid_body::{Filter, Motion, RigidBodySettings};
 use nalgebra::{DMatrix, DVector};
 
 /// Channels of one axis, as indices of the records.
@@ -128,8 +128,7 @@ impl Rows {
                 .iter_mut()
                 .zip([&motion.acceleration, &motion.velocity, &sign])
             {
-                let kept = decimated(signal, clock, filter.regression_cutoff_hz, filter.decimation)?;
-                column.extend(kept);
+                column.extend(filter.reduced(signal, clock)?);
             }
         }
         // Columns of size one: units are the user's.
@@ -150,9 +149,7 @@ impl Rows {
     fn explain(&self, records: &[Record], input: usize, clock: Discrete) -> Result<f64, TraceError> {
         let mut force = Vec::new();
         for record in records {
-            let u = centred(&record.inputs.columns[input]);
-            let (cutoff, decimation) = (self.filter.regression_cutoff_hz, self.filter.decimation);
-            force.extend(decimated(&u, clock, cutoff, decimation)?);
+            force.extend(self.filter.held(&record.inputs.columns[input], clock)?);
         }
         let middle = lpv_numerics::statistics::mean(&force);
         let force = DVector::from_iterator(force.len(), force.iter().map(|f| f - middle));

@@ -3,7 +3,7 @@
 use crate::{Axis, Base, TraceError};
 use lpv_core::linalg::svd;
 use lpv_core::{Discrete, Record};
-use lti_ident::rigid_body::{Estimator, Filter, Motion, RigidBodySettings, centred, decimated};
+use lti_ident::rigid_body::{Estimator, Filter, Motion, RigidBodySettings};
 use lti_ident::{LtiIdentError, Segment};
 use nalgebra::{DMatrix, DVector};
 
@@ -118,7 +118,6 @@ fn on_spring(records: &[Record], clock: Discrete) -> Result<Option<Found>, Trace
         .map(Vec::as_slice)
         .collect();
     let filter = Filter::new(&positions, clock, &RigidBodySettings::default())?;
-    let kept = |x: &[f64]| decimated(x, clock, filter.regression_cutoff_hz, filter.decimation);
     let mut columns: [Vec<f64>; 4] = Default::default();
     let mut force = Vec::new();
     for record in records {
@@ -131,9 +130,9 @@ fn on_spring(records: &[Record], clock: Discrete) -> Result<Option<Found>, Trace
                 .iter_mut()
                 .zip([&motion.acceleration, &motion.velocity, &motion.position])
         {
-            column.extend(kept(signal)?);
+            column.extend(filter.reduced(signal, clock)?);
         }
-        force.extend(kept(&centred(u))?);
+        force.extend(filter.held(u, clock)?);
     }
     columns[3] = vec![1.0; force.len()];
     let solved = |columns: &[&Vec<f64>]| {

@@ -210,12 +210,13 @@ fn identify_axis(
     };
     let positions: Vec<Vec<f64>> = segments.iter().map(|s| channel(s, |r| &r.outputs)).collect();
     let runs: Vec<&[f64]> = positions.iter().map(Vec::as_slice).collect();
+    let both = Filter::new(&runs, clock, settings)?;
     let Filter {
         position_cutoff_hz,
         regression_cutoff_hz,
         decimation,
-    } = Filter::new(&runs, clock, settings)?;
-    let reduced = |v: &[f64]| decimated(v, clock, regression_cutoff_hz, decimation);
+    } = both;
+    let reduced = |v: &[f64]| both.reduced(v, clock);
     let columns = |position: &[f64]| -> Result<Vec<Vec<f64>>, LtiIdentError> {
         let motion = Motion::new(position, clock, position_cutoff_hz)?;
         let acceleration = reduced(&motion.acceleration)?;
@@ -233,9 +234,7 @@ fn identify_axis(
     let (mut force, mut regressors, mut instruments) = (Vec::new(), Vec::new(), Vec::new());
     for (s, position) in segments.iter().zip(&positions) {
         regressors.push(columns(position)?);
-        // Both sides of the equations pass both filters, so that the filters bias nothing.
-        let held = centred(&channel(s, |r| &r.inputs));
-        force.extend(reduced(&filter::low_pass(&held, clock, position_cutoff_hz))?);
+        force.extend(both.held(&channel(s, |r| &r.inputs), clock)?);
         if with_references {
             instruments.push(columns(&channel(s, |r| &r.references))?);
         }

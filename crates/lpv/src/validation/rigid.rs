@@ -4,7 +4,7 @@ use crate::PipelineError;
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{Discrete, Record, RigidBody};
 use lpv_simulate::Run;
-use lti_ident::rigid_body::{Filter, Motion, RigidBodySettings, centred, decimated};
+use lti_ident::rigid_body::{Filter, Motion, RigidBodySettings};
 use serde::{Deserialize, Serialize};
 
 /// Errors of one axis: `100 |measured - model| / |measured|`, norms over the record.
@@ -86,9 +86,8 @@ pub(crate) fn check_axis(
     }
     // Simulated positions go through the same filter, so that derivatives compare like with like.
     let motion = |q: &[f64]| Motion::new(q, clock, filter.position_cutoff_hz);
-    let kept = |x: &[f64]| decimated(x, clock, filter.regression_cutoff_hz, filter.decimation);
     let measured = motion(q)?;
-    let (pushed, told) = (kept(&centred(u))?, kept(&force(&measured))?);
+    let (pushed, told) = (filter.held(u, clock)?, filter.reduced(&force(&measured), clock)?);
     let left: f64 = pushed.iter().zip(&told).map(|(a, b)| (a - b).powi(2)).sum();
     let squares: f64 = q.iter().zip(open).map(|(a, b)| (a - b) * (a - b)).sum();
     Ok(AxisCheck {

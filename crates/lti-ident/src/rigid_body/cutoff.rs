@@ -1,6 +1,6 @@
 //! Cut-offs from the spectrum of the position.
 
-use super::RigidBodySettings;
+use super::{RigidBodySettings, centred, decimated, filter};
 use crate::LtiIdentError;
 use lpv_core::{Clock, Discrete};
 use realfft::RealFftPlanner;
@@ -39,6 +39,24 @@ impl Filter {
             regression_cutoff_hz,
             decimation: decimation.max(1),
         })
+    }
+
+    /// A signal behind the filter on the equations.
+    ///
+    /// # Errors
+    /// As [`decimated`].
+    pub fn reduced(&self, signal: &[f64], clock: Discrete) -> Result<Vec<f64>, LtiIdentError> {
+        decimated(signal, clock, self.regression_cutoff_hz, self.decimation)
+    }
+
+    /// A held force beside derivatives of a filtered position: behind both filters as these are, so that the filters bias nothing.
+    ///
+    /// # Errors
+    /// As [`decimated`].
+    pub fn held(&self, force: &[f64], clock: Discrete) -> Result<Vec<f64>, LtiIdentError> {
+        filter::check("position_cutoff_hz", self.position_cutoff_hz, clock)?;
+        let slow = filter::low_pass(&centred(force), clock, self.position_cutoff_hz);
+        self.reduced(&slow, clock)
     }
 }
 
@@ -134,4 +152,57 @@ fn spectrum(runs: &[&[f64]]) -> Vec<f64> {
         }
     }
     power
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rigid_body::Motion;
+    use rand::{RngExt, SeedableRng};
+
+    /// A mass under white forces, integrated exactly: what both sides leave of it, for cut-offs of the position below, at and above
+    /// that of the equations.
+    #[test]
+    fn the_filters_bias_no_mass() -> Result<(), LtiIdentError> {
+        let clock = Discrete::from_rate(1000.0)?;
+        let (h, mass) = (clock.sample_time(), 3.0);
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+        let force: Vec<f64> = (0..20_000).map(|_| rng.random_range(-1.0..1.0)).collect();
+        let (mut x, mut v) = (0.0, 0.0);
+        let position: Vec<f64> = force
+            .iter()
+            .map(|f| {
+                let now = x;
+                x += h * v + 0.5 * h * h * f / mass;
+                v += h * f / mass;
+                now
+            })
+            .collect();
+        for position_cutoff_hz in [5.0, 20.0, 80.0] {
+            let filter = Filter {
+                position_cutoff_hz,
+                regression_cutoff_hz: 20.0,
+                decimation: 20,
+            };
+            let motion = Motion::new(&position, clock, position_cutoff_hz)?;
+            let acceleration = filter.reduced(&motion.acceleration, clock)?;
+            let force = filter.held(&force, clock)?;
+            // Ends of the record are the filter's.
+            let inner = 100..force.len() - 100;
+            let square = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(a, b)| a * b).sum::<f64>();
+            let (f, a) = (&force[inner.clone()], &acceleration[inner]);
+            let found = square(f, a) / square(a, a);
+            let left = square(f, f) - found * square(f, a);
+            assert!(
+                (found / mass - 1.0).abs() < 2e-3,
+                "{position_cutoff_hz} Hz: {found}"
+            );
+            assert!(
+                left < 1e-3 * square(f, f),
+                "{position_cutoff_hz} Hz: {left:.1e} of {:.1e}",
+                square(f, f)
+            );
+        }
+        Ok(())
+    }
 }

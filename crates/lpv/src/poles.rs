@@ -156,13 +156,27 @@ pub fn fit_poles(
         integrators: count,
         slow_poles: given == Some(1),
     };
+    let (slope, _) = integrators_from_slope(middle);
+    let told = match given {
+        None => search.integrators_of_many_modes(slope),
+        Some(_) => None,
+    };
+    if let Some(told) = told.filter(|told| *told != count) {
+        search.integrate(told);
+        reasons.push(format!(
+            "{} instead: they describe the response most shortly",
+            counted(told, "integrator")
+        ));
+    }
     let mut before = reasons.len();
     let mut found = search.run(&mut reasons)?;
-    if estimates.len() == 1 && given.is_none() {
-        let (slope, _) = integrators_from_slope(middle);
-        if let Some(other) = search.other_integrators(slope, &found.0, &mut reasons) {
-            found = other;
-        }
+    let settled = told.is_some() && !missed(&found.0);
+    if estimates.len() == 1
+        && given.is_none()
+        && !settled
+        && let Some(other) = search.other_integrators(slope, &found.0, &mut reasons)
+    {
+        found = other;
     }
     let mut rigid = None;
     if estimates.len() > 1 && (count > 0 || one_by_slope) {

@@ -16,7 +16,8 @@
 //!
 //! 1. Polynomials orthonormal on the lines, by Arnoldi iteration with real coefficients; no powers of `z` anywhere.
 //! 2. A start by reweighted total least squares, which has no bias from the noise. Where what it leaves is no noise, starts by
-//!    vector fitting from poles spread over the band, which find tens of modes.
+//!    vector fitting from poles spread over the band. Tens of modes are found without a start: a subspace method counts the states
+//!    that stand out of the noise, and its poles are a few steps from the best ones.
 //! 3. Gauss-Newton on the denominator alone: given `a`, the numerators are a linear problem and are eliminated (variable
 //!    projection in Kaufman's form). The matrices are sums of moments; the gradient comes from the residual itself, so
 //!    that the end point does not suffer from squared condition numbers.
@@ -79,12 +80,15 @@ mod relocate;
 mod scan;
 mod search;
 mod settings;
+mod subspace;
 mod uncertainty;
 mod weights;
 
 pub use error::PoleFitError;
 pub use fit::{Account, Mode, PoleFit, fit, fit_from};
 pub use lpv_core;
-pub use scan::{PATIENCE, STABLE_DAMPING, STABLE_FREQUENCY, Scan, ScanEntry, scan, scan_to_noise};
+pub use scan::{
+    PATIENCE, STABLE_DAMPING, STABLE_FREQUENCY, Scan, ScanEntry, scan, scan_counted, scan_to_noise,
+};
 pub use search::StopReason;
 pub use settings::{Integrators, NumeratorDegree, ORDER_LIMIT, PoleFitSettings, Weighting};

@@ -3,10 +3,12 @@
 use crate::fit::fit_lines;
 use crate::model::Setup;
 use crate::search::Begin;
+use crate::subspace::{Subspace, size};
 use crate::weights::Lines;
 use crate::{PoleFit, PoleFitError, PoleFitSettings, Weighting};
 use lpv_core::{Discrete, FrfEstimate};
 use num_complex::Complex;
+use std::ops::RangeInclusive;
 
 /// Largest relative change of a natural frequency from one order to the next of a stable pole.
 pub const STABLE_FREQUENCY: f64 = 0.01;
@@ -77,10 +79,32 @@ pub fn scan(
     search.end()
 }
 
-/// As [`scan`], and where none of the orders leaves noise alone, with the larger ones in turn until one does; then with those
-/// between it and the one before, by bisection, each from the poles of the larger fit without those that matter least. A cost
-/// within a tenth of its expectation is noise; one within half of it is, if the next order takes less than 3 % off. It
-/// gives up where [`PATIENCE`] larger orders in a row lower the cost by less than a third.
+/// The order of the states that a subspace method counts in the noise, if it is one of `orders` and the fit from their poles leaves noise
+/// alone; with those just below it. Fixed integrators are none of these states.
+///
+/// # Errors
+/// [`PoleFitError`] of settings, lines and weights that no fit can take.
+pub fn scan_counted(
+    estimate: &FrfEstimate,
+    clock: Discrete,
+    settings: &PoleFitSettings,
+    orders: RangeInclusive<usize>,
+) -> Result<Option<Scan>, PoleFitError> {
+    settings.check()?;
+    let lines = Lines::new(estimate, clock, settings)?;
+    let mut search = Search::new(&lines, clock, settings);
+    match search.count(&orders) {
+        Some(poles) if search.reaches_noise(&poles)? => search.end().map(Some),
+        _ => Ok(None),
+    }
+}
+
+/// As [`scan`], up to an order that leaves noise alone. A subspace method counts the states that stand out of the noise; where they are
+/// more than `orders` have, and the fit from their poles leaves noise alone, only the orders just below are tried beside it. Else
+/// `orders` are, then that fit, and then `larger` in turn until one leaves noise alone; those between it and the one before, by
+/// bisection. A smaller order begins at the poles of the larger fit without those that matter least. A cost within a tenth of its
+/// expectation is noise; one within half of it is, if the next order takes less than 3 % off. It gives up where [`PATIENCE`] larger
+/// orders in a row lower the cost by less than a third.
 ///
 /// With weights that are no covariance there is no noise to reach, and no larger order is tried.
 ///
@@ -96,14 +120,26 @@ pub fn scan_to_noise(
     settings.check()?;
     let lines = Lines::new(estimate, clock, settings)?;
     let mut search = Search::new(&lines, clock, settings);
+    let tried = orders.iter().copied().max().unwrap_or(0);
+    let most = larger.iter().copied().max().unwrap_or(tried);
+    let counted = search.count(&(1..=most));
+    if let Some(poles) = counted.as_ref().filter(|poles| search.order_of(poles) > tried)
+        && search.reaches_noise(poles)?
+    {
+        return search.end();
+    }
     for &order in orders {
         search.add(order, Begin::Data)?;
     }
     if !search.knows_noise() || search.over() <= SURELY_NOISE {
         return search.end();
     }
+    if let Some(poles) = counted.filter(|poles| search.order_of(poles) <= tried)
+        && search.reaches_noise(&poles)?
+    {
+        return search.end();
+    }
     let mut best = search.least();
-    let tried = orders.iter().copied().max().unwrap_or(0);
     let (mut idle, mut below) = (0, tried);
     for &order in larger.iter().filter(|n| **n > tried) {
         let before = search.over();
@@ -162,6 +198,7 @@ impl<'a> Search<'a> {
     }
 
     /// Fits an order, from poles where they are given, and says at which place among the entries it stands.
+    /// Of two fits of an order the better one stays.
     fn add(&mut self, order: usize, begin: Begin<'_>) -> Result<Option<usize>, PoleFitError> {
         let settings = PoleFitSettings {
             order,
@@ -172,6 +209,12 @@ impl<'a> Search<'a> {
             Ok(fit) => {
                 let (aic, mdl) = criteria(&fit, settings.weighting);
                 let at = self.entries.partition_point(|e| e.order < order);
+                if let Some(known) = self.entries.get(at).filter(|e| e.order == order) {
+                    if known.fit.account.cost <= fit.account.cost {
+                        return Ok(Some(at));
+                    }
+                    self.entries.remove(at);
+                }
                 let before = at.checked_sub(1).and_then(|i| self.entries.get(i));
                 let stable = stable(&fit, before.map(|e| &e.fit));
                 let entry = ScanEntry {
@@ -204,6 +247,66 @@ impl<'a> Search<'a> {
         self.entries.iter().map(over).fold(f64::INFINITY, f64::min)
     }
 
+    /// Poles of the states that a subspace method counts, one of each pair, where they have one of these orders.
+    fn count(&self, orders: &RangeInclusive<usize>) -> Option<Vec<Complex<f64>>> {
+        if !self.knows_noise() {
+            return None;
+        }
+        let fixed = self.settings.fixed_integrators();
+        let subspace = Subspace::new(self.lines, fixed)?;
+        let poles = subspace.poles(subspace.states)?;
+        orders.contains(&self.order_of(&poles)).then_some(poles)
+    }
+
+    /// The order of a fit with these poles, one of each pair.
+    fn order_of(&self, poles: &[Complex<f64>]) -> usize {
+        self.settings.fixed_integrators() + size(poles)
+    }
+
+    /// Whether the fit from these poles leaves noise alone: then those just below it join it, as long as they describe the data more
+    /// shortly; else nothing does.
+    fn reaches_noise(&mut self, poles: &[Complex<f64>]) -> Result<bool, PoleFitError> {
+        let mut order = self.order_of(poles);
+        let known = self.entries.iter().any(|e| e.order == order);
+        self.add(order, Begin::Near(poles))?;
+        if self.over() > SURELY_NOISE {
+            if !known {
+                self.remove(order);
+            }
+            return Ok(false);
+        }
+        while let Some(fewer) = self.fewer(order)? {
+            order = fewer;
+        }
+        Ok(true)
+    }
+
+    /// One or two orders below, the first that describes the data more shortly; modes come in pairs.
+    fn fewer(&mut self, order: usize) -> Result<Option<usize>, PoleFitError> {
+        for fewer in [order.saturating_sub(1), order.saturating_sub(2)] {
+            let Some(from) = self.entries.iter().find(|e| e.order == order) else {
+                break;
+            };
+            let length = from.mdl;
+            if fewer <= self.settings.fixed_integrators() {
+                break;
+            }
+            let settings = PoleFitSettings {
+                order,
+                ..*self.settings
+            };
+            let Some(poles) = from.fit.most_important(&Setup::of(self.lines, &settings), fewer) else {
+                break;
+            };
+            if let Some(at) = self.add(fewer, Begin::Near(&poles))?
+                && self.entries[at].mdl < length
+            {
+                return Ok(Some(fewer));
+            }
+        }
+        Ok(None)
+    }
+
     fn remove(&mut self, order: usize) {
         self.entries.retain(|e| e.order != order);
     }
@@ -227,7 +330,7 @@ impl<'a> Search<'a> {
             };
             let poles = from.fit.most_important(&Setup::of(self.lines, &settings), middle);
             let length = from.mdl;
-            match self.add(middle, poles.as_deref().map_or(Begin::Data, Begin::Poles))? {
+            match self.add(middle, poles.as_deref().map_or(Begin::Data, Begin::Near))? {
                 Some(at) if self.entries[at].mdl < length => (known, high) = (at, middle),
                 // What was added stands below what is known.
                 Some(_) => (known, low) = (known + 1, middle),

@@ -2,7 +2,8 @@
 
 use crate::basis::Basis;
 use crate::model::{Point, Reduced, Setup};
-use crate::relocate::{Spread, denominator, inside, relocate, spread};
+use crate::relocate::{Spread, denominator, inside, most_important, relocate, spread};
+use crate::subspace::Subspace;
 use crate::uncertainty::expected_cost;
 use crate::{PoleFitError, PoleFitSettings, Weighting};
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
@@ -50,13 +51,15 @@ pub(crate) enum Begin<'a> {
     Data,
     /// At these poles, one of each pair.
     Poles(&'a [Complex<f64>]),
+    /// At these poles, one of each pair; a few steps where they are far from the noise.
+    Near(&'a [Complex<f64>]),
     /// At the poles of the better of two vector fits; a few steps where they are far from the noise, and all starts where they are
     /// near it but do not reach it.
     Quick,
 }
 
 /// The best of several starts: reweighted total least squares; and, where what it leaves is no noise, vector fitting from poles
-/// spread over the band.
+/// spread over the band. Of many poles, those of a subspace method come first.
 pub(crate) fn search(
     setup: &Setup<'_>,
     settings: &PoleFitSettings,
@@ -82,11 +85,25 @@ pub(crate) fn search(
         let poles = relocate(setup, first)?;
         from_poles(setup, &poles).map(Ok)
     };
+    let quickly = |found: Found| {
+        let far = found.point.cost > FAR * expected;
+        let steps = if far { FEW_STEPS } else { usize::MAX };
+        let settings = PoleFitSettings {
+            max_iterations: settings.max_iterations.min(steps),
+            ..*settings
+        };
+        refine(setup, &settings, found)
+    };
     match begin {
         Begin::Data => {}
         Begin::Poles(poles) => {
             if let Some(found) = from_poles(setup, poles) {
                 return refine(setup, settings, found);
+            }
+        }
+        Begin::Near(poles) => {
+            if let Some(found) = from_poles(setup, poles) {
+                return quickly(found);
             }
         }
         Begin::Quick => {
@@ -95,15 +112,7 @@ pub(crate) fn search(
                 .flatten()
                 .min_by(|a, b| a.point.cost.total_cmp(&b.point.cost));
             if let Some(found) = best {
-                let far = found.point.cost > FAR * expected;
-                let steps = settings
-                    .max_iterations
-                    .min(if far { FEW_STEPS } else { usize::MAX });
-                let settings = PoleFitSettings {
-                    max_iterations: steps,
-                    ..*settings
-                };
-                return refine(setup, &settings, found);
+                return quickly(found);
             }
         }
     }
@@ -119,11 +128,16 @@ pub(crate) fn search(
     };
     let lines: Start<'_> = &|| relocated(Spread::Lines);
     let decades: Start<'_> = &|| relocated(Spread::Decades);
+    let counted: Start<'_> = &|| {
+        let subspace = Subspace::new(setup.lines, settings.fixed_integrators())?;
+        let poles = most_important(setup, &subspace.at_least(setup.n_a - 1)?, setup.n_a - 1)?;
+        from_poles(setup, &poles).map(Ok)
+    };
     // Many poles are found from poles; few, without bias from the noise.
-    let starts = if setup.n_a - 1 > MANY && settings.several_starts {
-        [lines, total_least_squares, decades]
-    } else {
-        [total_least_squares, lines, decades]
+    let starts: &[Start<'_>] = match (setup.n_a - 1 > MANY && settings.several_starts, known) {
+        (true, true) => &[counted, lines, total_least_squares, decades],
+        (true, false) => &[lines, total_least_squares, decades],
+        (false, _) => &[total_least_squares, lines, decades],
     };
     let mut best: Option<Result<Found, PoleFitError>> = None;
     for start in starts {
@@ -150,7 +164,7 @@ const FAR: f64 = 100.0;
 /// Steps of a quick search from there.
 const FEW_STEPS: usize = 6;
 
-/// Beyond so many poles vector fitting is tried first.
+/// Beyond so many poles a subspace method and vector fitting are tried first.
 const MANY: usize = 16;
 
 /// The point whose poles outside the unit circle are mirrored at it; none where all are inside.

@@ -4,32 +4,46 @@
 
 use lpv_core::{Discrete, Frf, FrfEstimate};
 use num_complex::Complex;
-use pole_fit::{NumeratorDegree, PoleFitSettings, scan_to_noise};
+use pole_fit::{Integrators, NumeratorDegree, PoleFitSettings, scan_counted, scan_to_noise};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 
 type C64 = Complex<f64>;
 
-const RATE: f64 = 2000.0;
 const ORDERS: [usize; 6] = [2, 4, 6, 8, 10, 12];
 const LARGER: [usize; 9] = [16, 20, 26, 32, 40, 50, 64, 80, 96];
 
-/// Modes at even and random places between 30 and 480 Hz with residues of random sign and size, and noise of a constant size
-/// `-snr_db` below the rms of the response.
-fn machine(modes: usize, (n_y, n_u): (usize, usize), snr_db: f64, seed: u64) -> (FrfEstimate, Discrete) {
+/// Modes at even and random places between 30 and 480 Hz with residues of random sign and size, beside so many masses that move freely,
+/// and noise of a constant size `-snr_db` below the median line.
+#[derive(Debug, Clone, Copy)]
+struct Kind {
+    modes: usize,
+    masses: usize,
+    channels: (usize, usize),
+    snr_db: f64,
+    rate: f64,
+}
+
+fn machine(kind: Kind, seed: u64) -> (FrfEstimate, Discrete) {
+    let Kind {
+        modes,
+        channels: (n_y, n_u),
+        rate,
+        ..
+    } = kind;
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-    let clock = Discrete::from_rate(RATE).unwrap();
+    let clock = Discrete::from_rate(rate).unwrap();
     let spread = 450.0 / modes as f64;
     let poles: Vec<C64> = (0..modes)
         .map(|i| {
             let f = 30.0 + spread * (i as f64 + rng.random_range(0.1..0.9));
             let w = std::f64::consts::TAU * f;
             let d = 0.006 * 2f64.powf(rng.random_range(-1.0..1.0));
-            (C64::new(-d * w, w * (1.0 - d * d).sqrt()) / RATE).exp()
+            (C64::new(-d * w, w * (1.0 - d * d).sqrt()) / rate).exp()
         })
         .collect();
     let normal = Normal::new(0.0, 1.0).unwrap();
-    let shapes: Vec<Vec<f64>> = (0..modes)
+    let shapes: Vec<Vec<f64>> = (0..modes + kind.masses)
         .map(|_| {
             (0..n_y + n_u)
                 .map(|_| rng.random_range(0.5..2.0) * if rng.random_bool(0.5) { 1.0 } else { -1.0 })
@@ -39,19 +53,26 @@ fn machine(modes: usize, (n_y, n_u): (usize, usize), snr_db: f64, seed: u64) -> 
     let lines: Vec<f64> = (4..1120).map(|k| 0.5 * f64::from(k)).collect();
     let mut values = Vec::with_capacity(lines.len() * n_y * n_u);
     for f in &lines {
-        let z = C64::from_polar(1.0, std::f64::consts::TAU * f / RATE);
+        let z = C64::from_polar(1.0, std::f64::consts::TAU * f / rate);
         for j in 0..n_u {
             for i in 0..n_y {
                 let part = |(l, s): (&C64, &Vec<f64>)| {
                     let gain = C64::i() * s[i] * s[n_y + j];
                     gain / (z - l) + gain.conj() / (z - l.conj())
                 };
-                values.push(poles.iter().zip(&shapes).map(part).sum::<C64>());
+                let free = shapes[modes..].iter().map(|s| s[i] * s[n_y + j]).sum::<f64>();
+                let w = std::f64::consts::TAU * 60.0 / rate;
+                let rigid = (z + 1.0) / (z - 1.0).powu(2) * (0.5 * w * w * free * 10.0 * rate / 2000.0);
+                values.push(poles.iter().zip(&shapes).map(part).sum::<C64>() + rigid);
             }
         }
     }
-    let rms = (values.iter().map(|v| v.norm_sqr()).sum::<f64>() / values.len() as f64).sqrt();
-    let deviation = rms * 10f64.powf(-snr_db / 20.0);
+    let mut sizes: Vec<f64> = values
+        .chunks(n_y * n_u)
+        .map(|l| l.iter().map(|v| v.norm_sqr()).sum())
+        .collect();
+    sizes.sort_by(f64::total_cmp);
+    let deviation = (sizes[sizes.len() / 2] / (n_y * n_u) as f64).sqrt() * 10f64.powf(-kind.snr_db / 20.0);
     for v in &mut values {
         *v += C64::new(normal.sample(&mut rng), normal.sample(&mut rng)) * (deviation / 2f64.sqrt());
     }
@@ -83,7 +104,14 @@ fn tens_of_modes_are_found() {
         (30, (1, 1), 5),
         (12, (3, 2), 6),
     ] {
-        let (estimate, clock) = machine(modes, channels, 66.0, seed);
+        let kind = Kind {
+            modes,
+            channels,
+            masses: 0,
+            snr_db: 60.0,
+            rate: 2000.0,
+        };
+        let (estimate, clock) = machine(kind, seed);
         let settings = PoleFitSettings {
             numerator: NumeratorDegree::StrictlyProper,
             ..PoleFitSettings::new(2)
@@ -94,4 +122,46 @@ fn tens_of_modes_are_found() {
         assert!(over < 1.2, "{modes} modes: {over}");
         assert_eq!(fit.account.order, 2 * modes);
     }
+}
+
+/// Channels from one to many, with and without a rigid body of rank up to three, noise over three decades, and lines from the whole circle
+/// down to an arc of a hundredth of it.
+#[test]
+fn the_states_in_the_noise_are_counted() {
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(7);
+    let (mut right, mut count) = (0, 0);
+    for seed in 0..60 {
+        let channels = (rng.random_range(1..9), rng.random_range(1..5));
+        let masses = rng.random_range(0..4);
+        let kind = Kind {
+            modes: rng.random_range(7..25),
+            masses,
+            channels,
+            snr_db: rng.random_range(30.0..90.0),
+            rate: 1120.0 * 10f64.powf(rng.random_range(0.0..2.0)),
+        };
+        let (estimate, clock) = machine(kind, seed);
+        let integrators = if masses > 0 { 2 } else { 0 };
+        let settings = PoleFitSettings {
+            integrators: if masses > 0 {
+                Integrators::Fixed(2)
+            } else {
+                Integrators::Free
+            },
+            numerator: NumeratorDegree::StrictlyProper,
+            ..PoleFitSettings::new(2 + integrators)
+        };
+        let scan = scan_counted(&estimate, clock, &settings, 1..=98).unwrap();
+        let order = scan
+            .as_ref()
+            .and_then(|s| s.chosen())
+            .map(|fit| fit.account.order);
+        count += 1;
+        right += usize::from(order == Some(2 * kind.modes + integrators));
+        if let Some(fit) = scan.as_ref().and_then(|s| s.chosen()) {
+            let over = fit.account.cost / fit.account.expected_cost;
+            assert!(over < 1.1, "{kind:?}: {over}");
+        }
+    }
+    assert!(right * 100 >= count * 95, "{right} of {count}");
 }

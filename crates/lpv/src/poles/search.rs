@@ -4,7 +4,8 @@ use crate::PipelineError;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Discrete, FrfEstimate};
 use pole_fit::{
-    Integrators, NumeratorDegree, PoleFit, PoleFitError, PoleFitSettings, Scan, fit, fit_from, scan_to_noise,
+    Integrators, NumeratorDegree, PoleFit, PoleFitError, PoleFitSettings, Scan, fit, fit_from, scan_counted,
+    scan_to_noise,
 };
 use rayon::prelude::*;
 
@@ -60,6 +61,11 @@ const CLEAR_SLOPE: f64 = 0.05;
 
 /// Cost over its expectation beyond which another start is tried.
 pub(super) const MORE_THAN_NOISE: f64 = 1.5;
+
+/// Whether the lowest lines may fall with so many integrators.
+fn near(count: usize, slope: f64) -> bool {
+    (count as f64 + slope).abs() <= 1.5
+}
 
 /// One of each pair of the estimated poles.
 pub(crate) fn upper_half(fit: &PoleFit) -> Vec<Complex<f64>> {
@@ -130,11 +136,10 @@ impl Search<'_> {
         } else {
             &[NumeratorDegree::StrictlyProper]
         };
-        let near = |count: usize| (count as f64 + slope).abs() <= 1.5;
         // At several positions a single integrator is friction, which has its own search.
         let counts = [2, 1, 0]
             .into_iter()
-            .filter(|c| if one { near(*c) } else { *c != 1 } || *c == own.0);
+            .filter(|c| if one { near(*c, slope) } else { *c != 1 } || *c == own.0);
         let others: Vec<_> = counts
             .flat_map(|count| numerators.iter().map(move |n| (count, *n)))
             .filter(|other| *other != own)
@@ -177,6 +182,33 @@ impl Search<'_> {
         }
         reasons.extend(why);
         Some(other)
+    }
+
+    /// The number of integrators, of those near to a slope in doubt, with which the states that stand out of the noise describe the
+    /// response of one position most shortly, and leave noise alone with stable poles; none where the states are few.
+    pub(super) fn integrators_of_many_modes(&self, slope: f64) -> Option<usize> {
+        let doubtful = (slope - slope.round()).abs() > CLEAR_SLOPE;
+        let [one] = self.estimates else {
+            return None;
+        };
+        if !doubtful || self.order.is_some() {
+            return None;
+        }
+        let few = thinned(one);
+        let described = |count: usize| {
+            let settings = PoleFitSettings {
+                integrators: kind(count),
+                ..self.settings
+            };
+            let most = FLEXIBLE_ORDERS_LTI.iter().max().map_or(0, |n| n + count);
+            let larger = LARGER_ORDERS.iter().max().map_or(0, |n| n + count);
+            let scan = scan_counted(&few, self.clock, &settings, most + 1..=larger).ok()??;
+            let fit = scan.chosen()?;
+            stable(std::slice::from_ref(fit)).then(|| description_length(fit))
+        };
+        let counts = [2, 1, 0].into_iter().filter(|c| near(*c, slope));
+        let found = counts.filter_map(|count| Some((described(count)?, count)));
+        found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, count)| count)
     }
 
     /// Orders to try, integrators included.

@@ -10,7 +10,7 @@ use friction::evidence;
 use lpv_core::{Discrete, FrfEstimate, counted};
 use pole_fit::{NumeratorDegree, PoleFit, PoleFitSettings, Scan, Weighting};
 pub(crate) use search::upper_half;
-use search::{FLEXIBLE_ORDERS, Search, kind, missed, over_noise};
+use search::{FLEXIBLE_ORDERS, Search, doubtful, kind, missed, over_noise};
 
 /// The poles at every position.
 #[derive(Debug, Clone)]
@@ -157,20 +157,35 @@ pub fn fit_poles(
         slow_poles: given == Some(1),
     };
     let (slope, _) = integrators_from_slope(middle);
-    let told = match given {
-        None => search.integrators_of_many_modes(slope),
+    let told = |search: &Search<'_>| match given {
+        None => search.integrators_of_many_modes(),
         Some(_) => None,
     };
-    if let Some(told) = told.filter(|told| *told != count) {
-        search.integrate(told);
-        reasons.push(format!(
-            "{} instead: they describe the response most shortly",
-            counted(told, "integrator")
-        ));
+    let take = |told: usize, search: &mut Search<'_>, reasons: &mut Vec<String>| {
+        if told != search.integrators {
+            search.integrate(told);
+            let integrators = counted(told, "integrator");
+            reasons.push(format!(
+                "{integrators} instead: they describe the response most shortly"
+            ));
+        }
+    };
+    let mut many = if doubtful(slope) { told(&search) } else { None };
+    if let Some(told) = many {
+        take(told, &mut search, &mut reasons);
     }
     let mut before = reasons.len();
     let mut found = search.run(&mut reasons)?;
-    let settled = told.is_some() && !missed(&found.0);
+    if many.is_none() && missed(&found.0) {
+        many = told(&search);
+        if let Some(told) = many {
+            reasons.truncate(before);
+            take(told, &mut search, &mut reasons);
+            before = reasons.len();
+            found = search.run(&mut reasons)?;
+        }
+    }
+    let settled = many.is_some() && !missed(&found.0);
     if estimates.len() == 1
         && given.is_none()
         && !settled

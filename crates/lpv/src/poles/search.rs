@@ -62,6 +62,11 @@ const CLEAR_SLOPE: f64 = 0.05;
 /// Cost over its expectation beyond which another start is tried.
 pub(super) const MORE_THAN_NOISE: f64 = 1.5;
 
+/// Whether a slope leaves the number of integrators in doubt.
+pub(super) fn doubtful(slope: f64) -> bool {
+    (slope - slope.round()).abs() > CLEAR_SLOPE
+}
+
 /// Whether the lowest lines may fall with so many integrators.
 fn near(count: usize, slope: f64) -> bool {
     (count as f64 + slope).abs() <= 1.5
@@ -125,8 +130,7 @@ impl Search<'_> {
     ) -> Option<Fits> {
         let own = (self.integrators, self.settings.numerator);
         let missed = missed(found);
-        let doubtful = (slope - slope.round()).abs() > CLEAR_SLOPE;
-        if !doubtful && !missed {
+        if !doubtful(slope) && !missed {
             return None;
         }
         // Noise that is not reached, or reached with poles outside the unit circle, may want a direct term.
@@ -184,14 +188,14 @@ impl Search<'_> {
         Some(other)
     }
 
-    /// The number of integrators, of those near to a slope in doubt, with which the states that stand out of the noise describe the
-    /// response of one position most shortly, and leave noise alone with stable poles; none where the states are few.
-    pub(super) fn integrators_of_many_modes(&self, slope: f64) -> Option<usize> {
-        let doubtful = (slope - slope.round()).abs() > CLEAR_SLOPE;
+    /// The number of integrators with which the states that stand out of the noise describe the response of one position most shortly, and
+    /// leave noise alone with stable poles: the slope of the diagonal need not show the rigid body where sensors and actuators are not
+    /// beside each other. None where the states are few.
+    pub(super) fn integrators_of_many_modes(&self) -> Option<usize> {
         let [one] = self.estimates else {
             return None;
         };
-        if !doubtful || self.order.is_some() {
+        if self.order.is_some() {
             return None;
         }
         let few = thinned(one);
@@ -206,8 +210,9 @@ impl Search<'_> {
             let fit = scan.chosen()?;
             stable(std::slice::from_ref(fit)).then(|| description_length(fit))
         };
-        let counts = [2, 1, 0].into_iter().filter(|c| near(*c, slope));
-        let found = counts.filter_map(|count| Some((described(count)?, count)));
+        let found = [2, 1, 0]
+            .into_iter()
+            .filter_map(|count| Some((described(count)?, count)));
         found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, count)| count)
     }
 

@@ -8,6 +8,7 @@ use self::open::{read_text, record_names};
 use crate::checks::{self, Expectation, PeriodicCheck};
 use crate::description::{ChannelGroup, Description};
 use crate::description_check::fault;
+use crate::error::ResponseFault;
 use crate::key_path::KeyPath;
 use crate::source::Source;
 use crate::{DataError, DescriptionError, RecordError, RecordPlace, paths, toml_file};
@@ -144,6 +145,9 @@ impl Bundle {
     pub fn load(&self, index: usize) -> Result<Record, DataError> {
         let entry = self.entry(index)?;
         let path = self.record_path(index)?;
+        if entry.is_response() {
+            return Err(self.record_fault(index, path, ResponseFault::NoSamples.into()));
+        }
         let names = self.columns_of(entry);
         let source = self.source(entry, &path);
         let record = source.read(&names).and_then(|data| {
@@ -201,7 +205,7 @@ impl Bundle {
     }
 
     /// What is wrong with a record, and where.
-    fn record_fault(&self, index: usize, file: PathBuf, mut problem: RecordError) -> DataError {
+    pub(crate) fn record_fault(&self, index: usize, file: PathBuf, mut problem: RecordError) -> DataError {
         if let Some(entry) = self.description.records.get(index) {
             self.source(entry, &file).add_lines(&mut problem);
         }

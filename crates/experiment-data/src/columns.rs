@@ -16,8 +16,9 @@ use std::path::Path;
 use crate::contents::{Column, ColumnInfo, Contents, SUPPORTED};
 pub use csv::lines_of_rows;
 pub(crate) use csv::write as write_csv;
-pub(crate) use npz::write as write_npz;
+pub(crate) use npz::{entries as npz_entries, numbers as npz_numbers, write as write_npz};
 pub(crate) use parquet::write as write_parquet;
+pub(crate) use uff::responses as uff_responses;
 
 /// Takes the columns of a block of rows.
 pub(crate) type Sink<'a> = &'a mut dyn FnMut(Vec<Vec<f64>>);
@@ -204,7 +205,7 @@ pub(crate) fn each_block(
     }
 }
 
-fn format(path: &Path) -> Result<RecordFormat, RecordError> {
+pub(crate) fn format(path: &Path) -> Result<RecordFormat, RecordError> {
     RecordFormat::of(&path.to_string_lossy()).map_err(|_| {
         let ending = path.extension().unwrap_or_default().to_string_lossy();
         RecordError::UnsupportedFormat {

@@ -1,6 +1,6 @@
 //! What an engineer writes down next to a measurement.
 
-use crate::Text;
+use crate::{Quantity, ResponseQuantity, Text};
 use lpv_core::{Controller, Geometry, Position, Purpose, RecordKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -93,6 +93,9 @@ pub struct ChannelGroup {
     /// Subtracted after the scale, one a column, or none for 0; finite. Format 2.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub offset: Vec<f64>,
+    /// What the signals are, one a column, or none: then their units say it, and where they do not, they are positions. Format 2.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub quantity: Vec<Quantity>,
 }
 
 impl ChannelGroup {
@@ -114,7 +117,13 @@ impl ChannelGroup {
             units: some(&self.units, indices),
             scale: some(&self.scale, indices),
             offset: some(&self.offset, indices),
+            quantity: some(&self.quantity, indices),
         }
+    }
+    /// What a column is, as `quantity` or else its unit says.
+    pub fn quantity_of(&self, column: usize) -> Quantity {
+        let by_unit = || Quantity::of_unit(self.units.get(column).map_or("", String::as_str));
+        self.quantity.get(column).copied().unwrap_or_else(by_unit)
     }
     /// Number of columns.
     pub fn len(&self) -> usize {
@@ -134,6 +143,8 @@ pub enum EntryKind {
     Periodic,
     /// Anything else.
     Transient,
+    /// A measured frequency response at one position. Format 2.
+    Response,
 }
 
 /// One `[[records]]` table.
@@ -164,11 +175,14 @@ pub struct RecordEntry {
     /// First and last row that are used, counted from 1. Format 2.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rows: Option<[usize; 2]>,
+    /// What a measured frequency response is of, and over; else of the outputs over samples of the inputs that are held. Format 2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quantity: Option<ResponseQuantity>,
 }
 
 impl RecordEntry {
     /// The kind with its period; a periodic entry without a period, which no checked description has, counts as
-    /// transient.
+    /// transient, and so does a response, which is no record of samples.
     pub fn record_kind(&self) -> RecordKind {
         match (self.kind, self.period) {
             (EntryKind::Periodic, Some(period)) => RecordKind::Periodic { period },
@@ -188,7 +202,20 @@ impl RecordEntry {
             _ => true,
         };
         let mut signals = channels.output.columns.iter().chain(&channels.input.columns);
+        if self.is_response() && other.is_response() {
+            return overlap && self.columns == other.columns;
+        }
         overlap && signals.any(|c| self.source_of(c) == other.source_of(c))
+    }
+
+    /// Whether it holds samples without a period.
+    pub fn is_transient(&self) -> bool {
+        self.kind != EntryKind::Response && !self.is_periodic()
+    }
+
+    /// Whether it is a measured frequency response.
+    pub fn is_response(&self) -> bool {
+        self.kind == EntryKind::Response
     }
 
     /// Whether [`RecordEntry::record_kind`] is periodic.

@@ -5,7 +5,7 @@ mod of_loop;
 use crate::description::{ChannelGroup, Description, EntryKind, RecordEntry};
 use crate::key_path::KeyPath;
 use crate::nearest::nearest;
-use crate::{DescriptionError, RecordFormat, Text};
+use crate::{DescriptionError, RecordFormat, Text, response};
 use of_loop::{check_controller, check_geometry};
 use std::collections::HashMap;
 
@@ -130,8 +130,14 @@ pub(crate) fn check_places(d: &Description) -> Result<(), Fault> {
             &c.auxiliary,
             &entry.injection,
         ];
-        let known: Vec<&String> = groups.iter().flat_map(|g| &g.columns).collect();
-        if let Some(column) = entry.columns.keys().find(|k| !known.contains(k)) {
+        let known = match entry.is_response() {
+            true => response::names(c),
+            false => groups.iter().flat_map(|g| &g.columns).cloned().collect(),
+        };
+        if entry.is_response() && entry.position.is_none() && !c.scheduling.is_empty() {
+            return Err(fault(path, DescriptionError::PositionMissing));
+        }
+        if let Some(column) = entry.columns.keys().find(|k| !known.contains(*k)) {
             let problem = DescriptionError::Unasked {
                 nearest: nearest(column, &known),
                 column: column.clone(),
@@ -175,6 +181,7 @@ fn check_group(group: &ChannelGroup, path: &KeyPath) -> Result<(), Fault> {
         ("units", group.units.len()),
         ("scale", group.scale.len()),
         ("offset", group.offset.len()),
+        ("quantity", group.quantity.len()),
     ] {
         if found != 0 && found != group.len() {
             return Err(fault(
@@ -220,6 +227,19 @@ pub(crate) fn check_entries(entries: &[RecordEntry]) -> Result<(), Fault> {
 /// Checks one entry, without looking at the disk.
 pub(crate) fn check_entry(entry: &RecordEntry, path: &KeyPath) -> Result<(), Fault> {
     RecordFormat::of(&entry.file).map_err(|problem| fault(path.then("file"), problem))?;
+    let of_samples = [
+        ("period", entry.period.is_some()),
+        ("injection", !entry.injection.is_empty()),
+    ];
+    let unused = of_samples
+        .into_iter()
+        .find(|(_, given)| entry.is_response() && *given);
+    if let Some((key, _)) = unused {
+        return Err(fault(path.then(key), DescriptionError::KeyOfSamples { key }));
+    }
+    if entry.quantity.is_some() && !entry.is_response() {
+        return Err(fault(path.then("quantity"), DescriptionError::QuantityOfSamples));
+    }
     match (entry.kind, entry.period) {
         (EntryKind::Periodic, None) => return Err(fault(path.clone(), DescriptionError::PeriodMissing)),
         (EntryKind::Periodic, Some(period)) if period < 2 => {

@@ -2,9 +2,11 @@
 
 mod description;
 mod record;
+mod response;
 
 pub use description::DescriptionError;
 pub use record::RecordError;
+pub use response::ResponseFault;
 
 use std::fmt;
 use std::path::PathBuf;

@@ -3,7 +3,7 @@
 //! A bundle is a folder with one `experiment.toml` and the record files that it names. A column `c` of a file holds
 //! the samples `c(k)`, `k = 0 .. N-1`, taken at `t = k T_s`, `T_s = 1 / sample_rate`. This crate reads the description,
 //! multiplies every column by the scale written there, `x(k) = scale * c(k)`, checks the result against every clause
-//! of the format, and hands out [`lpv_core::Record`]s, one at a time. [`BundleWriter`] goes the other way;
+//! of the format, and hands out [`lpv_core::Record`]s, one at a time, and [`MeasuredResponse`]s. [`BundleWriter`] goes the other way;
 //! [`look_into`], [`list_columns`] and [`read_columns`] look into a file that has no description yet, and [`schema`] is the description
 //! as a JSON Schema.
 //!
@@ -15,6 +15,7 @@
 //! | channel group | list of columns with one role: output y, input u, reference r, scheduling p, auxiliary |
 //! | periodic record | steady multisine, p constant, a whole number (two or more) of periods |
 //! | transient record | anything else |
+//! | response record | a frequency response that was measured elsewhere, at one position |
 //! | injection | known signal that one test added to the controller's output |
 //! | position | the constant p of a record |
 //!
@@ -24,7 +25,8 @@
 //! model. It does not look whether the periodic records at one position excite all inputs independently; that needs
 //! spectra and belongs to the FRF estimate. It reads vectors of real numbers, and of MATLAB files columns and rows of matrices: complex numbers, words, lists,
 //! objects, times in Parquet, formulas and tables in MDF, and raw values in TDMS that are still to be scaled are refused by name, and so is Parquet in a build without the feature `parquet`, Parquet packed otherwise than
-//! with snappy, and HDF5 packed otherwise than MATLAB packs it. It reads no frequency responses, also not those of universal files.
+//! with snappy, and HDF5 packed otherwise than MATLAB packs it. It estimates no frequency response: one that was measured elsewhere it reads, checks and scales.
+
 //!
 //! It believes no header. What a file claims to hold is compared with what a file of its size can hold, before memory is
 //! taken for it, so that a damaged file ends in an error and not in a lack of memory: at most 64 times the size of the file (or
@@ -65,6 +67,8 @@ pub mod mat;
 mod memory;
 mod nearest;
 mod paths;
+mod quantity;
+mod response;
 mod rest;
 mod schema;
 mod size;
@@ -78,8 +82,10 @@ pub use bundle::Bundle;
 pub use columns::{RecordFormat, lines_of_rows, list_columns, look_into, read_columns, read_columns_as};
 pub use contents::{Column, ColumnInfo, Contents, PassedOver, Scalar};
 pub use description::{ChannelGroup, Channels, Description, EntryKind, RecordEntry};
-pub use error::{DataError, DescriptionError, Place, RecordError, RecordPlace};
+pub use error::{DataError, DescriptionError, Place, RecordError, RecordPlace, ResponseFault};
 pub use lpv_core;
+pub use quantity::{Quantity, ResponseQuantity};
+pub use response::{MeasuredResponse, Spread};
 pub use rest::{RestingPlace, Travel};
 pub use schema::schema;
 pub use text::{Decimal, Separator, Text};

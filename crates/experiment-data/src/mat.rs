@@ -18,11 +18,12 @@ mod writer;
 
 use crate::RecordError;
 use crate::contents::{ColumnInfo, Contents, MOST_SCALARS, Scalar};
+use crate::response::{Entries, Numbers};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-pub(crate) use hdf5::{contents as hdf5_contents, read as hdf5_read};
+pub(crate) use hdf5::{contents as hdf5_contents, numbers as hdf5_numbers, read as hdf5_read};
 pub use value::{Array, Value, write_values};
 pub(crate) use writer::write;
 
@@ -99,6 +100,30 @@ pub fn read_arrays(path: &Path, names: &[&str]) -> Result<Vec<Array>, RecordErro
         });
     }
     level5::read_arrays(path, names, level5::Shape::Any)
+}
+
+/// What is in a file by name, and the words of its short texts.
+pub(crate) fn entries(path: &Path) -> Result<Entries, RecordError> {
+    let mut entries = Entries {
+        names: Vec::new(),
+        texts: Vec::new(),
+    };
+    for item in survey(path)? {
+        match item.kind {
+            catalog::Kind::Text(words) => entries.texts.push((item.name, words)),
+            _ => entries.names.push(item.name),
+        }
+    }
+    Ok(entries)
+}
+
+/// An array of any shape, real or complex, that is there.
+pub(crate) fn numbers(path: &Path, name: &str) -> Result<Numbers, RecordError> {
+    if is_hdf5(path)? {
+        version73::numbers(path, name)
+    } else {
+        level5::numbers(path, name)
+    }
 }
 
 /// Every vector of real numbers, in the order of the file.

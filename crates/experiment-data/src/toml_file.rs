@@ -5,7 +5,7 @@ mod keys;
 
 use self::geometry::GeometryTable;
 pub(crate) use self::keys::KEYS;
-use self::keys::{OF_SECOND, UNREAD, listed, needs_second};
+use self::keys::{OF_SECOND, UNREAD, listed, needs_second, value_of_second};
 use crate::description::{ChannelGroup, Channels, Description, RecordEntry};
 use crate::description_check::{Fault, check_entries, check_head, check_places, fault};
 use crate::key_path::{KeyPath, Step};
@@ -61,7 +61,7 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Description, DataError> {
     if let Some(fault) = raw.too_many_coefficients() {
         return Err(located(fault));
     }
-    if let Some(fault) = raw.list_of_format_2() {
+    if let Some(fault) = value_of_second(&raw.records).filter(|_| !second) {
         return Err(located(fault));
     }
     let description = raw.into_description();
@@ -233,15 +233,6 @@ impl DescriptionFile {
             most: MOST_COEFFICIENTS,
         };
         Some(fault(KeyPath::key("controller").then(key), problem))
-    }
-
-    /// A position of several numbers in a description of format 1.
-    fn list_of_format_2(&self) -> Option<Fault> {
-        let list = |r: &RecordEntry| r.position.as_ref().is_some_and(|p| p.len() > 1);
-        let index = self.records.iter().position(list).filter(|_| self.format == 1)?;
-        let key = "position = [...]".to_owned();
-        let path = KeyPath::key("records").at(index).then("position");
-        Some(fault(path, DescriptionError::OfFormat2 { key }))
     }
 
     fn into_description(self) -> Description {

@@ -234,6 +234,7 @@ fn entry(record: &Record, file: String) -> RecordEntry {
         ..ChannelGroup::default()
     };
     RecordEntry {
+        quantity: None,
         file,
         kind,
         period,

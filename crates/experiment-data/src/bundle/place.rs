@@ -71,6 +71,9 @@ impl Bundle {
                 let Ok(path) = self.record_path(index) else {
                     continue;
                 };
+                if entry.is_response() {
+                    continue;
+                }
                 let mut own = all.clone();
                 let source = self.source(&self.description.records[index], &path);
                 let read = source.each_block(&names, BLOCK, &mut |block| {

@@ -3,9 +3,11 @@
 //! The archive is read by the `zip` crate, through `npyz`, which also writes. The small array header is parsed here,
 //! because a foreign file may claim sizes whose product overflows, or nest without end.
 
+mod arrays;
 mod header;
 mod quiet;
 
+pub(crate) use self::arrays::{entries, numbers};
 use self::header::{Header, number};
 use self::quiet::Quiet;
 use super::Sink;

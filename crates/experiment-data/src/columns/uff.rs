@@ -5,10 +5,12 @@
 //! samples is the scalar `abscissa increment`; uneven ones have their times as a column, `time of force 1+Z`.
 
 mod header;
+mod responses;
 mod sets;
 mod values;
 
 use self::header::{Function, Spacing};
+pub(crate) use self::responses::read as responses;
 use self::sets::{Set, Sets, sets};
 use crate::RecordError;
 use crate::contents::{Column, Contents, PassedOver, Scalar, missing};

@@ -42,6 +42,24 @@ pub enum DescriptionError {
         /// The key.
         key: String,
     },
+    /// A key of records of samples on a measured frequency response.
+    #[error(
+        "`{key}` is for records of samples; a record with kind = \"response\" has none: take the line out"
+    )]
+    KeyOfSamples {
+        /// The key.
+        key: &'static str,
+    },
+    /// A quantity of a response on a record of samples.
+    #[error(
+        "`quantity` of a record says what a measured frequency response is of (kind = \"response\"); what a signal is stands in [channels.output]"
+    )]
+    QuantityOfSamples,
+    /// A measured frequency response that does not say where.
+    #[error(
+        "a measured frequency response has no scheduling signal; say where it was measured: position = 0.1 (a number a scheduling signal)"
+    )]
+    PositionMissing,
     /// Keys of `[text]` that contradict each other.
     #[error("{problem}")]
     Text {

@@ -1,3 +1,4 @@
+use super::ResponseFault;
 use crate::nearest::hint;
 use crate::size::size_text;
 
@@ -21,6 +22,9 @@ pub enum RecordError {
         /// What could be read instead.
         supported: &'static str,
     },
+    /// A measured frequency response that cannot be one.
+    #[error(transparent)]
+    Response(Box<ResponseFault>),
     /// A file that breaks its own format.
     #[error("damaged {format} file{}: {problem}", at(variable))]
     Malformed {

@@ -7,6 +7,7 @@ use super::catalog::{self, Item, Part};
 use super::{Array, version73};
 use crate::RecordError;
 use crate::contents::{Contents, MOST_SCALARS, Scalar};
+use crate::response::Numbers;
 use std::path::Path;
 
 /// The named columns, in the order of the names.
@@ -39,6 +40,14 @@ fn of_file(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
             catalog::cut(name, &matrices[at], part)
         })
         .collect()
+}
+
+/// An array of any shape, real or complex, its last index the fastest.
+pub(crate) fn numbers(path: &Path, name: &str) -> Result<Numbers, RecordError> {
+    let mut numbers = named(version73::numbers(path, name))?;
+    numbers.shape.reverse();
+    numbers.last_fastest = true;
+    Ok(numbers)
 }
 
 /// Everything in the file that may be a column, and what is none.

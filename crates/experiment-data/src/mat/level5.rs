@@ -1,7 +1,9 @@
 //! MATLAB 5: a header of 128 bytes, then elements with a tag each, compressed or not.
 
+mod complex;
 mod fields;
 
+pub(super) use self::complex::numbers;
 use self::fields::fields;
 use super::catalog::{Item, Kind};
 use super::element::{COMPRESSED, Damage, Elements, MATRIX};
@@ -33,6 +35,8 @@ const MOST_ENTRIES: usize = 100_000;
 pub(super) enum Shape {
     Vector,
     Any,
+    /// Of complex numbers too.
+    Complex,
 }
 
 /// The named variables, in the order of the names.
@@ -85,6 +89,8 @@ struct Wanted<'a> {
     structs: HashSet<&'a str>,
     shape: Shape,
     found: Vec<Option<Array>>,
+    /// The imaginary parts of what was found last.
+    imaginary: Option<Vec<f64>>,
     /// All entries, while they are collected.
     present: Option<Vec<Item>>,
     allowance: Allowance,
@@ -109,6 +115,7 @@ impl<'a> Wanted<'a> {
             structs: names.iter().flat_map(|n| around(n)).collect(),
             shape,
             found: vec![None; names.len()],
+            imaginary: None,
             present: None,
             allowance: Allowance::new(file_bytes),
         }
@@ -319,15 +326,12 @@ fn matrix<R: Read>(
                 return Ok(());
             }
             let Some(index) = index else { return Ok(()) };
-            if complex {
+            if complex && wanted.shape != Shape::Complex {
                 return Err(not_numeric(COMPLEX));
             }
             let length = match wanted.shape {
                 Shape::Vector => vector_length(&full, &shape).map_err(Stop::Refuse)?,
-                Shape::Any => shape
-                    .iter()
-                    .try_fold(1u64, |n, d| n.checked_mul(*d))
-                    .unwrap_or(u64::MAX),
+                Shape::Any | Shape::Complex => count(&shape).unwrap_or(u64::MAX),
             };
             let tag = e.tag()?;
             // More numbers than bytes are a false claim, which is refused below.
@@ -335,14 +339,15 @@ fn matrix<R: Read>(
                 wanted.allowance.take(&full, length).map_err(Stop::Refuse)?;
             }
             let data = e.numbers(tag, length)?;
+            if complex {
+                let tag = e.tag()?;
+                wanted.imaginary = Some(e.numbers(tag, length)?);
+            }
             wanted.found[index] = Some(Array { shape, data });
             Ok(())
         }
         2 if wanted.enters(&full) => {
-            let elements = shape
-                .iter()
-                .try_fold(1u64, |n, d| n.checked_mul(*d))
-                .unwrap_or(u64::MAX);
+            let elements = count(&shape).unwrap_or(u64::MAX);
             if elements != 1 && index.is_some() {
                 return Err(not_numeric("a struct array"));
             }

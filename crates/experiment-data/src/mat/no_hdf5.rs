@@ -14,6 +14,10 @@ pub(super) fn read_arrays(_: &Path, _: &[&str]) -> Result<Vec<Array>, RecordErro
     Err(absent())
 }
 
+pub(super) fn numbers(_: &Path, _: &str) -> Result<crate::response::Numbers, RecordError> {
+    Err(absent())
+}
+
 pub(super) fn survey(_: &Path) -> Result<Vec<Item>, RecordError> {
     Err(absent())
 }

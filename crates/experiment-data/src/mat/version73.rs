@@ -2,9 +2,11 @@
 //! attribute `MATLAB_class` says what a variable is; files of other programs may lack it.
 
 mod attributes;
+mod complex;
 mod kind;
 
 pub(super) use self::attributes::Attributes;
+pub(super) use self::complex::numbers;
 use self::kind::{STRUCT, STRUCT_ARRAY, describe, kind_of_group};
 use super::catalog::{Item, Kind};
 use super::{Array, DEEPEST};

@@ -1,6 +1,9 @@
 //! The keys of a description.
 
-use crate::description::Description;
+use crate::DescriptionError;
+use crate::description::{Description, RecordEntry};
+use crate::description_check::{Fault, fault};
+use crate::key_path::KeyPath;
 
 /// The keys of each table; `*` stands for any index.
 pub(crate) const KEYS: [(&str, &[&str]); 12] = [
@@ -47,6 +50,7 @@ pub(crate) const KEYS: [(&str, &[&str]); 12] = [
             "injection",
             "columns",
             "rows",
+            "quantity",
         ],
     ),
     ("records[*].injection", GROUP),
@@ -55,26 +59,24 @@ pub(crate) const KEYS: [(&str, &[&str]); 12] = [
         &["separator", "decimal", "header", "names", "units_row", "skip"],
     ),
 ];
-const GROUP: &[&str] = &["columns", "units", "scale", "offset"];
+const GROUP: &[&str] = &["columns", "units", "scale", "offset", "quantity"];
 
 /// Of these, the ones that a description of format 1 does not have.
 pub(super) const OF_SECOND: [(&str, &[&str]); 4] = [
     ("", &["text"]),
-    ("channels.", &["offset"]),
-    ("records[*]", &["columns", "rows"]),
-    ("records[*].injection", &["offset"]),
+    ("channels.", &["offset", "quantity"]),
+    ("records[*]", &["columns", "rows", "quantity"]),
+    ("records[*].injection", &["offset", "quantity"]),
 ];
 
 /// Keys of format 2 that are not read yet.
-pub(super) const UNREAD: [(&str, &[&str]); 5] = [
-    ("channels.", &["quantity"]),
+pub(super) const UNREAD: [(&str, &[&str]); 3] = [
     (
         "controller",
         &["output_transform", "input_transform", "monomials"],
     ),
     ("geometry", &["monomials"]),
-    ("records[*]", &["clipped", "repeat", "quantity"]),
-    ("records[*].injection", &["quantity"]),
+    ("records[*]", &["clipped", "repeat"]),
 ];
 
 pub(super) fn listed(list: &[(&str, &[&str])], pattern: &str, key: &str) -> bool {
@@ -89,11 +91,26 @@ pub(super) fn needs_second(d: &Description) -> bool {
     let c = &d.channels;
     let groups = [&c.output, &c.input, &c.reference, &c.scheduling, &c.auxiliary];
     d.text.is_some()
-        || groups.iter().any(|g| !g.offset.is_empty())
+        || groups
+            .iter()
+            .any(|g| !g.offset.is_empty() || !g.quantity.is_empty())
         || d.records.iter().any(|r| {
             r.position.as_ref().is_some_and(|p| p.len() > 1)
                 || r.rows.is_some()
+                || r.is_response()
                 || !r.columns.is_empty()
                 || !r.injection.offset.is_empty()
+                || !r.injection.quantity.is_empty()
         })
+}
+
+/// A value that a description of format 1 does not have: a position of several numbers, a response.
+pub(super) fn value_of_second(records: &[RecordEntry]) -> Option<Fault> {
+    let found = |(index, r): (usize, &RecordEntry)| match &r.position {
+        Some(p) if p.len() > 1 => Some((index, "position", "position = [...]")),
+        _ => r.is_response().then_some((index, "kind", "kind = \"response\"")),
+    };
+    let (index, name, key) = records.iter().enumerate().find_map(found)?;
+    let path = KeyPath::key("records").at(index).then(name);
+    Some(fault(path, DescriptionError::OfFormat2 { key: key.to_owned() }))
 }

@@ -11,6 +11,7 @@ mod foreign_tables;
 mod instruments;
 mod many;
 mod odd_and_fine;
+mod responses;
 mod round_trips;
 mod schema;
 mod shared_data;

@@ -8,6 +8,8 @@ use std::io::Read;
 pub(super) struct Header {
     pub(super) descr: String,
     pub(super) shape: Vec<u64>,
+    /// Whether the first index is the fastest.
+    pub(super) first_fastest: bool,
     /// Bytes in front of the numbers.
     pub(super) length: u64,
 }
@@ -73,6 +75,7 @@ impl Header {
         Some(Self {
             descr,
             shape,
+            first_fastest: after("fortran_order")?.starts_with("True"),
             length: 0,
         })
     }

@@ -39,13 +39,19 @@ pub(super) struct Place {
 pub(super) struct Header {
     pub(super) function: Function,
     pub(super) response: Place,
+    /// Where a frequency response is excited.
+    pub(super) reference: Place,
     pub(super) is_complex: bool,
     pub(super) is_double: bool,
     pub(super) points: u64,
     pub(super) spacing: Spacing,
+    /// First abscissa of even values.
+    pub(super) start: f64,
     pub(super) step: f64,
     pub(super) abscissa: Axis,
     pub(super) ordinate: Axis,
+    /// Kind of what the ordinate is over.
+    pub(super) over: i64,
 }
 
 /// Lines of a header.
@@ -86,8 +92,11 @@ impl Header {
             1 => Spacing::Even,
             n => return Err(format!("the unknown abscissa spacing {n}")),
         };
-        let step = cut(lines[6], 43, 56);
-        let step = step.replace(['D', 'd'], "E").parse().unwrap_or(f64::NAN);
+        let real = |from: usize, to: usize| {
+            let text = cut(lines[6], from, to).replace(['D', 'd'], "E");
+            text.parse().unwrap_or(f64::NAN)
+        };
+        let (start, step) = (real(30, 43), real(43, 56));
         if spacing == Spacing::Even && !f64::is_finite(step) {
             return Err("even values without an increment".to_owned());
         }
@@ -99,13 +108,20 @@ impl Header {
         Ok(Self {
             function,
             response: place(31)?,
+            reference: place(56).unwrap_or(Place {
+                entity: String::new(),
+                node: 0,
+                direction: 0,
+            }),
             is_complex,
             is_double,
             points,
             spacing,
+            start,
             step,
             abscissa: axis(7),
             ordinate: axis(8),
+            over: whole(9, 0, 10).unwrap_or(0),
         })
     }
 
@@ -139,17 +155,24 @@ impl Header {
             (_, "") => "signal",
             (_, label) => label,
         };
-        let Place {
+        format!("{quantity} {}", self.response.name())
+    }
+}
+
+impl Place {
+    /// As engineers write it: `12+Z`, `wing:12+Z`.
+    pub(super) fn name(&self) -> String {
+        let Self {
             entity,
             node,
             direction,
-        } = &self.response;
+        } = self;
         let entity = if entity.is_empty() {
             String::new()
         } else {
             format!("{entity}:")
         };
-        format!("{quantity} {entity}{node}{}", letters(*direction))
+        format!("{entity}{node}{}", letters(*direction))
     }
 }
 

@@ -304,7 +304,7 @@ pub(super) const CASES: &[Row] = &[
         "kind-unknown",
         "an unknown kind of record",
         |d| edit(d, "kind = \"periodic\"", "kind = \"steady\""),
-        &[":31:8: ", "`steady`", "`periodic` or `transient`"],
+        &[":31:8: ", "`steady`", "`periodic`, `transient`, `response`"],
     ),
     (
         "use-unknown",

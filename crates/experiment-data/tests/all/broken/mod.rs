@@ -15,6 +15,7 @@ pub mod hdf5;
 mod matlab;
 mod parquet;
 mod places;
+mod responses;
 mod samples;
 pub mod small;
 
@@ -46,6 +47,7 @@ pub fn cases() -> Vec<Case> {
         ("MATLAB", matlab::CASES),
         ("Parquet", parquet::CASES),
         ("Samples", samples::CASES),
+        ("Measured frequency responses", responses::CASES),
     ] {
         all.extend(cases.iter().map(|&(name, what, build, message)| Case {
             part,
@@ -67,9 +69,12 @@ pub fn first_error(folder: &Path) -> Option<String> {
         Ok(bundle) => bundle,
         Err(e) => return Some(e.to_string()),
     };
-    bundle
-        .records()
-        .find_map(|record| Some(record.err()?.to_string()))
+    let entries = &bundle.description().records;
+    let error = |i: usize| match entries[i].is_response() {
+        true => bundle.load_response(i).err(),
+        false => bundle.load(i).err(),
+    };
+    (0..bundle.len()).find_map(|i| Some(error(i)?.to_string()))
 }
 
 /// The correct bundle in another format, its first record changed byte by byte.

@@ -1,0 +1,121 @@
+//! Frequency responses: functions of type 4, one for each pair of a place that answers and a place that is excited.
+
+use super::header::{Function, Spacing};
+use super::sets::{Set, sets};
+use super::whole;
+use crate::error::ResponseFault;
+use crate::memory::Allowance;
+use crate::response::{Asked, Raw};
+use crate::{RecordError, ResponseQuantity, Spread};
+use lpv_core::num_complex::Complex;
+
+/// The response of all channels: places are named `12+Z`, as in the file, or as the channel is called.
+pub(crate) fn read(asked: &Asked<'_>) -> Result<Raw, RecordError> {
+    let bytes = whole(asked.path)?;
+    let sets = sets(&bytes)?;
+    let of_response = |s: &&Set| s.header.function == Function::FrequencyResponse && s.header.is_complex;
+    let all: Vec<&Set> = sets.functions.iter().filter(of_response).collect();
+    let (outputs, inputs) = asked.names();
+    // The only function of a file is that of the only channel.
+    let only = outputs.len() == 1 && inputs.len() == 1 && all.len() == 1;
+    let mut allowance = Allowance::new(bytes.len() as u64);
+    let mut columns: Vec<(Vec<f64>, Vec<Complex<f64>>)> = Vec::new();
+    let mut quantities = Vec::new();
+    let mut first = String::new();
+    for input in inputs {
+        for output in outputs {
+            let (y, u) = (asked.entry.source_of(output), asked.entry.source_of(input));
+            let is = |s: &&&Set| {
+                let answers = [s.header.response.name(), s.header.name()];
+                answers.iter().any(|name| name == y) && s.header.reference.name() == u
+            };
+            let mut fitting: Vec<&Set> = all.iter().filter(is).copied().collect();
+            if fitting.is_empty() && only {
+                fitting.push(all[0]);
+            }
+            let [set] = fitting.as_slice() else {
+                return Err(ResponseFault::Functions {
+                    found: fitting.len(),
+                    output: y.to_owned(),
+                    input: u.to_owned(),
+                    present: all.iter().map(|s| s.between()).collect(),
+                }
+                .into());
+            };
+            let name = set.between();
+            set.check_claim(&name)?;
+            allowance.take(&name, set.numbers())?;
+            let lines = set.lines(&name, &bytes)?;
+            match columns.first() {
+                None => first.clone_from(&name),
+                Some((other, _)) if *other != lines.0 => {
+                    return Err(ResponseFault::Lines { what: name, first }.into());
+                }
+                Some(_) => {}
+            }
+            columns.push(lines);
+            quantities.push(set.quantity());
+        }
+    }
+    let frequencies_hz = columns[0].0.clone();
+    let count = frequencies_hz.len();
+    let same = quantities.iter().all(|q| *q == quantities[0]);
+    if !same {
+        return Err(ResponseFault::Mixed.into());
+    }
+    Ok(Raw {
+        values: (0..count)
+            .flat_map(|k| columns.iter().map(move |c| c.1[k]))
+            .collect(),
+        frequencies_hz,
+        spread: Spread::Unknown,
+        averages: None,
+        quantity: quantities[0],
+    })
+}
+
+impl Set {
+    /// Where it was measured, and excited.
+    fn between(&self) -> String {
+        format!("{} over {}", self.header.name(), self.header.reference.name())
+    }
+
+    /// Frequencies and values.
+    fn lines(&self, name: &str, bytes: &[u8]) -> Result<(Vec<f64>, Vec<Complex<f64>>), RecordError> {
+        let numbers = self.values(name, bytes)?;
+        let header = &self.header;
+        Ok(match header.spacing {
+            Spacing::Even => {
+                let values: Vec<_> = numbers
+                    .chunks_exact(2)
+                    .map(|c| Complex::new(c[0], c[1]))
+                    .collect();
+                let start = if header.start.is_finite() {
+                    header.start
+                } else {
+                    0.0
+                };
+                let frequency = |k: usize| start + k as f64 * header.step;
+                ((0..values.len()).map(frequency).collect(), values)
+            }
+            Spacing::Uneven => numbers
+                .chunks_exact(3)
+                .map(|c| (c[0], Complex::new(c[1], c[2])))
+                .unzip(),
+        })
+    }
+
+    /// What the kinds of its axes say.
+    fn quantity(&self) -> Option<ResponseQuantity> {
+        let over_force = matches!(self.header.over, 9 | 13);
+        Some(match (self.header.ordinate.kind, over_force) {
+            (8, true) => ResponseQuantity::DisplacementForce,
+            (11, true) => ResponseQuantity::VelocityForce,
+            (12, true) => ResponseQuantity::AccelerationForce,
+            (8, false) => ResponseQuantity::DisplacementInput,
+            (11, false) => ResponseQuantity::VelocityInput,
+            (12, false) => ResponseQuantity::AccelerationInput,
+            _ => return None,
+        })
+    }
+}

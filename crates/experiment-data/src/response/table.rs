@@ -1,0 +1,91 @@
+//! Responses as columns of real numbers: `frequency`, and of each channel `y/u re` and `y/u im`.
+
+use super::{Asked, Raw, Spread};
+use crate::RecordError;
+use crate::columns;
+use crate::contents::Contents;
+use crate::error::ResponseFault;
+use crate::nearest::nearest;
+use lpv_core::num_complex::Complex;
+
+/// Names of the columns of a channel.
+pub(super) const RE: &str = "re";
+pub(super) const IM: &str = "im";
+pub(super) const VARIANCE: &str = "variance";
+pub(super) const COHERENCE: &str = "coherence";
+
+pub(super) fn column(output: &str, input: &str, part: &str) -> String {
+    format!("{output}/{input} {part}")
+}
+
+pub(super) fn read(asked: &Asked<'_>) -> Result<Raw, RecordError> {
+    let (outputs, inputs) = asked.names();
+    // Column by column, as a matrix is kept.
+    let channels: Vec<(&String, &String)> = inputs
+        .iter()
+        .flat_map(|u| outputs.iter().map(move |y| (y, u)))
+        .collect();
+    let of = |part: &str| -> Vec<String> { channels.iter().map(|(y, u)| column(y, u, part)).collect() };
+    let present: Vec<String> = match columns::look_into(asked.path) {
+        Ok(Contents { columns, .. }) => columns.into_iter().map(|c| c.source.unwrap_or(c.name)).collect(),
+        // What is wrong with the file, reading tells best.
+        Err(_) => Vec::new(),
+    };
+    let there = |name: &String| {
+        let source = asked.entry.source_of(name);
+        source != name || present.iter().any(|p| p == source)
+    };
+    let mut names = vec!["frequency".to_owned()];
+    names.extend(of(RE));
+    names.extend(of(IM));
+    let parts = channels.len();
+    let spread = [VARIANCE, COHERENCE]
+        .into_iter()
+        .find(|part| of(part).iter().any(there));
+    names.extend(spread.map(of).into_iter().flatten());
+    let averages = Some("averages".to_owned()).filter(there);
+    names.extend(averages.clone());
+    if let Some(name) = names.iter().find(|n| !present.is_empty() && !there(n)) {
+        return Err(ResponseFault::Missing {
+            name: name.clone(),
+            nearest: nearest(name, &present),
+            present,
+        }
+        .into());
+    }
+    let sources: Vec<&str> = names.iter().map(|n| asked.entry.source_of(n)).collect();
+    let all = columns::read_columns_as(asked.path, &sources, asked.text)?;
+    let lines = all[0].len();
+    let of_lines = all.len() - usize::from(averages.is_some());
+    if let Some(k) = all[..of_lines].iter().position(|c| c.len() != lines) {
+        return Err(RecordError::UnequalLengths {
+            column: names[k].clone(),
+            found: all[k].len(),
+            first: names[0].clone(),
+            expected: lines,
+        });
+    }
+    let block = |first: usize| &all[first..first + parts];
+    let by_line = |columns: &[Vec<f64>]| -> Vec<f64> {
+        (0..lines)
+            .flat_map(|k| columns.iter().map(move |c| c[k]))
+            .collect()
+    };
+    let (re, im) = (by_line(block(1)), by_line(block(1 + parts)));
+    let spread = match spread {
+        Some(VARIANCE) => Spread::Variance(by_line(block(1 + 2 * parts))),
+        Some(_) => Spread::Coherence(by_line(block(1 + 2 * parts))),
+        None => Spread::Unknown,
+    };
+    Ok(Raw {
+        frequencies_hz: all[0].clone(),
+        values: re
+            .into_iter()
+            .zip(im)
+            .map(|(re, im)| Complex::new(re, im))
+            .collect(),
+        spread,
+        averages: averages.and_then(|_| all[all.len() - 1].first().copied()),
+        quantity: None,
+    })
+}

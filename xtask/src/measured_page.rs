@@ -90,11 +90,11 @@ fn machine_plain(case: &Case) -> String {
         rows.push(Row(
             "frozen error against the FRF, median over 9 positions and 614 lines".into(),
             format!("{:.1} dB", f.error.median_db),
-            format!("noise of the FRF {:.1} dB", f.noise_db),
+            format!("noise of the FRF {:.1} dB", f.noise_db.unwrap_or(f64::NAN)),
         ));
         rows.push(Row(
             "the same over the noise of the FRF, median (nothing but noise: 0.83 for one channel, towards 1 for many)".into(),
-            format!("{:.2}", f.error_over_noise),
+            format!("{:.2}", f.error_over_noise.unwrap_or(f64::NAN)),
             String::new(),
         ));
     }

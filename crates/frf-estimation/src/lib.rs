@@ -17,6 +17,9 @@
 //! *Any excitation* ([`local_polynomial`], [`local_rational`]). Response and transient are smooth, or have few poles, in a
 //! window of neighbouring lines, and are separated there by least squares.
 //!
+//! *Measured elsewhere* ([`with_variance`], [`with_covariance`], [`variance_of_coherence`], [`with_assumed_error`]). A response with what
+//! is known of its error becomes an estimate with the nearest Kronecker covariance.
+//!
 //! Before any model, [`multiple_coherence`] tells how much of each output the inputs explain at all.
 //!
 //! # Glossary
@@ -69,6 +72,7 @@ mod gain;
 mod lanes;
 mod lines;
 mod local;
+mod measured;
 mod moments;
 #[cfg(target_arch = "x86_64")]
 mod pairs;
@@ -93,6 +97,9 @@ pub use local::{
     HalfWidth, LocalEstimate, LocalLines, LocalSettings, Regressor, local_polynomial, local_rational,
 };
 pub use lpv_core;
+pub use measured::{
+    Nearest, scatter, variance_of_coherence, with_assumed_error, with_covariance, with_variance,
+};
 pub use periodic::{Condition, Distortion, NoiseFloor, PeriodicEstimate};
 pub use realisations::RealisationDistortion;
 pub use records::{Settling, estimate_records};

@@ -207,6 +207,7 @@ pub struct FrfEstimate {
     input_factor: Vec<C64>,
     degrees_of_freedom: f64,
     position: Option<Position>,
+    is_assumed: bool,
 }
 
 impl FrfEstimate {
@@ -260,6 +261,7 @@ impl FrfEstimate {
             input_factor,
             degrees_of_freedom,
             position,
+            is_assumed: false,
         })
     }
 
@@ -276,6 +278,20 @@ impl FrfEstimate {
         };
         let (c, s) = (one(frf.outputs), one(frf.inputs));
         Self::new(frf, c, s, f64::INFINITY, position)
+    }
+
+    /// The same with a covariance that nobody measured: it weighs, and is no noise that an error could be held against.
+    #[must_use]
+    pub fn with_assumed_covariance(self) -> Self {
+        Self {
+            is_assumed: true,
+            ..self
+        }
+    }
+
+    /// Whether the covariance is an assumption.
+    pub fn covariance_is_assumed(&self) -> bool {
+        self.is_assumed
     }
 
     /// The estimate itself.
@@ -389,6 +405,7 @@ impl FrfEstimate {
                 .collect(),
             degrees_of_freedom: self.degrees_of_freedom,
             position: self.position.clone(),
+            is_assumed: self.is_assumed,
         }
     }
 }

@@ -33,7 +33,7 @@ use base::Start;
 pub(crate) use base::table;
 pub use doubt::EQUAL_DB;
 pub use errors::{Errors, OutputError};
-use experiment_data::{Bundle, Description};
+use experiment_data::{Bundle, Description, RecordEntry};
 pub use explanation::{BaseKind, Explanation};
 use figures::Along;
 pub use files::ResultFiles;
@@ -94,7 +94,14 @@ pub fn diagnose(
     let description = bundle.description();
     let channels = &description.channels;
     let is_one = (channels.input.len(), channels.output.len()) == (1, 1);
-    let has_moves = description.records.iter().any(|r| !r.is_periodic());
+    let entries = || description.records.iter();
+    if entries().any(RecordEntry::is_response) && !entries().any(RecordEntry::is_transient) {
+        return Err(PipelineError::Structure {
+            problem: "effects are traced along records of samples, and this bundle has none but measured frequency responses (kind = \"response\") or \
+                      periodic records beside them: add records of moves; `lpv identify` and `lpv validate` take the responses",
+        });
+    }
+    let has_moves = description.records.iter().any(|r| r.is_transient());
     let is_by_itself = description.controller.is_none() && channels.scheduling.is_empty();
     if is_by_itself && !is_one && has_moves && model.is_none() {
         return axes::diagnose(bundle, progress);
@@ -126,7 +133,7 @@ fn of_axis(
     if !is_known && !is_axis {
         return Err(TraceError::NoController.into());
     }
-    let transient = |i: usize| !description.records[i].is_periodic();
+    let transient = |i: usize| description.records[i].is_transient();
     let mut records = load_records(bundle, transient, progress)?;
     let mut findings = examine_records(bundle, &records);
     if !is_known {

@@ -1,6 +1,9 @@
 //! What can go wrong between a bundle and a model, and the exit code that says whose fault it was.
 
+mod response;
+
 use lpv_core::counted;
+pub use response::ResponseProblem;
 use std::path::{Path, PathBuf};
 
 /// Every refusal of the pipeline.
@@ -80,6 +83,25 @@ pub enum PipelineError {
     NoResponses {
         /// Name of the bundle.
         bundle: String,
+    },
+    /// A measured frequency response that does not fit the model.
+    #[error("record {record}: {problem}")]
+    Response {
+        /// The record.
+        record: String,
+        /// What does not fit, and what to do.
+        problem: ResponseProblem,
+    },
+    /// Two frequency responses of one place.
+    #[error(
+        "{} and {} are frequency responses of one place{}; keep one of them, or give each its own `position`",
+        records[0], records[1], position.map_or(String::new(), |p| format!(" (p = {p})"))
+    )]
+    OnePlace {
+        /// Where they come from.
+        records: Box<[String; 2]>,
+        /// Where they were measured.
+        position: Option<f64>,
     },
     /// A time-invariant bundle was handed to a step that needs a scheduling variable, or the other way round.
     #[error("{problem}")]

@@ -68,7 +68,7 @@ pub fn identify_bundle(
     let entries = &bundle.description().records;
     let periodic = entries
         .iter()
-        .any(|e| e.purpose == Purpose::Estimation && e.is_periodic());
+        .any(|e| e.purpose == Purpose::Estimation && (e.is_periodic() || e.is_response()));
     let all: Vec<usize> = (0..bundle.len()).collect();
     places::one_signal(bundle, &all)?;
     let scheduled = places::is_scheduled(bundle);
@@ -183,11 +183,19 @@ fn in_frequency(
     };
     let identified = identify(&responses.estimates, responses.clock, &moves, config, progress)?;
     let mut summary = Summary::of_responses(&identified, &responses.estimates, responses.clock)?;
+    if responses.estimates.iter().any(FrfEstimate::covariance_is_assumed) {
+        // What the stages call noise is here what was assumed.
+        let named = |reason: &String| reason.replace("the noise", "the assumed error");
+        summary.reasons = summary.reasons.iter().map(named).collect();
+    }
     summary.reasons.splice(0..0, responses.reasons);
     summary.findings = responses.findings;
     let outcome = Outcome {
         explanation: None,
-        deviation: FrozenDeviation::of(&identified, &responses.estimates, responses.clock)?,
+        deviation: match responses.estimates.iter().any(FrfEstimate::covariance_is_assumed) {
+            true => None,
+            false => FrozenDeviation::of(&identified, &responses.estimates, responses.clock)?,
+        },
         model: identified.model()?,
         summary,
         stages: Stages::Frequency(Box::new(identified)),
@@ -243,6 +251,11 @@ fn estimation_records(
 ) -> Result<(Vec<Record>, Vec<usize>), PipelineError> {
     let entries = &bundle.description().records;
     let records = load_records(bundle, |i| entries[i].purpose == Purpose::Estimation, progress)?;
+    if records.is_empty() && entries.iter().any(experiment_data::RecordEntry::is_response) {
+        return Err(PipelineError::Structure {
+            problem: "this structure is fitted to records of samples, and the bundle has measured frequency responses alone; leave `structure` out",
+        });
+    }
     if records.is_empty() {
         return Err(PipelineError::NoResponses {
             bundle: bundle.description().name.clone(),

@@ -2,12 +2,14 @@
 
 mod experiment;
 mod record;
+mod response;
 mod text;
 mod warnings;
 
 use crate::PipelineError;
 use crate::finding::{self, Finding, Look};
 use crate::progress::{Counter, Progress};
+use crate::responses::measured::measured_responses;
 use crate::responses::{is_large, look_at, periodic_responses};
 pub(crate) use experiment::describe as describe_responses;
 pub use experiment::{DetectionLine, ExperimentInfo, LineInfo, Spread};
@@ -15,6 +17,7 @@ use experiment_data::{Bundle, DataError};
 use lpv_core::{Position, Purpose};
 use rayon::prelude::*;
 pub use record::{ChannelStats, RecordInfo};
+pub use response::ResponseInfo;
 use serde::Serialize;
 pub(crate) use warnings::of_experiment;
 
@@ -29,10 +32,13 @@ pub struct Inspection {
     pub controller: bool,
     /// Names and units of the channels by role.
     pub channels: Vec<ChannelGroupInfo>,
-    /// Every record.
+    /// Every record of samples.
     pub records: Vec<RecordInfo>,
     /// Every periodic experiment: the records of one use at one position.
     pub experiments: Vec<ExperimentInfo>,
+    /// Every frequency response that was measured elsewhere.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub responses: Vec<ResponseInfo>,
     /// The positions of the periodic estimation records; none without a scheduling channel.
     pub coverage: Option<Coverage>,
     /// Standard deviation of the noise of one sample, by output, median over the periodic experiments; empty without any.
@@ -74,7 +80,10 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
     let description = bundle.description();
     let counter = Counter::new(progress, "reading records", bundle.len());
     // Records are dropped once their figures are known, so that long ones are never in memory together.
-    let read: Vec<Result<(RecordInfo, Option<Look>), DataError>> = (0..bundle.len())
+    let of_samples: Vec<usize> = (0..bundle.len())
+        .filter(|i| !description.records[*i].is_response())
+        .collect();
+    let read: Vec<Result<(RecordInfo, Option<Look>), DataError>> = of_samples
         .into_par_iter()
         .map(|i| {
             let entry = &description.records[i];
@@ -96,6 +105,7 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
     let read: Vec<(RecordInfo, Option<Look>)> = read.into_iter().collect::<Result<_, _>>()?;
     let (infos, looks): (Vec<RecordInfo>, Vec<Option<Look>>) = read.into_iter().unzip();
     let mut looks: Vec<Look> = looks.into_iter().flatten().collect();
+    let measured = measured_responses(bundle, |_| true, progress)?;
     let mut voices = Vec::new();
     let mut coverage = coverage(&infos);
     let mut experiments = Vec::new();
@@ -116,8 +126,16 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
         coverage.positions = experiments
             .iter()
             .filter(|e| e.purpose == "estimation")
-            .filter_map(|e| e.position.as_ref().and_then(Position::single))
+            .map(|e| &e.position)
+            .chain(
+                measured
+                    .iter()
+                    .filter(|m| m.record.purpose == Purpose::Estimation)
+                    .map(|m| &m.record.position),
+            )
+            .filter_map(|p| p.as_ref().and_then(Position::single))
             .collect();
+        coverage.positions.sort_by(f64::total_cmp);
         coverage.largest_gap = coverage
             .positions
             .windows(2)
@@ -152,6 +170,7 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
         channels,
         records: infos,
         experiments,
+        responses: measured.iter().map(response::describe).collect(),
         coverage,
         noise,
         findings: Vec::new(),

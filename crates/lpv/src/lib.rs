@@ -74,7 +74,7 @@ pub use config::{
     Direct, FitFocus, IdentifyConfig, InterpolationKind, LfrKind, Polish, RigidBody, Structure, Weighting,
 };
 pub use deviation::{ChannelTable, FrozenDeviation};
-pub use error::PipelineError;
+pub use error::{PipelineError, ResponseProblem};
 pub use finding::{Finding, Severity};
 pub use identify::{Outcome, Stages, identify_bundle};
 pub use model_file::{Identification, ModelFile, relative_folder};

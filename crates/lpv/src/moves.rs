@@ -53,7 +53,7 @@ impl Moves {
         };
         let moving = |i: usize| {
             let entry = &description.records[i];
-            entry.purpose == Purpose::Estimation && !entry.is_periodic()
+            entry.purpose == Purpose::Estimation && entry.is_transient()
         };
         let mut records = load_records(bundle, moving, progress)?;
         for record in &mut records {

@@ -236,8 +236,12 @@ pub fn fit_poles(
             .clamp(1e-9, 0.1);
         relative_error = floor;
         reasons.truncate(before);
+        let left = match estimates.iter().any(FrfEstimate::covariance_is_assumed) {
+            true => "more is left than the assumed error".to_owned(),
+            false => format!("what is left is {misfit:.0} times the noise"),
+        };
         reasons.push(format!(
-            "what is left is {misfit:.0} times the noise: fitted again with a relative error of {:.1} % in the weights",
+            "{left}: fitted again with a relative error of {:.1} % in the weights",
             100.0 * floor
         ));
         search.settings.relative_floor = floor;

@@ -292,16 +292,19 @@ fn key_figures(s: &Subject) -> Vec<KeyFigure> {
     let mut figures = Vec::new();
     if let Some(f) = s.validation.as_ref().and_then(|v| v.frozen.as_ref()) {
         figures.push(
-            KeyFigure::new(Cell::decibel(f.error.median_db, 1), "frozen error, median")
-                .remark(format!("noise of the response {:.1} dB", f.noise_db)),
+            KeyFigure::new(Cell::decibel(f.error.median_db, 1), "frozen error, median").remark(
+                f.noise_db.map_or("its noise is not stated".to_owned(), |n| {
+                    format!("noise of the response {n:.1} dB")
+                }),
+            ),
         );
-        figures.push(
+        figures.extend(f.error_over_noise.map(|over| {
             KeyFigure::new(
-                Cell::number(f.error_over_noise, Format::Fixed(2)),
+                Cell::number(over, Format::Fixed(2)),
                 "frozen error over its noise, median",
             )
-            .remark(format!("{} records", f.source)),
-        );
+            .remark(format!("{} records", f.source))
+        }));
     }
     let records = s.validation.iter().flat_map(|v| &v.records);
     let worst = records

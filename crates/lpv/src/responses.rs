@@ -3,16 +3,18 @@
 mod injection;
 mod large;
 mod length;
+pub(crate) mod measured;
 pub(crate) mod places;
 
 use self::injection::take_injections;
 use self::length::to_one_length;
+use self::measured::{join, measured_responses};
 use crate::PipelineError;
 use crate::finding::{self, Finding, Look, Voice, Watch};
 use crate::inspect::{describe_responses, of_experiment};
 use crate::period_noise::period_noise;
 use crate::progress::{Counter, Progress};
-use experiment_data::{Bundle, DataError, Travel};
+use experiment_data::{Bundle, DataError};
 use frf_estimation::{
     FrfError, LocalSettings, PeriodicEstimate, PeriodicSettings, Regressor, SkipRule, estimate_records,
     local_rational,
@@ -20,7 +22,8 @@ use frf_estimation::{
 pub(crate) use large::is_large;
 use lpv_core::{Discrete, FrfEstimate, Position, Purpose, Record};
 use lpv_numerics::statistics::median;
-use places::Placed;
+pub(crate) use places::rests;
+use places::{Placed, rest_position};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
@@ -39,7 +42,7 @@ pub struct Responses {
     pub findings: Vec<Finding>,
 }
 
-/// The records of a bundle for which `wanted` holds, by index, in the order of the bundle.
+/// The records of samples of a bundle for which `wanted` holds, by index, in the order of the bundle.
 ///
 /// # Errors
 /// What is wrong with the first record that cannot be read.
@@ -48,7 +51,10 @@ pub fn load_records(
     wanted: impl Fn(usize) -> bool,
     progress: Progress<'_>,
 ) -> Result<Vec<Record>, PipelineError> {
-    let indices: Vec<usize> = (0..bundle.len()).filter(|&i| wanted(i)).collect();
+    let entries = &bundle.description().records;
+    let indices: Vec<usize> = (0..bundle.len())
+        .filter(|&i| !entries[i].is_response() && wanted(i))
+        .collect();
     bundle.check_memory(&indices)?;
     let counter = Counter::new(progress, "reading records", indices.len());
     let records = indices
@@ -63,8 +69,8 @@ pub fn load_records(
     Ok(records.into_iter().collect::<Result<Vec<_>, _>>()?)
 }
 
-/// Estimates the frequency response at every position: from the periodic estimation records, or, where there are none,
-/// from the transient ones at constant position by the local rational method.
+/// The frequency response at every position: from the periodic estimation records and those that were measured elsewhere, or, where
+/// there are neither, from the transient ones at constant position by the local rational method.
 ///
 /// # Errors
 /// [`PipelineError::NoResponses`]; whatever is wrong with a record or an experiment.
@@ -78,12 +84,16 @@ pub fn estimate_bundle(
     let fitted = |i: usize| entries[i].purpose == Purpose::Estimation;
     let clock = bundle.clock()?;
     let any_periodic = (0..bundle.len()).any(|i| fitted(i) && periodic(i));
-    let used = |i: usize| fitted(i) && (periodic(i) || !any_periodic);
+    let is_measured = |i: usize| entries[i].is_response();
+    let any_measured = (0..bundle.len()).any(|i| fitted(i) && is_measured(i));
+    let by_frequency = |i: usize| periodic(i) || is_measured(i);
+    let used = |i: usize| fitted(i) && (by_frequency(i) || !(any_periodic || any_measured));
     let indices: Vec<usize> = (0..bundle.len()).filter(|i| used(*i)).collect();
     places::one_signal(bundle, &indices)?;
     let several = places::several_signals(bundle);
-    if any_periodic {
-        let found = periodic_responses(bundle, used, skip_periods, progress)?;
+    let measured = measured_responses(bundle, fitted, progress)?;
+    if any_periodic || any_measured {
+        let found = periodic_responses(bundle, |i| used(i) && periodic(i), skip_periods, progress)?;
         // One place of several signals has no p that a model of one parameter knows.
         let of_model = |e: FrfEstimate| if several { e.without_position() } else { e };
         let controller = bundle.description().controller.is_some();
@@ -92,12 +102,18 @@ pub fn estimate_bundle(
             clock,
             findings: findings(bundle, &found)
                 .into_iter()
-                .chain(finding::clocks(bundle, used))
+                .chain(finding::clocks(bundle, |i| used(i) && periodic(i)))
                 .chain(figures.flat_map(|e| of_experiment(&e, controller)))
                 .collect(),
-            noise: Some(sample_noise(&found)),
-            estimates: found.into_iter().map(|f| of_model(f.estimate.estimate)).collect(),
-            reasons: Vec::new(),
+            noise: any_periodic.then(|| sample_noise(&found)),
+            estimates: join(
+                found.into_iter().map(|f| f.estimate.estimate).collect(),
+                &measured,
+            )?
+            .into_iter()
+            .map(of_model)
+            .collect(),
+            reasons: measured.into_iter().flat_map(|m| m.reasons).collect(),
         });
     }
     let mut records = load_records(bundle, used, progress)?;
@@ -371,20 +387,4 @@ fn common<'a>(positions: impl Iterator<Item = Option<&'a Position>>) -> Option<P
     let first = all[0];
     let mean = |i: usize| first[i] + all.iter().map(|p| p[i] - first[i]).sum::<f64>() / all.len() as f64;
     Some((0..first.len()).map(mean).collect::<Vec<f64>>().into())
-}
-
-/// Whether the scheduling signal that a model has rests in a record.
-pub(crate) fn rests(record: &Record, bundle: &Bundle) -> bool {
-    let first = record.scheduling.columns.first();
-    first.is_none_or(|p| Travel::of(p).rests(|| bundle.scheduling_range(0)))
-}
-
-/// A transient record whose one scheduling signal rests is a record at that position.
-fn rest_position(record: &mut Record, bundle: &Bundle) {
-    if record.position.is_none()
-        && let [p] = record.scheduling.columns.as_slice()
-        && rests(record, bundle)
-    {
-        record.position = Some(Travel::of(p).mean().into());
-    }
 }

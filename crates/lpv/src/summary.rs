@@ -47,7 +47,8 @@ pub struct FrequencySummary {
     pub positions: usize,
     /// Lines of the first position.
     pub lines: usize,
-    /// Median over lines and positions of the stated relative deviation of the FRF, in percent.
+    /// Median over lines and positions of the stated relative deviation of the FRF, in percent; of the assumed one, where a record
+    /// states none.
     pub frf_noise_percent: f64,
     /// The same by output: deviation of a row of the FRF over the size of the row, in percent.
     pub frf_noise_by_output_percent: Vec<f64>,
@@ -69,7 +70,8 @@ pub struct FrequencySummary {
     pub cost_over_expected: f64,
     /// Median over lines and positions of the error of the model over the stated deviation of the FRF, whole matrix at a line:
     /// also after the interpolation over positions. Nothing but noise gives 0.83 for one channel, towards 1 for many.
-    pub error_over_noise: f64,
+    /// None where the noise is assumed.
+    pub error_over_noise: Option<f64>,
     /// Median noise of the FRF in decibels, to set beside `frozen.median_db`.
     pub frf_noise_db: f64,
     /// What the LPV stages found; none for one position.
@@ -196,7 +198,8 @@ impl Summary {
                 ratios.push(error / e.relative_deviation(k));
             }
         }
-        let error_over_noise = finite(median(&ratios));
+        let known = !estimates.iter().any(FrfEstimate::covariance_is_assumed);
+        let error_over_noise = known.then(|| finite(median(&ratios)));
         let frequency = FrequencySummary {
             error_over_noise,
             resonance_hz: resonance.map(|r| r.1),
@@ -259,8 +262,8 @@ impl Summary {
                 .reasons()
                 .iter()
                 .cloned()
-                .chain(noise_warning(noise))
-                .chain(error_warning(identified, error_over_noise))
+                .chain(noise_warning(noise).filter(|_| known))
+                .chain(error_over_noise.and_then(|over| error_warning(identified, over)))
                 .collect(),
         })
     }
@@ -336,21 +339,25 @@ fn percents(values: &[f64]) -> String {
 
 impl FrequencySummary {
     fn text(&self) -> String {
+        let known = self.error_over_noise.is_some();
         format!(
-            "{}, {} lines, FRF noise {:.2} % in the median ({:.1} dB)\n\
+            "{}, {} lines, FRF noise {:.2} % in the median ({:.1} dB{})\n\
              modes at the middle position:\n{}\n\
              frozen error against the FRF: largest {:.1} dB (at {:.4}), median {:.1} dB; rms by output {}\n\
-             error over the noise of the FRF, median: {:.2}; cost of the fits over its expectation: {:.3}",
+             {}cost of the fits over its expectation: {:.3}",
             counted(self.positions, "position"),
             self.lines,
             self.frf_noise_percent,
             self.frf_noise_db,
+            if known { "" } else { "; assumed, none is stated" },
             mode_lines(&self.modes),
             self.frozen.strict_max_db,
             self.frozen.worst_frequency_hz,
             self.frozen.median_db,
             percents(&self.relative_rms_percent),
-            self.error_over_noise,
+            self.error_over_noise.map_or(String::new(), |over| format!(
+                "error over the noise of the FRF, median: {over:.2}; "
+            )),
             self.cost_over_expected,
         )
     }

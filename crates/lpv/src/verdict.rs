@@ -80,8 +80,9 @@ pub enum Cause {
         error_percent: f64,
         /// Noise of the response, percent, in the median over half octaves.
         noise_percent: f64,
-        /// The same in multiples of the noise, root mean square.
-        over_noise: f64,
+        /// The error in multiples of the noise, root mean square; none where the noise is assumed, from the scatter over neighbouring
+        /// lines.
+        over_noise: Option<f64>,
     },
     /// The frozen response errs most in one band.
     Band {
@@ -89,8 +90,8 @@ pub enum Cause {
         band_hz: [f64; 2],
         /// Error relative to the response there, percent.
         error_percent: f64,
-        /// The same in multiples of its noise.
-        over_noise: f64,
+        /// The same in multiples of its noise; none where that is assumed.
+        over_noise: Option<f64>,
         /// Where the band lies, which tells what is missing.
         place: BandPlace,
     },

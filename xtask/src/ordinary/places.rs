@@ -438,7 +438,10 @@ fn judge(
         explanation: None,
     };
     let (found, _) = validate(&file, bundle, Scope::HeldOut, &silent)?;
-    let frozen = found.frozen.as_ref().map_or(f64::NAN, |f| f.error_over_noise);
+    let frozen = found
+        .frozen
+        .as_ref()
+        .map_or(f64::NAN, |f| f.error_over_noise.unwrap_or(f64::NAN));
     let loops = found.records.iter().flat_map(|r| &r.outputs);
     let moves = loops
         .filter_map(|o| o.closed_loop.as_ref()?.over_noise)

@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 pub(super) fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagnosed, PipelineError> {
     let clock = bundle.clock()?;
     let description = bundle.description();
-    let records = load_records(bundle, |i| !description.records[i].is_periodic(), progress)?;
+    let records = load_records(bundle, |i| description.records[i].is_transient(), progress)?;
     let found = axes(&records, clock)?;
     let mut all = Vec::new();
     for axis in &found {

@@ -1,6 +1,6 @@
 //! The inspection in words and as a table of lines.
 
-use super::{ExperimentInfo, Inspection, RecordInfo, Spread};
+use super::{ExperimentInfo, Inspection, RecordInfo, ResponseInfo, Spread};
 use crate::encode::cell;
 use crate::error::short_place;
 use crate::finding::{self, Finding, Severity};
@@ -22,7 +22,7 @@ impl Inspection {
         out += &format!(
             "{}: {} at {} Hz\n",
             self.name,
-            counted(self.records.len(), "record"),
+            counted(self.records.len() + self.responses.len(), "record"),
             self.sample_rate_hz
         );
         for c in &self.channels {
@@ -37,13 +37,22 @@ impl Inspection {
                 .collect();
             let _ = writeln!(out, "  {}: {}", c.role, columns.join(", "));
         }
-        out += &self.record_table();
+        if !self.records.is_empty() {
+            out += &self.record_table();
+        }
         for purpose in ["estimation", "validation"] {
             let some: Vec<&ExperimentInfo> =
                 self.experiments.iter().filter(|e| e.purpose == purpose).collect();
             if !some.is_empty() {
                 out += &format!("\nfrequency responses, {purpose} (median over lines, worst in brackets)\n");
                 out += &experiment_table(&some);
+            }
+        }
+        if !self.responses.is_empty() {
+            out += "\nmeasured frequency responses (median over lines, worst in brackets)\n";
+            out += &response_table(&self.responses);
+            for note in self.responses.iter().flat_map(|r| &r.notes) {
+                let _ = writeln!(out, "- {note}");
             }
         }
         if let Some(c) = &self.coverage {
@@ -181,6 +190,38 @@ fn scheduling(r: &RecordInfo) -> String {
         (None, [[low, high]]) => format!("{low:.4} to {high:.4}"),
         _ => String::new(),
     }
+}
+
+fn response_table(responses: &[ResponseInfo]) -> String {
+    let mut table = TextTable::new(&[
+        "record",
+        "use",
+        "position",
+        "quantity",
+        "lines",
+        "band",
+        "FRF noise / %",
+        "from",
+        "scatter / %",
+    ]);
+    for r in responses {
+        table.row(vec![
+            r.name.clone(),
+            r.purpose.to_owned(),
+            r.position.as_ref().map_or("-".to_owned(), place),
+            r.quantity.unwrap_or("-").to_owned(),
+            r.lines.to_string(),
+            format!("{:.4} to {:.4}", r.band_hz[0], r.band_hz[1]),
+            format!(
+                "{:.2} ({:.2})",
+                100.0 * r.frf_deviation.median,
+                100.0 * r.frf_deviation.max
+            ),
+            r.error_from.to_owned(),
+            r.scatter.map_or("-".to_owned(), |s| format!("{:.2}", 100.0 * s)),
+        ]);
+    }
+    table.text()
 }
 
 fn experiment_table(experiments: &[&ExperimentInfo]) -> String {

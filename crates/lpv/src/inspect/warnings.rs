@@ -10,7 +10,12 @@ const LOW_SNR_DB: f64 = 10.0;
 pub(super) fn of_bundle(i: &Inspection) -> Vec<Finding> {
     let mut found = Vec::new();
     positions(i, &mut found);
-    if !i.records.iter().any(|r| r.purpose == "validation") {
+    let held = i
+        .records
+        .iter()
+        .map(|r| r.purpose)
+        .chain(i.responses.iter().map(|r| r.purpose));
+    if !held.into_iter().any(|purpose| purpose == "validation") {
         found.push(Finding::NothingHeldOut);
     }
     let transients = i.records.iter().any(|r| r.kind == "transient");

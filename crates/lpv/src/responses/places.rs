@@ -147,7 +147,9 @@ pub(crate) fn one_signal(bundle: &Bundle, indices: &[usize]) -> Result<(), Pipel
     let refuse = |records: [(usize, Vec<f64>); 2]| -> Result<(), PipelineError> {
         let named = |(index, p): (usize, Vec<f64>)| -> Result<_, PipelineError> {
             // What is wrong with the record goes before.
-            bundle.each_period(index, |_| ())?;
+            if !bundle.description().records[index].is_response() {
+                bundle.each_period(index, |_| ())?;
+            }
             Ok((bundle.record_name(index)?.to_owned(), p))
         };
         let [a, b] = records;
@@ -203,6 +205,22 @@ pub(crate) fn several_signals(bundle: &Bundle) -> bool {
     let description = bundle.description();
     let declared = description.records.iter().find_map(|r| r.position.as_ref());
     description.channels.scheduling.len() > 1 || declared.is_some_and(|p| p.len() > 1)
+}
+
+/// Whether the scheduling signal that a model has rests in a record.
+pub(crate) fn rests(record: &Record, bundle: &Bundle) -> bool {
+    let first = record.scheduling.columns.first();
+    first.is_none_or(|p| Travel::of(p).rests(|| bundle.scheduling_range(0)))
+}
+
+/// A transient record whose one scheduling signal rests is a record at that position.
+pub(super) fn rest_position(record: &mut Record, bundle: &Bundle) {
+    if record.position.is_none()
+        && let [p] = record.scheduling.columns.as_slice()
+        && rests(record, bundle)
+    {
+        record.position = Some(Travel::of(p).mean().into());
+    }
 }
 
 #[cfg(test)]

@@ -14,10 +14,11 @@ pub struct Band {
     pub high_hz: f64,
     /// Root of the power of the error over that of the response, percent.
     pub error_percent: f64,
-    /// The same of the stated noise of the response.
+    /// The same of the stated noise of the response, or of the assumed one.
     pub noise_percent: f64,
-    /// Root mean square over lines and outputs of the error over its stated standard deviation; 1 says nothing but noise.
-    pub over_noise: f64,
+    /// Root mean square over lines and outputs of the error over its stated standard deviation; 1 says nothing but noise. None where
+    /// the noise of a response is assumed.
+    pub over_noise: Option<f64>,
 }
 
 /// Bands an octave, as long as each holds enough lines.
@@ -62,7 +63,11 @@ pub(crate) fn bands(model: &[Frf], estimates: &[FrfEstimate]) -> Vec<Band> {
             let last = rest[within - 1].frequency_hz;
             rest.partition_point(|c| c.frequency_hz <= last)
         };
-        found.extend(band(&rest[..end]));
+        let assumed = estimates.iter().any(FrfEstimate::covariance_is_assumed);
+        found.extend(band(&rest[..end]).map(|b| Band {
+            over_noise: b.over_noise.filter(|_| !assumed),
+            ..b
+        }));
         rest = &rest[end..];
     }
     found
@@ -91,7 +96,7 @@ fn band(cells: &[Cell]) -> Option<Band> {
         high_hz: cells.last()?.frequency_hz,
         error_percent: percent(|c| c.error),
         noise_percent: percent(|c| c.noise),
-        over_noise: crate::signal::finite(mean.sqrt()),
+        over_noise: Some(crate::signal::finite(mean.sqrt())),
     })
 }
 
@@ -179,7 +184,10 @@ mod tests {
                 let expected = if b.low_hz >= 150.0 { 20.0 } else { 0.0 };
                 if b.high_hz < 150.0 || b.low_hz >= 150.0 {
                     assert!((b.error_percent - expected).abs() < 1e-6, "{b:?}");
-                    assert!((b.over_noise - expected).abs() < 0.2 * expected + 1e-9, "{b:?}");
+                    assert!(
+                        (b.over_noise.unwrap() - expected).abs() < 0.2 * expected + 1e-9,
+                        "{b:?}"
+                    );
                 }
                 assert!((b.noise_percent - 1.0).abs() < 1e-9);
             }

@@ -50,10 +50,11 @@ pub struct FrozenCheck {
     pub positions: Vec<f64>,
     /// Largest and median relative error.
     pub error: FrozenError,
-    /// Median relative noise of the responses, dB.
-    pub noise_db: f64,
-    /// Median of error over stated deviation, whole matrix: 1 says that the error is the noise of the response.
-    pub error_over_noise: f64,
+    /// Median relative noise of the responses, dB; none where it is assumed.
+    pub noise_db: Option<f64>,
+    /// Median of error over stated deviation, whole matrix: 1 says that the error is the noise of the response. None where it is
+    /// assumed.
+    pub error_over_noise: Option<f64>,
     /// Root mean square of the error relative to that of the response, by output, percent.
     pub relative_rms_percent: Vec<f64>,
     /// The error band by band, lowest first.
@@ -204,7 +205,7 @@ pub(crate) fn validate_knowing(
     }
     let mut notes = Vec::new();
     let entries = &description.records;
-    let moves = |i: usize| !entries[i].is_periodic();
+    let moves = |i: usize| entries[i].is_transient();
     let transient = load_records(bundle, moves, progress)?;
     let Against {
         check: frozen,

@@ -5,6 +5,7 @@ use super::check::FrozenCheck;
 use super::frozen_error;
 use crate::PipelineError;
 use crate::progress::Progress;
+use crate::responses::measured::{join, measured_responses};
 use crate::responses::{periodic_responses, sample_noise};
 use experiment_data::Bundle;
 use lpv_core::{Frf, FrfEstimate, Purpose};
@@ -33,7 +34,7 @@ pub(super) fn frozen_check(
     progress: Progress<'_>,
 ) -> Result<Against, PipelineError> {
     let entries = &bundle.description().records;
-    let periodic = |i: usize| entries[i].is_periodic();
+    let periodic = |i: usize| entries[i].is_periodic() || entries[i].is_response();
     let held = |i: usize| periodic(i) && entries[i].purpose == Purpose::Validation;
     let any_held = (0..entries.len()).any(held);
     let known = known.filter(|_| !any_held);
@@ -53,12 +54,12 @@ pub(super) fn frozen_check(
     let (found, noise) = match known {
         Some((estimates, noise)) => (estimates.to_vec(), noise.map(<[f64]>::to_vec)),
         None => {
-            let found = periodic_responses(bundle, used, None, progress)?;
-            let noise = sample_noise(&found);
-            (
-                found.into_iter().map(|f| f.estimate.estimate).collect(),
-                Some(noise),
-            )
+            let found = periodic_responses(bundle, |i| used(i) && entries[i].is_periodic(), None, progress)?;
+            let measured = measured_responses(bundle, used, progress)?;
+            notes.extend(measured.iter().flat_map(|m| m.reasons.clone()));
+            let noise = (!found.is_empty()).then(|| sample_noise(&found));
+            let estimates = found.into_iter().map(|f| f.estimate.estimate).collect();
+            (join(estimates, &measured)?, noise)
         }
     };
     // A model of other parameters has no response there, inside its range or not.
@@ -105,6 +106,7 @@ pub(super) fn frozen_check(
             ratios.push(error / e.relative_deviation(k));
         }
     }
+    let known = !estimates.iter().any(FrfEstimate::covariance_is_assumed);
     let check = FrozenCheck {
         source: if any_held { "validation" } else { "estimation" },
         positions: estimates
@@ -112,8 +114,8 @@ pub(super) fn frozen_check(
             .filter_map(FrfEstimate::single_position)
             .collect(),
         error: frozen_error(&model, &truth)?,
-        noise_db: amplitude_db(median(&deviations)),
-        error_over_noise: median(&ratios),
+        noise_db: known.then(|| amplitude_db(median(&deviations))),
+        error_over_noise: known.then(|| median(&ratios)),
         relative_rms_percent: crate::summary::relative_rms_percent(&model, &truth),
         bands: bands(&model, &estimates),
     };

@@ -17,15 +17,20 @@ impl Validation {
                 .collect();
             let _ = writeln!(
                 out,
-                "frozen response against the {} records, {}: median error {:.1} dB (noise of the response {:.1} dB), \
-                 largest {:.1} dB at {:.4}; error over its noise {:.2} in the median; rms by output {}",
+                "frozen response against the {} records, {}: median error {:.1} dB ({}), \
+                 largest {:.1} dB at {:.4}{}; rms by output {}",
                 f.source,
                 counted(f.positions.len().max(1), "position"),
                 f.error.median_db,
-                f.noise_db,
+                f.noise_db
+                    .map_or("its noise is not stated".to_owned(), |n| format!(
+                        "noise of the response {n:.1} dB"
+                    )),
                 f.error.strict_max_db,
                 f.error.worst_frequency_hz,
-                f.error_over_noise,
+                f.error_over_noise.map_or(String::new(), |n| format!(
+                    "; error over its noise {n:.2} in the median"
+                )),
                 rms.join(", ")
             );
         }

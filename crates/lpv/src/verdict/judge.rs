@@ -148,14 +148,24 @@ fn response(check: &FrozenCheck) -> Response {
     let all = |f: fn(&Band) -> f64| bands.iter().map(f).collect::<Vec<f64>>();
     let error_percent = median(&all(|b| b.error_percent));
     let noise_percent = median(&all(|b| b.noise_percent));
-    let square = all(|b| b.over_noise * b.over_noise);
-    let over_noise = (square.iter().sum::<f64>() / square.len().max(1) as f64).sqrt();
+    let square: Option<Vec<f64>> = bands
+        .iter()
+        .map(|b| b.over_noise.map(|over| over * over))
+        .collect();
+    let over_noise = square.map(|s| (s.iter().sum::<f64>() / s.len().max(1) as f64).sqrt());
     let fact = Cause::Response {
         error_percent,
         noise_percent,
         over_noise,
     };
-    let good = |b: &Band| b.over_noise <= GOOD_OVER_NOISE || b.error_percent <= NEGLIGIBLE_PERCENT;
+    // Without a known noise, what neighbouring lines scatter is the bar.
+    let within = |over: Option<f64>, error: f64, noise: f64| match over {
+        Some(over) => over <= GOOD_OVER_NOISE,
+        None => error <= GOOD_OVER_NOISE * noise,
+    };
+    let good = |b: &Band| {
+        within(b.over_noise, b.error_percent, b.noise_percent) || b.error_percent <= NEGLIGIBLE_PERCENT
+    };
     let sound = bands.iter().take_while(|b| good(b)).count();
     let worst = bands
         .iter()
@@ -189,7 +199,7 @@ fn response(check: &FrozenCheck) -> Response {
         over_noise: worst.over_noise,
         place,
     };
-    let worth = if error_percent > HALF_PERCENT && over_noise > GOOD_OVER_NOISE {
+    let worth = if error_percent > HALF_PERCENT && !within(over_noise, error_percent, noise_percent) {
         Worth::NotAModel
     } else if sound > 0 && bands[sound - 1].high_hz >= (first * last).sqrt() {
         Worth::GoodUpTo {

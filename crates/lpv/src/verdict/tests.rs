@@ -7,7 +7,7 @@ fn band(low_hz: f64, error_percent: f64, over_noise: f64) -> Band {
         high_hz: 1.4 * low_hz,
         error_percent,
         noise_percent: error_percent / over_noise,
-        over_noise,
+        over_noise: Some(over_noise),
     }
 }
 
@@ -22,8 +22,8 @@ fn frozen(errors: &[[f64; 2]]) -> FrozenCheck {
             worst_frequency_hz: 1.0,
             worst_response: 0,
         },
-        noise_db: -40.0,
-        error_over_noise: 1.0,
+        noise_db: Some(-40.0),
+        error_over_noise: Some(1.0),
         relative_rms_percent: vec![1.0],
         bands: errors
             .iter()

@@ -69,13 +69,23 @@ impl fmt::Display for Cause {
         match self {
             Self::Response {
                 error_percent,
-                over_noise,
+                over_noise: Some(over),
                 ..
             } => write!(
                 f,
                 "the frozen response errs by {}, {} its noise",
                 percent(*error_percent),
-                times(*over_noise)
+                times(*over)
+            ),
+            Self::Response {
+                error_percent,
+                noise_percent,
+                over_noise: None,
+            } => write!(
+                f,
+                "the frozen response errs by {} of responses that state no noise (an error of {} of each line is assumed)",
+                percent(*error_percent),
+                percent(*noise_percent)
             ),
             Self::Band {
                 band_hz: [low, high],
@@ -84,9 +94,9 @@ impl fmt::Display for Cause {
                 ..
             } => write!(
                 f,
-                "from {low:.4} to {high:.4} Hz the frozen response errs by {}, {} its noise",
+                "from {low:.4} to {high:.4} Hz the frozen response errs by {}{}",
                 percent(*error_percent),
-                times(*over_noise)
+                over_noise.map_or(String::new(), |over| format!(", {} its noise", times(over)))
             ),
             Self::NoisyResponse { noise_percent } => {
                 write!(

@@ -19,6 +19,7 @@ mod new_files;
 mod plane;
 mod python;
 mod report;
+mod responses;
 mod safety;
 mod simulate;
 mod small;

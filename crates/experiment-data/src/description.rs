@@ -202,8 +202,8 @@ impl RecordEntry {
             _ => true,
         };
         let mut signals = channels.output.columns.iter().chain(&channels.input.columns);
-        if self.is_response() && other.is_response() {
-            return overlap && self.columns == other.columns;
+        if self.is_response() || other.is_response() {
+            return overlap && self.kind == other.kind && self.columns == other.columns;
         }
         overlap && signals.any(|c| self.source_of(c) == other.source_of(c))
     }

@@ -71,16 +71,20 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
             contents.scalars.push(scalar);
         }
     }
-    let passed = |number: usize, what: String| PassedOver {
+    let passed = |number: usize, what: String, remedy: &str| PassedOver {
         name: format!("data set {number}"),
         what,
-        remedy: String::new(),
+        remedy: remedy.to_owned(),
     };
     let functions = sets.functions.iter().filter(|s| !s.is_time_history());
-    contents.passed_over = functions.map(|s| passed(s.number, s.what())).collect();
+    let remedy = |s: &Set| match s.header.function {
+        Function::FrequencyResponse => "a record with kind = \"response\" takes it",
+        _ => "",
+    };
+    contents.passed_over = functions.map(|s| passed(s.number, s.what(), remedy(s))).collect();
     let others = sets.others.iter();
     contents.passed_over.extend(
-        others.map(|(number, kind)| passed(*number, format!("kind {kind} of the format, no function"))),
+        others.map(|(number, kind)| passed(*number, format!("kind {kind} of the format, no function"), "")),
     );
     Ok(contents)
 }

@@ -280,7 +280,10 @@ fn remedy(name: &str, what: &str) -> String {
     } else if has("SimulationOutput") || has("Dataset") {
         format!("t = {name}.tout; u = {name}.u; y = {name}.y;")
     } else if has("frd") || has("idfrd") {
-        return "a frequency response is no record; save the measured signals as plain arrays".to_owned();
+        return format!(
+            "in MATLAB: G = chgFreqUnit({name}, 'Hz'); frequency = G.Frequency; response = permute(G.ResponseData, [3 1 2]); save('x.mat', \
+             'frequency', 'response'), for a record with kind = \"response\""
+        );
     } else if has("object") {
         format!("u = {name}.u; y = {name}.y;")
     } else {

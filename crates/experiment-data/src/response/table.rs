@@ -3,9 +3,7 @@
 use super::{Asked, Raw, Spread};
 use crate::RecordError;
 use crate::columns;
-use crate::contents::Contents;
 use crate::error::ResponseFault;
-use crate::nearest::nearest;
 use lpv_core::num_complex::Complex;
 
 /// Names of the columns of a channel.
@@ -26,14 +24,11 @@ pub(super) fn read(asked: &Asked<'_>) -> Result<Raw, RecordError> {
         .flat_map(|u| outputs.iter().map(move |y| (y, u)))
         .collect();
     let of = |part: &str| -> Vec<String> { channels.iter().map(|(y, u)| column(y, u, part)).collect() };
-    let present: Vec<String> = match columns::look_into(asked.path) {
-        Ok(Contents { columns, .. }) => columns.into_iter().map(|c| c.source.unwrap_or(c.name)).collect(),
-        // What is wrong with the file, reading tells best.
-        Err(_) => Vec::new(),
-    };
+    // A column that is there and cannot be read is no absent one.
     let there = |name: &String| {
         let source = asked.entry.source_of(name);
-        source != name || present.iter().any(|p| p == source)
+        let read = columns::read_columns_as(asked.path, &[source], asked.text);
+        source != name || !matches!(read, Err(RecordError::ColumnMissing { .. }))
     };
     let mut names = vec!["frequency".to_owned()];
     names.extend(of(RE));
@@ -45,16 +40,13 @@ pub(super) fn read(asked: &Asked<'_>) -> Result<Raw, RecordError> {
     names.extend(spread.map(of).into_iter().flatten());
     let averages = Some("averages".to_owned()).filter(there);
     names.extend(averages.clone());
-    if let Some(name) = names.iter().find(|n| !present.is_empty() && !there(n)) {
-        return Err(ResponseFault::Missing {
-            name: name.clone(),
-            nearest: nearest(name, &present),
-            present,
-        }
-        .into());
-    }
     let sources: Vec<&str> = names.iter().map(|n| asked.entry.source_of(n)).collect();
-    let all = columns::read_columns_as(asked.path, &sources, asked.text)?;
+    let all = match columns::read_columns_as(asked.path, &sources, asked.text) {
+        Err(RecordError::ColumnMissing { column, nearest, .. }) => {
+            return Err(missing(asked, &names, &column, nearest));
+        }
+        read => read?,
+    };
     let lines = all[0].len();
     let of_lines = all.len() - usize::from(averages.is_some());
     if let Some(k) = all[..of_lines].iter().position(|c| c.len() != lines) {
@@ -88,4 +80,16 @@ pub(super) fn read(asked: &Asked<'_>) -> Result<Raw, RecordError> {
         averages: averages.and_then(|_| all[all.len() - 1].first().copied()),
         quantity: None,
     })
+}
+
+/// The refusal of a column that is not there, with those that are.
+fn missing(asked: &Asked<'_>, names: &[String], source: &str, nearest: Vec<String>) -> RecordError {
+    let name = names.iter().find(|n| asked.entry.source_of(n) == source);
+    let present = columns::look_into(asked.path).map_or_else(|_| Vec::new(), |found| found.columns);
+    ResponseFault::Missing {
+        name: name.map_or(source, String::as_str).to_owned(),
+        nearest,
+        present: present.into_iter().map(|c| c.source.unwrap_or(c.name)).collect(),
+    }
+    .into()
 }

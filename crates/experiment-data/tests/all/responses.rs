@@ -354,6 +354,134 @@ proptest! {
     }
 }
 
+/// The covariance of the columns of the response one below the other, in the units of the channels.
+#[test]
+fn a_covariance_goes_along_with_the_scales() {
+    let truth = Truth {
+        lines: 2,
+        outputs: 2,
+        inputs: 2,
+        frequencies: vec![1.0, 3.0],
+        entries: (0..8).map(|k| C64::new(1.0 + f64::from(k), 0.5)).collect(),
+    };
+    let entry = |k: usize, a: usize, b: usize| {
+        let part =
+            |a: usize, m: usize| C64::new((a + 2 * m + k) as f64 * 0.3 - 0.7, (a * m) as f64 * 0.2 - 0.1);
+        let own = f64::from(u8::from(a == b));
+        (0..4).map(|m| part(a, m) * part(b, m).conj()).sum::<C64>() + own
+    };
+    let all = |twist: f64| -> Vec<C64> {
+        let indices = (0..32).map(|at| (at / 16, at % 16 / 4, at % 4));
+        indices
+            .map(|(k, a, b)| entry(k, a, b) + if (a, b) == (0, 3) { twist } else { 0.0 })
+            .collect()
+    };
+    let file = |twist: f64| {
+        npz(&[
+            ("frequency", "<f8", "(2,)", false, doubles(&truth.frequencies)),
+            ("response", "<c16", "(2, 2, 2)", false, pairs(&truth.entries)),
+            ("covariance", "<c16", "(2, 4, 4)", false, pairs(&all(twist))),
+        ])
+    };
+    let toml = truth
+        .toml("a.npz", "")
+        .replace("[channels.input]", "scale = [2.0, 5.0]\n[channels.input]")
+        .replace("[[records]]", "scale = [1.0, 0.5]\n[[records]]");
+    let dir = folder(&toml, "a.npz", file(0.0));
+    let Spread::Covariance(found) = load(dir.path()).spread else {
+        panic!("no covariance");
+    };
+    // Channels y0/u0, y1/u0, y0/u1, y1/u1.
+    let factor = [2.0, 5.0, 4.0, 10.0];
+    for k in 0..2 {
+        for a in 0..4 {
+            for b in 0..4 {
+                let wanted = entry(k, a, b) * factor[a] * factor[b];
+                assert!((found[k * 16 + b * 4 + a] - wanted).norm() < 1e-12 * wanted.norm().max(1.0));
+            }
+        }
+    }
+    std::fs::write(dir.path().join("a.npz"), file(0.1)).unwrap();
+    let refused = Bundle::open(dir.path())
+        .unwrap()
+        .load_response(0)
+        .unwrap_err()
+        .to_string();
+    assert!(refused.contains("a covariance is Hermitian"), "{refused}");
+}
+
+/// Every kind of file with a few bytes changed or its end cut off: an error or a response, never a panic, and soon.
+#[test]
+fn damage_is_an_error_or_a_response() {
+    let truth = Truth {
+        lines: 5,
+        outputs: 2,
+        inputs: 1,
+        frequencies: vec![1.0, 2.0, 4.0, 5.0, 9.0],
+        entries: (0..10).map(|k| C64::new(f64::from(k) + 1.0, -0.5)).collect(),
+    };
+    let (re, im) = re_im(&truth.first_fastest());
+    let mut hdf5 = hdf5_pure::FileBuilder::new();
+    hdf5.create_dataset("frequency").with_f64_data(&truth.frequencies);
+    let values: Vec<(f64, f64)> = truth.entries.iter().map(|v| (v.re, v.im)).collect();
+    hdf5.create_dataset("response")
+        .with_complex64_data(&values)
+        .with_shape(&[5, 2, 1]);
+    let shape = "(5, 2, 1)";
+    let files = [
+        (
+            "a.npz",
+            "",
+            npz(&[
+                ("frequency", "<f8", "(5,)", false, doubles(&truth.frequencies)),
+                ("response", "<c16", shape, false, pairs(&truth.entries)),
+            ]),
+        ),
+        (
+            "a.mat",
+            "",
+            matlab_file(&[
+                matlab("frequency", &[5, 1], &truth.frequencies, None),
+                matlab("response", &[5, 2], &re, Some(&im)),
+            ]),
+        ),
+        ("a.h5", "", hdf5.finish().unwrap()),
+        (
+            "a.csv",
+            "",
+            table(&truth, |i, j, part| format!("y{i}/u{j} {part}")).into_bytes(),
+        ),
+        (
+            "a.uff",
+            "columns = { y0 = \"10+Z\", y1 = \"11+Z\", u0 = \"20+X\" }",
+            universal(&truth, [8, 13]).into_bytes(),
+        ),
+    ];
+    let mut seed = 1_u64;
+    let mut next = |below: usize| {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        (seed >> 33) as usize % below
+    };
+    for (name, more, bytes) in files {
+        let dir = folder(&truth.toml(name, more), name, &bytes);
+        check(&truth, &load(dir.path()), 1e-15);
+        let bundle = Bundle::open(dir.path()).unwrap();
+        let mut refused = 0;
+        for case in 0..600 {
+            let mut damaged = bytes.clone();
+            match case % 4 {
+                0 => damaged.truncate(next(bytes.len())),
+                _ => (0..=next(4)).for_each(|_| damaged[next(bytes.len())] = next(256) as u8),
+            }
+            std::fs::write(dir.path().join(name), damaged).unwrap();
+            let start = std::time::Instant::now();
+            refused += usize::from(bundle.load_response(0).is_err());
+            assert!(start.elapsed().as_secs() < 2, "{name}");
+        }
+        assert!(refused > 100, "{name}: {refused}");
+    }
+}
+
 /// A struct as `struct(frd)` makes it: outputs x inputs x lines, rad/s or Hz.
 #[test]
 fn a_struct_of_matlab() {

@@ -104,6 +104,6 @@ pub use position::Position;
 pub use range::SchedulingRange;
 pub use record::{PeriodBlock, Purpose, Record, RecordKind, Signals};
 pub use response::ResponseKernel;
-pub use rigid_body::{RigidBody, RigidBodyAxis};
+pub use rigid_body::{AxisOutput, RigidBody, RigidBodyAxis};
 pub use sampled::SchedulingNodes;
 pub use series::SeriesExpansion;

@@ -22,6 +22,28 @@ pub struct RigidBodyAxis {
     pub viscous_deviation: f64,
     /// Standard deviation of the offset.
     pub offset_deviation: f64,
+    /// What its output is.
+    #[serde(default, skip_serializing_if = "AxisOutput::is_position")]
+    pub output: AxisOutput,
+}
+
+/// What the output of an axis is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AxisOutput {
+    /// Its position q.
+    #[default]
+    Position,
+    /// Its speed q'.
+    Speed,
+}
+
+impl AxisOutput {
+    /// Whether it is the position.
+    #[must_use]
+    pub fn is_position(&self) -> bool {
+        *self == Self::Position
+    }
 }
 
 impl RigidBodyAxis {
@@ -32,7 +54,7 @@ impl RigidBodyAxis {
     }
 }
 
-/// Axes without coupling: input i drives axis i, and output i is its position.
+/// Axes without coupling: input i drives axis i, and output i is its position or its speed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigidBody {
     axes: Vec<RigidBodyAxis>,
@@ -72,21 +94,28 @@ impl RigidBody {
         &self.axes
     }
 
-    /// States `q_1, q_1', q_2, q_2', ...`, outputs `q_i`. The inputs are `u_i - o_i`: offsets are not part of a linear
+    /// States `q_1, q_1', q_2, q_2', ...`, outputs `q_i`; of an axis whose output is its speed, the only state `q_i'`. The inputs are `u_i - o_i`: offsets are not part of a linear
     /// system, subtract them from the forces.
     ///
     /// # Errors
     /// [`CoreError::NotFinite`] if a quotient overflows.
     pub fn to_state_space(&self) -> Result<StateSpace<Continuous>, CoreError> {
         let n = self.axes.len();
-        let mut a = DMatrix::zeros(2 * n, 2 * n);
-        let mut b = DMatrix::zeros(2 * n, n);
-        let mut c = DMatrix::zeros(n, 2 * n);
+        let own = |axis: &RigidBodyAxis| 1 + usize::from(axis.output.is_position());
+        let states = self.axes.iter().map(own).sum();
+        let mut a = DMatrix::zeros(states, states);
+        let mut b = DMatrix::zeros(states, n);
+        let mut c = DMatrix::zeros(n, states);
+        let mut first = 0;
         for (i, axis) in self.axes.iter().enumerate() {
-            a[(2 * i, 2 * i + 1)] = 1.0;
-            a[(2 * i + 1, 2 * i + 1)] = -axis.viscous / axis.inertia;
-            b[(2 * i + 1, i)] = 1.0 / axis.inertia;
-            c[(i, 2 * i)] = 1.0;
+            let speed = first + own(axis) - 1;
+            if axis.output.is_position() {
+                a[(first, speed)] = 1.0;
+            }
+            a[(speed, speed)] = -axis.viscous / axis.inertia;
+            b[(speed, i)] = 1.0 / axis.inertia;
+            c[(i, first)] = 1.0;
+            first = speed + 1;
         }
         StateSpace::new(a, b, c, DMatrix::zeros(n, n), Continuous)
     }
@@ -105,18 +134,28 @@ mod tests {
             inertia_deviation: 0.1,
             viscous_deviation: 0.2,
             offset_deviation: 0.3,
+            output: AxisOutput::Position,
         }
     }
 
     #[test]
     fn response_by_hand() {
-        let body = RigidBody::new(vec![axis(4.0), axis(0.5)]).unwrap();
+        let fast = RigidBodyAxis {
+            output: AxisOutput::Speed,
+            ..axis(1.5)
+        };
+        let body = RigidBody::new(vec![axis(4.0), fast, axis(0.5)]).unwrap();
         let frequency_hz = 0.7;
         let s = num_complex::Complex::new(0.0, std::f64::consts::TAU * frequency_hz);
         let response = body.to_state_space().unwrap();
         let response = response.frequency_response(&[frequency_hz]).unwrap();
-        for (i, inertia) in [4.0, 0.5].into_iter().enumerate() {
-            let expected = (s * s * inertia + s * 2.0).inv();
+        for (i, inertia) in [4.0, 1.5, 0.5].into_iter().enumerate() {
+            let times = if i == 1 {
+                s
+            } else {
+                num_complex::Complex::from(1.0)
+            };
+            let expected = times / (s * s * inertia + s * 2.0);
             assert!((response.line(0)[(i, i)] - expected).norm() < 1e-14);
         }
         assert!(response.line(0)[(0, 1)].norm() < 1e-300);
@@ -127,6 +166,11 @@ mod tests {
     fn json_round_trip_is_exact_and_checked() {
         let kept = Model::RigidBody(RigidBody::new(vec![axis(4.5), axis(0.1)]).unwrap());
         let text = kept.to_json().unwrap();
+        assert!(!text.contains("output"), "a position says nothing");
+        let mut fast = axis(4.5);
+        fast.output = AxisOutput::Speed;
+        let fast = Model::RigidBody(RigidBody::new(vec![fast]).unwrap());
+        assert_eq!(Model::from_json(&fast.to_json().unwrap()).unwrap(), fast);
         assert!(text.contains("rigid-body"));
         assert_eq!(Model::from_json(&text).unwrap(), kept);
         assert!(Model::from_json(&text.replace("4.5", "-4.5")).is_err());

@@ -33,7 +33,7 @@ use base::Start;
 pub(crate) use base::table;
 pub use doubt::EQUAL_DB;
 pub use errors::{Errors, OutputError};
-use experiment_data::{Bundle, Description, RecordEntry};
+use experiment_data::{Bundle, Description};
 pub use explanation::{BaseKind, Explanation};
 use figures::Along;
 pub use files::ResultFiles;
@@ -50,7 +50,7 @@ use noise::{roughness, unrepeated};
 pub use places::PlaceName;
 pub(crate) use places::placed;
 pub use record_errors::{ForceErrors, FreeRun, RecordErrors, RunErrors};
-use records::{split, wrong_controller};
+use records::{check_records, split, wrong_controller};
 pub(crate) use responses::is_traced_on_responses;
 pub(crate) use saved::range_of;
 use saved::saved;
@@ -94,13 +94,7 @@ pub fn diagnose(
     let description = bundle.description();
     let channels = &description.channels;
     let is_one = (channels.input.len(), channels.output.len()) == (1, 1);
-    let entries = || description.records.iter();
-    if entries().any(RecordEntry::is_response) && !entries().any(RecordEntry::is_transient) {
-        return Err(PipelineError::Structure {
-            problem: "effects are traced along records of samples, and this bundle has none but measured frequency responses (kind = \"response\") or \
-                      periodic records beside them: add records of moves; `lpv identify` and `lpv validate` take the responses",
-        });
-    }
+    check_records(description)?;
     let has_moves = description.records.iter().any(|r| r.is_transient());
     let is_by_itself = description.controller.is_none() && channels.scheduling.is_empty();
     if is_by_itself && !is_one && has_moves && model.is_none() {

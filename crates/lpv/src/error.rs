@@ -92,6 +92,37 @@ pub enum PipelineError {
         /// What does not fit, and what to do.
         problem: ResponseProblem,
     },
+    /// An output that no servo axis has.
+    #[error(
+        "output `{output}` is {} by its `quantity` or unit; a servo axis has a position or a speed: name that as the output, or, if it is one, say quantity = [\"position\"] in [channels.output] (format = 2)",
+        match *quantity { "acceleration" => "an acceleration", "force" => "a force", other => other }
+    )]
+    NoAxis {
+        /// The output.
+        output: String,
+        /// What it is.
+        quantity: &'static str,
+    },
+    /// Speeds of a free machine at several positions.
+    #[error(
+        "output `{output}` is a speed, and its response falls as that of a free mass: a model of several positions has the position of such a machine as its output; of measured frequency responses (kind = \"response\" with a `quantity`) say quantity = [\"position\"] in [channels.output], and they are taken to it; of records of samples log or integrate the position; or set `integrators` to 0 for a machine on a spring"
+    )]
+    FreeSpeed {
+        /// The output.
+        output: String,
+    },
+    /// A diagnosis of an output that is no position.
+    #[error(
+        "output `{output}` is {} by its `quantity` or unit, and effects are traced along positions: log the position beside it and name it as the output{}",
+        match *quantity { "acceleration" => "an acceleration", "force" => "a force", "speed" => "a speed", other => other },
+        if *quantity == "speed" { ", or integrate the speed; `lpv identify --structure rigid-body` takes it as it is, and tells inertia and friction" } else { "" }
+    )]
+    NoPosition {
+        /// The output.
+        output: String,
+        /// What it is.
+        quantity: &'static str,
+    },
     /// Two frequency responses of one place.
     #[error(
         "{} and {} are frequency responses of one place{}; keep one of them, or give each its own `position`",

@@ -9,14 +9,16 @@ use crate::finding::Severity;
 use crate::inspect::inspect;
 use crate::moves::Moves;
 use crate::pipeline::{Identified, identify};
+use crate::poles::integrators_from_slope;
 use crate::progress::{Progress, silent};
 use crate::responses::{estimate_bundle, examine_records, load_records, places};
+use crate::speed::{axis_outputs, with_positions};
 use crate::summary::{AxisSummary, Summary};
 use crate::validation::{Known, Scope, Validation, validate_knowing};
 use crate::verdict::Verdict;
 use crate::{IdentifyConfig, LfrKind, ModelFile, PipelineError, Structure};
-use experiment_data::Bundle;
-use lpv_core::{FrfEstimate, Model, Purpose, Record};
+use experiment_data::{Bundle, Quantity};
+use lpv_core::{FrfEstimate, Model, Purpose, Record, RigidBody, RigidBodyAxis};
 use lpv_diagnose::Base;
 use lti_ident::{InnovationFit, Segment};
 
@@ -177,6 +179,18 @@ fn in_frequency(
             problem: "structure = \"lti\" is for one position and the bundle has several; leave the structure to the data, or make a bundle of one position",
         });
     }
+    let outputs = &bundle.description().channels.output;
+    let speed = (0..outputs.len()).find(|k| outputs.quantity_of(*k) == Quantity::Speed);
+    if let (Some(k), true, None, Some(middle)) = (
+        speed,
+        positions > 1,
+        config.integrators,
+        responses.estimates.get(positions / 2),
+    ) && integrators_from_slope(middle).1 == 1
+    {
+        let output = outputs.columns[k].clone();
+        return Err(PipelineError::FreeSpeed { output });
+    }
     let moves = match config.lfr {
         LfrKind::Small if positions > 1 => Moves::of(bundle, config, &responses, progress)?,
         _ => Moves::none("the exact LFR does not use them"),
@@ -272,8 +286,14 @@ pub(crate) fn fitted_samples(record: &Record, config: &IdentifyConfig) -> usize 
 
 fn axes(bundle: &Bundle, config: &IdentifyConfig, progress: Progress<'_>) -> Result<Outcome, PipelineError> {
     let clock = bundle.clock()?;
+    let channels = &bundle.description().channels;
+    let outputs = axis_outputs(&channels.output)?;
     let (records, fitted) = estimation_records(bundle, config, progress)?;
     let findings = examine_records(bundle, &records);
+    let records: Vec<Record> = records
+        .into_iter()
+        .map(|r| with_positions(r, &outputs, clock))
+        .collect();
     let segments: Vec<Segment<'_>> = records
         .iter()
         .zip(&fitted)
@@ -281,9 +301,14 @@ fn axes(bundle: &Bundle, config: &IdentifyConfig, progress: Progress<'_>) -> Res
         .collect();
     progress("inverse dynamics", 0, 1);
     let settings = lti_ident::rigid_body::RigidBodySettings::default();
-    let found = lti_ident::rigid_body::identify(&segments, clock, &settings)?;
+    let mut found = lti_ident::rigid_body::identify(&segments, clock, &settings)?;
+    let axes = found.model.axes().iter().zip(outputs);
+    found.model = RigidBody::new(
+        axes.map(|(axis, output)| RigidBodyAxis { output, ..*axis })
+            .collect(),
+    )?;
     progress("inverse dynamics", 1, 1);
-    let units = &bundle.description().channels.output.units;
+    let units = &channels.output.units;
     let axes: Vec<AxisSummary> = found
         .model
         .axes()

@@ -59,6 +59,8 @@ pub struct ChannelGroupInfo {
     pub columns: Vec<String>,
     /// Units; empty where unknown.
     pub units: Vec<String>,
+    /// What each is: position, speed, acceleration, force, other.
+    pub quantities: Vec<&'static str>,
 }
 
 /// Where the machine was measured, with one scheduling signal.
@@ -156,6 +158,7 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
         role,
         columns: g.columns.clone(),
         units: g.units.clone(),
+        quantities: (0..g.len()).map(|k| g.quantity_of(k).name()).collect(),
     })
     .collect();
     let noise = (0..if experiments.is_empty() { 0 } else { c.output.len() })

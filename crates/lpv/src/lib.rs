@@ -59,6 +59,7 @@ mod settings_file;
 mod signal;
 pub mod simulate;
 mod small;
+mod speed;
 mod summary;
 mod table;
 #[cfg(test)]

@@ -83,7 +83,7 @@ pub enum LtiIdentError {
     },
     /// Least squares gave an inertia that no mass has.
     #[error(
-        "input `{input}` and output `{output}`: inertia {inertia:e} (standard deviation {deviation:.1e}) is not above zero; the axis does not accelerate enough, this input does not drive this output, or the output is a speed: a rigid-body axis needs its position"
+        "input `{input}` and output `{output}`: inertia {inertia:e} (standard deviation {deviation:.1e}) is not above zero; the axis does not accelerate enough, this input does not drive this output, or the output is a speed, which quantity = [\"speed\"] in [channels.output] would say"
     )]
     Inertia {
         /// The input.
@@ -123,7 +123,7 @@ pub enum LtiIdentError {
     },
     /// An output that follows the force as a speed does.
     #[error(
-        "output `{output}` looks like a speed and not like a position: J v' + F v explains {speed_percent:.0} % of the force of `{input}`, J q'' + F q' only {position_percent:.0} %; give the position (integrate the speed), or identify without --structure rigid-body"
+        "output `{output}` looks like a speed and not like a position: J v' + F v explains {speed_percent:.0} % of the force of `{input}`, J q'' + F q' only {position_percent:.0} %; if it is one, say so: quantity = [\"speed\"] in [channels.output], with format = 2, or a unit such as rad/s; else identify without --structure rigid-body"
     )]
     SpeedOutput {
         /// The input.

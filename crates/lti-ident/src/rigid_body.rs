@@ -25,14 +25,16 @@ mod regression;
 mod rounding;
 mod settings;
 mod spectral;
+mod speed;
 
 pub use cutoff::Filter;
 pub use settings::{Estimator, RigidBodySettings};
+pub use speed::integrated;
 
 use crate::{LtiIdentError, Segment};
 use cutoff::ROUNDING;
 use found::Found;
-use lpv_core::{Discrete, Record, RigidBody, RigidBodyAxis, Signals};
+use lpv_core::{AxisOutput, Discrete, Record, RigidBody, RigidBodyAxis, Signals};
 use nalgebra::DVector;
 use regression::{Rows, Solution, solution, stacked};
 
@@ -334,6 +336,7 @@ fn identify_axis(
         inertia_deviation: deviations[0],
         viscous_deviation: deviations[1],
         offset_deviation: deviations[2],
+        output: AxisOutput::Position,
     };
     let account = found.account(
         Filter {

@@ -61,6 +61,7 @@ fn models() -> Vec<(&'static str, Model)> {
         inertia_deviation: 1e-3,
         viscous_deviation: 2e-3,
         offset_deviation: 3e-3,
+        output: lpv_core::AxisOutput::Position,
     };
     let range = SchedulingRange::interval(0.0, 1.0).unwrap();
     vec![
@@ -79,7 +80,16 @@ fn models() -> Vec<(&'static str, Model)> {
         ("innovation", Model::InnovationStateSpace(innovation.unwrap())),
         (
             "rigid-body",
-            Model::RigidBody(RigidBody::new(vec![axis(0.1), axis(2.0 / 3.0)]).unwrap()),
+            Model::RigidBody(
+                RigidBody::new(vec![
+                    axis(0.1),
+                    RigidBodyAxis {
+                        output: lpv_core::AxisOutput::Speed,
+                        ..axis(2.0 / 3.0)
+                    },
+                ])
+                .unwrap(),
+            ),
         ),
     ]
 }

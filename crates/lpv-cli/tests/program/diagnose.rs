@@ -351,6 +351,7 @@ fn a_table_without_geometry_and_a_file_for_a_folder_are_refused() {
         inertia_deviation: 0.1,
         viscous_deviation: 0.1,
         offset_deviation: 0.1,
+        output: lpv_core::AxisOutput::Position,
     };
     desk.write_model(
         "axis.json",

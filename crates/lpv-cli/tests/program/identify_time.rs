@@ -72,6 +72,7 @@ const AXIS: RigidBodyAxis = RigidBodyAxis {
     inertia_deviation: 0.0,
     viscous_deviation: 0.0,
     offset_deviation: 0.0,
+    output: lpv_core::AxisOutput::Position,
 };
 
 /// A mass that a servo moves back and forth, at 1000 samples a unit of time.
@@ -144,4 +145,82 @@ fn a_servo_axis_gives_its_mass_friction_and_offset() {
         "{:#}",
         check["records"][0]["axes"]
     );
+}
+
+/// Axes whose output is a speed, of any inertia and friction: the mass under held forces has a formula, and the model is that of the
+/// speed.
+#[test]
+fn an_axis_whose_output_is_a_speed_is_taken_as_one() {
+    let mut random = Noise(31);
+    for case in 0..8 {
+        let decade = f64::from(case) - 4.0;
+        let truth = RigidBodyAxis {
+            inertia: 2.0 * 10f64.powf(decade),
+            viscous: 5.0 * 10f64.powf(decade),
+            offset: -0.3,
+            ..AXIS
+        };
+        let rate = [200.0, 1000.0][case as usize % 2];
+        // A force of low frequencies, about the offset.
+        let mut low = 0.0;
+        let u: Vec<f64> = (0..6000)
+            .map(|_| {
+                low += 0.1 * (random.sample() - low);
+                truth.offset + 10.0 * low
+            })
+            .collect();
+        let decay = (-truth.viscous / truth.inertia / rate).exp();
+        let mut v = 0.0;
+        let mut y: Vec<f64> = u
+            .iter()
+            .map(|u| {
+                let before = v;
+                v = decay * v + (1.0 - decay) * (u - truth.offset) / truth.viscous;
+                before
+            })
+            .collect();
+        let size = (y.iter().map(|v| v * v).sum::<f64>() / y.len() as f64).sqrt();
+        y.iter_mut().for_each(|y| *y += 1e-3 * size * random.sample());
+        let desk = Desk::new();
+        desk.write("b/run.csv", csv(&[("u", &u), ("y", &y)]));
+        let said = [("1", "units = [\"rad/s\"]"), ("2", "quantity = [\"speed\"]")][case as usize / 2 % 2];
+        let toml = head(rate)
+            .replace("format = 1", &format!("format = {}", said.0))
+            .replace("[channels.input]", &format!("{}\n[channels.input]", said.1));
+        desk.write("b/experiment.toml", toml + &entry("run.csv", None, "estimation"));
+        let summary = desk.json("identify b --structure rigid-body -o model.json --json");
+        let Model::RigidBody(body) = desk.model("model.json") else {
+            panic!("a rigid body was asked for");
+        };
+        let found = body.axes()[0];
+        assert_eq!(found.output, lpv_core::AxisOutput::Speed);
+        assert_eq!(summary["axes"][0]["output_is"], "speed");
+        for (value, deviation, truth, slack) in [
+            (found.inertia, found.inertia_deviation, truth.inertia, 0.02),
+            (found.viscous, found.viscous_deviation, truth.viscous, 0.05),
+            (found.offset, found.offset_deviation, truth.offset, 0.2),
+        ] {
+            let off = (value - truth).abs();
+            assert!(off < slack * truth.abs(), "{case}: {value} {truth} {summary:#}");
+            assert!(
+                off < 6.0 * deviation.max(1e-3 * truth.abs()),
+                "{case}: {value} +- {deviation}, {truth}"
+            );
+        }
+        assert_eq!(body.to_state_space().unwrap().states(), 1);
+        let checks = desk.json("validate model.json b --json");
+        assert!(
+            number(&checks, "/records/0/outputs/0/open_loop/fit_percent") > 95.0,
+            "{checks:#}"
+        );
+        assert!(
+            number(&checks, "/records/0/axes/0/force_percent") < 15.0,
+            "{checks:#}"
+        );
+        let refused = desk.refused("diagnose b -o d");
+        assert!(
+            refused.contains("output `y` is a speed by its `quantity` or unit"),
+            "{refused}"
+        );
+    }
 }

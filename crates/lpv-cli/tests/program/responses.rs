@@ -248,6 +248,16 @@ fn responses_of_several_positions_give_an_lfr() {
         );
         let validated = desk.done("validate m.json b");
         assert!(validated.starts_with("good"), "{validated}");
+        // Its speed is a model of one position alone.
+        desk.write(
+            "b/experiment.toml",
+            toml.replace("units = [\"m\"]", "units = [\"m/s\"]"),
+        );
+        let refused = desk.refused("identify b -o n.json");
+        assert!(
+            refused.contains("output `y` is a speed, and its response falls as that of a free mass"),
+            "{refused}"
+        );
         // Two of one place are one too many.
         desk.write(
             "b/experiment.toml",
@@ -306,4 +316,81 @@ fn what_cannot_be_done_with_responses_is_refused_by_name() {
     );
     let refused = desk.refused("identify b -o n.json --structure rigid-body");
     assert!(refused.contains("is fitted to records of samples"), "{refused}");
+}
+
+/// A response of the speed, or one that becomes it, is that of an output in m/s.
+#[test]
+fn a_speed_keeps_its_word() {
+    let mut random = Noise(4);
+    let lines = lines(100.0);
+    for (power, quantity) in [(1, "mobility"), (2, "accelerance"), (0, "receptance")] {
+        let machine = Machine::draw(&mut random, 2);
+        let desk = Desk::new();
+        let value = |f: f64| machine.displacement(f) * C64::new(0.0, TAU * f).powi(power);
+        desk.write("b/a.csv", table(&lines, value, 2e-3, true, &mut random));
+        let entry = entry("a.csv", &format!("quantity = \"{quantity}\""));
+        desk.write("b/experiment.toml", head(2000.0, "units = [\"m/s\"]") + &entry);
+        let told = desk.done("inspect b");
+        assert!(told.contains("output: y [m/s], speed"), "{told}");
+        desk.done("identify b -o m.json");
+        let found = discrete(&desk.model("m.json"), &lines);
+        let hold = |f: f64| {
+            let s = C64::new(0.0, TAU * f / 2000.0);
+            (1.0 - (-s).exp()) / s
+        };
+        let mut off: Vec<f64> = lines
+            .iter()
+            .enumerate()
+            .map(|(k, f)| {
+                let speed = machine.displacement(*f) * C64::new(0.0, TAU * f) * hold(*f);
+                (found.line(k)[(0, 0)] / speed - 1.0).norm()
+            })
+            .collect();
+        off.sort_by(f64::total_cmp);
+        assert!(
+            off[lines.len() / 2] < 2e-3,
+            "{quantity}: {}",
+            off[lines.len() / 2]
+        );
+    }
+}
+
+/// A measured stage with two encoders: its published model has modes at 30.5, 89.1 and 297 Hz, and misses the response by 14 and 13 %.
+#[test]
+fn a_measured_stage_of_two_encoders() {
+    let file = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../../shared/cases/two-encoder-stage-frf/frf.csv"
+    );
+    let Ok(table) = std::fs::read(file) else {
+        eprintln!("skipped: {file} is missing");
+        return;
+    };
+    let desk = Desk::new();
+    desk.write("b/frf.csv", table);
+    let columns =
+        ["motor", "load"].map(|y| format!("\"{y}/force re\" = \"{y}_re\", \"{y}/force im\" = \"{y}_im\""));
+    desk.write(
+        "b/experiment.toml",
+        format!(
+            "format = 2\nname = \"stage\"\nsample_rate = 4000.0\n[channels.output]\ncolumns = [\"motor\", \"load\"]\n\
+             [channels.input]\ncolumns = [\"force\"]\n[[records]]\nfile = \"frf.csv\"\nkind = \"response\"\nuse = \"estimation\"\n\
+             columns = {{ frequency = \"f_hz\", {} }}\n",
+            columns.join(", ")
+        ),
+    );
+    let summary = desk.json("identify b -o m.json --json");
+    for (wanted, slack) in [(30.5, 0.02), (89.1, 0.02), (297.0, 0.06)] {
+        let modes = summary["modes"].as_array().unwrap().iter();
+        let near = modes
+            .map(|m| (m[0].as_f64().unwrap() / wanted - 1.0).abs())
+            .fold(1.0, f64::min);
+        assert!(near < slack, "{wanted}: {summary:#}");
+    }
+    assert!(number(&summary, "/frozen/median_db") < -17.5, "{summary:#}");
+    let sentence = summary["verdict"]["sentence"].as_str().unwrap();
+    assert!(
+        sentence.starts_with("approximate") && sentence.contains("state no noise"),
+        "{sentence}"
+    );
 }

@@ -6,8 +6,8 @@ use crate::encode::word;
 use crate::{ModelFile, PipelineError};
 use lpv_core::nalgebra::{DMatrix, DVector};
 use lpv_core::{
-    Clock, Continuous, DeltaBlock, Discrete, InnovationModel, Lfr, LfrBlocks, LpvStateSpace, Model,
-    RigidBody, RigidBodyAxis, SchedulingRange, StateSpace,
+    AxisOutput, Clock, Continuous, DeltaBlock, Discrete, InnovationModel, Lfr, LfrBlocks, LpvStateSpace,
+    Model, RigidBody, RigidBodyAxis, SchedulingRange, StateSpace,
 };
 
 /// Named matrices of a model, and its frozen systems on a grid.
@@ -69,9 +69,13 @@ impl Exchange {
                         a.inertia_deviation,
                         a.viscous_deviation,
                         a.offset_deviation,
+                        f64::from(u8::from(!a.output.is_position())),
                     ]
                 });
-                exchange.push("axes", DMatrix::from_row_iterator(body.axes().len(), 6, rows));
+                let rows = DMatrix::from_row_iterator(body.axes().len(), 7, rows);
+                // The last column says that an output is a speed; where none is, there is none.
+                let kept = 6 + usize::from(rows.column(6).iter().any(|v| *v != 0.0));
+                exchange.push("axes", rows.columns(0, kept).into_owned());
             }
             Model::DiscreteLfr(m) => {
                 exchange.sample_time = m.clock().sample_time();
@@ -219,8 +223,8 @@ impl Exchange {
             }
             ("rigid-body", _) => {
                 let rows = self.block("axes")?;
-                if rows.ncols() != 6 {
-                    return Err(format!("the matrix axes has {} columns, not 6", rows.ncols()));
+                if !matches!(rows.ncols(), 6 | 7) {
+                    return Err(format!("the matrix axes has {} columns, not 6 or 7", rows.ncols()));
                 }
                 let axes = rows
                     .row_iter()
@@ -231,6 +235,10 @@ impl Exchange {
                         inertia_deviation: r[3],
                         viscous_deviation: r[4],
                         offset_deviation: r[5],
+                        output: match r.iter().nth(6) {
+                            Some(speed) if *speed != 0.0 => AxisOutput::Speed,
+                            _ => AxisOutput::Position,
+                        },
                     })
                     .collect();
                 RigidBody::new(axes).map(Model::RigidBody).map_err(text)

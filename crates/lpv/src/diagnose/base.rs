@@ -124,6 +124,11 @@ fn told(
 /// One servo axis.
 pub(super) fn axis_of(model: &Model) -> Result<Base, PipelineError> {
     match model {
+        Model::RigidBody(body) if body.axes().iter().any(|a| !a.output.is_position()) => {
+            Err(PipelineError::Structure {
+                problem: "the output of this model is a speed, and effects are traced along positions; make a model of the position",
+            })
+        }
         Model::RigidBody(body) if body.axes().len() == 1 => {
             let axis = body.axes()[0];
             Ok(Base::Axis(Axis::new(axis.inertia, axis.viscous, axis.offset)))

@@ -1,8 +1,29 @@
 //! Which records are fitted and which judge, and whether the controller is that of the records.
 
 use crate::PipelineError;
+use experiment_data::{Description, Quantity, RecordEntry};
 use lpv_core::{ControllerState, Purpose, Record};
 use lpv_diagnose::Track;
+
+/// Refuses outputs that are no positions, and bundles whose only records beside periodic ones are measured frequency responses.
+pub(super) fn check_records(description: &Description) -> Result<(), PipelineError> {
+    let outputs = &description.channels.output;
+    let moves = |k: &usize| outputs.quantity_of(*k) == Quantity::Position;
+    if let Some(k) = (0..outputs.len()).find(|k| !moves(k)) {
+        return Err(PipelineError::NoPosition {
+            output: outputs.columns[k].clone(),
+            quantity: outputs.quantity_of(k).name(),
+        });
+    }
+    let records = &description.records;
+    if records.iter().any(RecordEntry::is_response) && !records.iter().any(RecordEntry::is_transient) {
+        return Err(PipelineError::Structure {
+            problem: "effects are traced along records of samples, and beside measured frequency responses (kind = \"response\") this bundle \
+                      has no moves: add records of them; `lpv identify` and `lpv validate` take the responses",
+        });
+    }
+    Ok(())
+}
 
 /// Words on the record whose inputs the controller gives worst, if that is bad.
 pub(super) fn wrong_controller(records: &[Record], controller: &ControllerState) -> Option<String> {

@@ -2,7 +2,7 @@
 
 use crate::PipelineError;
 use lpv_core::nalgebra::DMatrix;
-use lpv_core::{Continuous, Model, RigidBody, RigidBodyAxis, SchedulingRange, StateSpace};
+use lpv_core::{AxisOutput, Continuous, Model, RigidBody, RigidBodyAxis, SchedulingRange, StateSpace};
 use lpv_diagnose::Base;
 
 /// The range of some positions; about a single one a little of it, since a range is wide.
@@ -41,6 +41,7 @@ pub(super) fn saved(
                 inertia_deviation: known(inertia.1),
                 viscous_deviation: known(viscous.1),
                 offset_deviation: known(offset.1),
+                output: AxisOutput::Position,
             }])?))
         }
         Base::Lpv(_) => identified.ok_or(PipelineError::Structure {

@@ -30,9 +30,15 @@ impl Inspection {
                 .columns
                 .iter()
                 .enumerate()
-                .map(|(k, name)| match c.units.get(k) {
-                    Some(unit) => format!("{name} [{unit}]"),
-                    None => name.clone(),
+                .map(|(k, name)| {
+                    let unit = c.units.get(k).map_or(String::new(), |unit| format!(" [{unit}]"));
+                    // That an output is no position changes what a model of it is.
+                    match c.quantities.get(k) {
+                        Some(other) if c.role == "output" && *other != "position" => {
+                            format!("{name}{unit}, {other}")
+                        }
+                        _ => format!("{name}{unit}"),
+                    }
                 })
                 .collect();
             let _ = writeln!(out, "  {}: {}", c.role, columns.join(", "));

@@ -3,7 +3,7 @@
 use super::{mode_lines, percents};
 use crate::PipelineError;
 use crate::signal::finite;
-use lpv_core::{Discrete, RigidBodyAxis, StateSpace};
+use lpv_core::{AxisOutput, Discrete, RigidBodyAxis, StateSpace};
 use lti_ident::OrderEntry;
 use lti_ident::rigid_body::AxisAccount;
 use serde::{Deserialize, Serialize};
@@ -58,6 +58,9 @@ pub struct AxisSummary {
     pub input: String,
     /// The output.
     pub output: String,
+    /// `position` or `speed`.
+    #[serde(default = "position")]
+    pub output_is: String,
     /// `mass` for a position in metres, `inertia` for one in radians or of unknown unit.
     pub kind: String,
     /// Mass or inertia and its standard deviation.
@@ -77,6 +80,10 @@ pub struct AxisSummary {
     pub bands_hz: Option<[f64; 2]>,
 }
 
+fn position() -> String {
+    "position".to_owned()
+}
+
 impl AxisSummary {
     pub(crate) fn new(
         input: &str,
@@ -85,10 +92,18 @@ impl AxisSummary {
         axis: &RigidBodyAxis,
         account: &AxisAccount,
     ) -> Self {
-        let linear = ["m", "mm", "um", "µm", "nm"].contains(&unit);
+        let of_position = match axis.output {
+            AxisOutput::Position => unit,
+            AxisOutput::Speed => unit.trim_end_matches("/s"),
+        };
+        let linear = ["m", "mm", "um", "µm", "nm"].contains(&of_position);
         Self {
             input: input.to_owned(),
             output: output.to_owned(),
+            output_is: match axis.output {
+                AxisOutput::Position => position(),
+                AxisOutput::Speed => "speed".to_owned(),
+            },
             kind: if linear { "mass" } else { "inertia" }.to_owned(),
             inertia: [axis.inertia, axis.inertia_deviation],
             viscous: [axis.viscous, axis.viscous_deviation],
@@ -127,8 +142,16 @@ impl AxisSummary {
 
     pub(crate) fn reason(&self) -> String {
         format!(
-            "axis {} -> {}: derivatives of the position below {:.1} Hz, condition number {:.1}",
-            self.input, self.output, self.position_cutoff_hz, self.condition_number
+            "axis {} -> {}{}: derivatives of the position below {:.1} Hz, condition number {:.1}",
+            self.input,
+            self.output,
+            match self.output_is.as_str() {
+                "speed" =>
+                    ", a speed that is integrated for it (the inertia is times its rate, the viscous friction times it)",
+                _ => "",
+            },
+            self.position_cutoff_hz,
+            self.condition_number
         )
     }
 }
@@ -208,9 +231,10 @@ impl AxisSummary {
             format!("  {name} {value:.6} (standard deviation {deviation:.2e})")
         };
         format!(
-            "axis {} -> {}:\n{}\n{}\n{}\n  relative force error {:.2} %",
+            "axis {} -> {}{}:\n{}\n{}\n{}\n  relative force error {:.2} %",
             self.input,
             self.output,
+            if self.output_is == "speed" { " (speed)" } else { "" },
             value(&self.kind, self.inertia),
             value("viscous friction", self.viscous),
             value("offset", self.offset),

@@ -1,10 +1,11 @@
 //! Forces and velocities of rigid-body axes, as the literature on servo axes states them.
 
 use crate::PipelineError;
+use crate::speed::{outputs_of, with_positions};
 use lpv_core::nalgebra::DMatrix;
-use lpv_core::{Discrete, Record, RigidBody};
+use lpv_core::{AxisOutput, Discrete, Record, RigidBody};
 use lpv_simulate::Run;
-use lti_ident::rigid_body::{Filter, Motion, RigidBodySettings};
+use lti_ident::rigid_body::{Filter, Motion, RigidBodySettings, integrated};
 use serde::{Deserialize, Serialize};
 
 /// Errors of one axis: `100 |measured - model| / |measured|`, norms over the record.
@@ -22,7 +23,7 @@ pub struct AxisCheck {
     pub force_band_hz: f64,
     /// Velocity simulated from the recorded force, against the filtered derivative of the measured position.
     pub open_loop_velocity_percent: f64,
-    /// Position simulated from the recorded force, root mean square of its error.
+    /// Position simulated from the recorded force, root mean square of its error; of a speed, its integral.
     pub open_loop_position_rms: f64,
     /// Simulated in closed loop; none without a controller.
     pub closed_loop: Option<ClosedLoopAxis>,
@@ -46,13 +47,22 @@ pub(super) fn check(
     open: &Run,
     closed: Option<&Run>,
 ) -> Result<Vec<AxisCheck>, PipelineError> {
+    let record = &with_positions(record.clone(), &outputs_of(body), clock);
+    // Of a speed, what is compared is its integral.
+    let position = |m: &DMatrix<f64>, i: usize| -> Vec<f64> {
+        let own: Vec<f64> = m.row(i).iter().copied().collect();
+        match body.axes()[i].output {
+            AxisOutput::Position => own,
+            AxisOutput::Speed => integrated(&own, clock),
+        }
+    };
     let row = |m: &DMatrix<f64>, i: usize| -> Vec<f64> { m.row(i).iter().copied().collect() };
     body.axes()
         .iter()
         .enumerate()
         .map(|(i, axis)| {
-            let open = row(&open.outputs, i);
-            let closed = closed.map(|run| (row(&run.outputs, i), row(&run.inputs, i)));
+            let open = position(&open.outputs, i);
+            let closed = closed.map(|run| (position(&run.outputs, i), row(&run.inputs, i)));
             check_axis(
                 (clock, f64::INFINITY),
                 record,

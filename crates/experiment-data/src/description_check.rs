@@ -5,7 +5,8 @@ mod of_loop;
 use crate::description::{ChannelGroup, Description, EntryKind, RecordEntry};
 use crate::key_path::KeyPath;
 use crate::nearest::nearest;
-use crate::{DescriptionError, RecordFormat, Text, response};
+use crate::response::names;
+use crate::{DescriptionError, RecordFormat, Text};
 use of_loop::{check_controller, check_geometry};
 use std::collections::HashMap;
 
@@ -131,7 +132,7 @@ pub(crate) fn check_places(d: &Description) -> Result<(), Fault> {
             &entry.injection,
         ];
         let known = match entry.is_response() {
-            true => response::names(c),
+            true => names::names(c),
             false => groups.iter().flat_map(|g| &g.columns).cloned().collect(),
         };
         if entry.is_response() && entry.position.is_none() && !c.scheduling.is_empty() {

@@ -18,7 +18,7 @@ mod writer;
 
 use crate::RecordError;
 use crate::contents::{ColumnInfo, Contents, MOST_SCALARS, Scalar};
-use crate::response::{Entries, Numbers};
+use crate::response::numbers::{Entries, Numbers};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;

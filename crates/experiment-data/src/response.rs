@@ -7,18 +7,18 @@
 //! functions of type 4 of data set 58. `columns` of the record says where something is that has another name.
 
 mod arrays;
-mod numbers;
+pub(crate) mod names;
+pub(crate) mod numbers;
+pub(crate) mod raw;
 mod table;
 
 use crate::columns::{self, RecordFormat};
-use crate::description::Channels;
 use crate::error::ResponseFault;
-use crate::{Bundle, DataError, RecordEntry, RecordError, ResponseQuantity, Text};
-pub(crate) use arrays::Entries;
+use crate::{Bundle, DataError, RecordError, ResponseQuantity};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Frf, Position, Purpose};
-pub(crate) use numbers::Numbers;
-use std::path::Path;
+pub use raw::Spread;
+use raw::{Asked, Raw};
 
 /// A measured frequency response, in the units of the description.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,67 +37,6 @@ pub struct MeasuredResponse {
     pub spread: Spread,
     /// Averages behind it, where that is known.
     pub averages: Option<f64>,
-}
-
-/// What is known of the error of a measured response. Matrices are column-major, line after line.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Spread {
-    /// Nothing.
-    Unknown,
-    /// `E |dF_ij|^2` of each channel, above zero.
-    Variance(Vec<f64>),
-    /// Covariance of the columns of F one below the other, `n x n` with `n` channels, Hermitian.
-    Covariance(Vec<Complex<f64>>),
-    /// Coherence of each channel, above zero and up to one; of one input, with averages.
-    Coherence(Vec<f64>),
-}
-
-/// A response as the file has it.
-pub(crate) struct Raw {
-    pub(crate) frequencies_hz: Vec<f64>,
-    pub(crate) values: Vec<Complex<f64>>,
-    pub(crate) spread: Spread,
-    pub(crate) averages: Option<f64>,
-    pub(crate) quantity: Option<ResponseQuantity>,
-}
-
-/// What is asked of a file.
-pub(crate) struct Asked<'a> {
-    pub(crate) path: &'a Path,
-    pub(crate) entry: &'a RecordEntry,
-    pub(crate) channels: &'a Channels,
-    pub(crate) text: Option<&'a Text>,
-}
-
-impl Asked<'_> {
-    fn size(&self) -> (usize, usize) {
-        (self.channels.output.len(), self.channels.input.len())
-    }
-    pub(crate) fn names(&self) -> (&[String], &[String]) {
-        (&self.channels.output.columns, &self.channels.input.columns)
-    }
-}
-
-/// Names of arrays.
-const ARRAYS: [&str; 6] = [
-    "frequency",
-    "response",
-    "variance",
-    "covariance",
-    "coherence",
-    "averages",
-];
-
-/// Everything that `columns` of a response record may name: arrays, columns of channels, and channels.
-pub(crate) fn names(channels: &Channels) -> Vec<String> {
-    let (outputs, inputs) = (&channels.output.columns, &channels.input.columns);
-    let mut names: Vec<String> = ARRAYS.map(str::to_owned).to_vec();
-    names.extend(outputs.iter().chain(inputs).cloned());
-    for (y, u) in outputs.iter().flat_map(|y| inputs.iter().map(move |u| (y, u))) {
-        let parts = [table::RE, table::IM, table::VARIANCE, table::COHERENCE];
-        names.extend(parts.map(|part| table::column(y, u, part)));
-    }
-    names
 }
 
 impl Bundle {

@@ -7,7 +7,7 @@ use super::catalog::{self, Item, Part};
 use super::{Array, version73};
 use crate::RecordError;
 use crate::contents::{Contents, MOST_SCALARS, Scalar};
-use crate::response::Numbers;
+use crate::response::numbers::Numbers;
 use std::path::Path;
 
 /// The named columns, in the order of the names.

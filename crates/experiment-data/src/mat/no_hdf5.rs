@@ -14,7 +14,7 @@ pub(super) fn read_arrays(_: &Path, _: &[&str]) -> Result<Vec<Array>, RecordErro
     Err(absent())
 }
 
-pub(super) fn numbers(_: &Path, _: &str) -> Result<crate::response::Numbers, RecordError> {
+pub(super) fn numbers(_: &Path, _: &str) -> Result<crate::response::numbers::Numbers, RecordError> {
     Err(absent())
 }
 

@@ -1,19 +1,13 @@
 //! Responses as arrays: `frequency` and `response` with what is known of its error, or a struct of MATLAB's frd kind.
 
-use super::numbers::Numbers;
-use super::{Asked, Raw, Spread};
+use super::numbers::{Entries, Numbers};
+use super::raw::{Asked, Raw, Spread};
 use crate::columns::RecordFormat;
 use crate::error::ResponseFault;
 use crate::nearest::nearest;
 use crate::{RecordError, columns, mat};
 use lpv_core::num_complex::Complex;
 use std::f64::consts::TAU;
-
-/// What stands in a file: names, and the words of texts.
-pub(crate) struct Entries {
-    pub(crate) names: Vec<String>,
-    pub(crate) texts: Vec<(String, String)>,
-}
 
 const OF_LINES: &str = "lines";
 const OF_RESPONSE: &str = "lines x outputs x inputs";

@@ -3,6 +3,12 @@
 use crate::error::ResponseFault;
 use lpv_core::num_complex::Complex;
 
+/// What stands in a file: names, and the words of texts.
+pub(crate) struct Entries {
+    pub(crate) names: Vec<String>,
+    pub(crate) texts: Vec<(String, String)>,
+}
+
 /// Numbers of any shape.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Numbers {

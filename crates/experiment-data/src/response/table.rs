@@ -1,20 +1,11 @@
 //! Responses as columns of real numbers: `frequency`, and of each channel `y/u re` and `y/u im`.
 
-use super::{Asked, Raw, Spread};
+use super::names::{COHERENCE, IM, RE, VARIANCE, column};
+use super::raw::{Asked, Raw, Spread};
 use crate::RecordError;
 use crate::columns;
 use crate::error::ResponseFault;
 use lpv_core::num_complex::Complex;
-
-/// Names of the columns of a channel.
-pub(super) const RE: &str = "re";
-pub(super) const IM: &str = "im";
-pub(super) const VARIANCE: &str = "variance";
-pub(super) const COHERENCE: &str = "coherence";
-
-pub(super) fn column(output: &str, input: &str, part: &str) -> String {
-    format!("{output}/{input} {part}")
-}
 
 pub(super) fn read(asked: &Asked<'_>) -> Result<Raw, RecordError> {
     let (outputs, inputs) = asked.names();

@@ -5,7 +5,7 @@ use super::{malformed, open, refused, size};
 use crate::RecordError;
 use crate::columns::number::DEFLATE_RATIO;
 use crate::memory::Allowance;
-use crate::response::{Entries, Numbers};
+use crate::response::numbers::{Entries, Numbers};
 use npyz::npz::{array_name_from_file_name, file_name_from_array_name};
 use std::io::Read;
 use std::path::Path;

@@ -5,8 +5,8 @@ use super::sets::{Set, sets};
 use super::whole;
 use crate::error::ResponseFault;
 use crate::memory::Allowance;
-use crate::response::{Asked, Raw};
-use crate::{RecordError, ResponseQuantity, Spread};
+use crate::response::raw::{Asked, Raw, Spread};
+use crate::{RecordError, ResponseQuantity};
 use lpv_core::num_complex::Complex;
 
 /// The response of all channels: places are named `12+Z`, as in the file, or as the channel is called.

@@ -3,7 +3,7 @@
 use super::{Shape, Wanted, size, walk};
 use crate::RecordError;
 use crate::contents::missing;
-use crate::response::Numbers;
+use crate::response::numbers::Numbers;
 use std::path::Path;
 
 /// An array by its name, its first index the fastest.

@@ -5,7 +5,7 @@ use crate::RecordError;
 use crate::columns::number::{Class, Number};
 use crate::contents::missing;
 use crate::memory::Allowance;
-use crate::response::Numbers;
+use crate::response::numbers::Numbers;
 use hdf5_pure::{Datatype, DatatypeByteOrder, Error};
 use std::path::Path;
 

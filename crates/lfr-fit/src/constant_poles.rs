@@ -15,6 +15,7 @@ mod sides;
 
 use crate::problem::Problem;
 use crate::{Candidate, FitError, FrozenData, GrowSettings, RefineSettings, Refined, ResidualUnit, refine};
+pub use between::Between;
 use between::expected_between;
 use coordinates::{aligned, chained, constant_sides, smoothed};
 use lpv_core::{Continuous, SchedulingRange};
@@ -52,8 +53,8 @@ pub struct ConstantPoles {
     pub rank: usize,
     /// Numbers of deltas that were fitted, with the rms residual of each.
     pub sizes: Vec<(usize, f64)>,
-    /// Neighbouring positions, by index, with the rms residual to be expected midway between them, one where nothing but noise is.
-    pub between: Vec<([usize; 2], f64)>,
+    /// What is to be expected between neighbouring positions.
+    pub between: Vec<Between>,
 }
 
 /// Positions below which nothing tells a function of p.

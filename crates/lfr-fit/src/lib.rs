@@ -91,7 +91,7 @@ mod units;
 mod whiten;
 
 pub use candidate::{Candidate, Channel};
-pub use constant_poles::{ConstantPoles, ShapesAt, constant_poles};
+pub use constant_poles::{Between, ConstantPoles, ShapesAt, constant_poles};
 pub use data::{FrozenData, ResidualUnit};
 pub use error::FitError;
 pub use grow::{

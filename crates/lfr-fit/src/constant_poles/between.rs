@@ -28,14 +28,25 @@ const ALIKE: f64 = 2.0;
 const DECADES: std::ops::RangeInclusive<i32> = -2..=14;
 const STEPS: i32 = 3;
 
-/// Neighbouring positions, by index, with the rms residual to be expected midway between them: one where nothing but noise is.
+/// What is to be expected midway between two neighbouring positions.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Between {
+    /// Their indices.
+    pub positions: [usize; 2],
+    /// Rms residual, one where nothing but noise is.
+    pub over_noise: f64,
+    /// What is beside the noise as a part of the response there, both whitened and as an rms.
+    pub part: f64,
+}
+
+/// The same of all neighbours.
 pub(super) fn expected_between(
     weights: &Weights,
     deltas: &[f64],
     places: &[Place],
     few: &FrozenData,
     shapes: ShapesAt,
-) -> Result<Vec<([usize; 2], f64)>, FitError> {
+) -> Result<Vec<Between>, FitError> {
     let mut order: Vec<usize> = (0..deltas.len()).collect();
     order.sort_by(|a, b| deltas[*a].total_cmp(&deltas[*b]));
     let midways: Vec<f64> = order
@@ -53,12 +64,13 @@ pub(super) fn expected_between(
         .map(|i| few.at(i))
         .map(|lines| lines.rms_count(lines.equations()));
     let count = counts.sum::<f64>() / few.len() as f64;
-    let rms = |sum: f64| (1.0 + sum / count).sqrt();
-    Ok(order
-        .windows(2)
-        .map(|w| [w[0], w[1]])
-        .zip(sums.iter().copied().map(rms))
-        .collect())
+    let energy = |i: usize| few.positions()[i].energy();
+    let of = |(w, sum): (&[usize], &f64)| Between {
+        positions: [w[0], w[1]],
+        over_noise: (1.0 + sum / count).sqrt(),
+        part: (sum / (0.5 * (energy(w[0]) + energy(w[1])))).sqrt(),
+    };
+    Ok(order.windows(2).zip(&sums).map(of).collect())
 }
 
 /// The kinds of functions that are tried.

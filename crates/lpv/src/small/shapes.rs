@@ -214,18 +214,25 @@ fn between(found: &ConstantPoles, data: &FrozenData, units: &Units) -> Option<St
             data.len()
         ));
     }
-    let ([from, to], rms) = found.between.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let worst = found
+        .between
+        .iter()
+        .max_by(|a, b| a.over_noise.total_cmp(&b.over_noise))?;
+    let [from, to] = &worst.positions;
     let place = |at: &usize| {
         data.scheduling()
             .nth(*at)
             .map_or(0.0, |p| units.undo_places(p)[0])
     };
     let expected = format!(
-        "{rms:.2} times the noise of the responses at them, if B and C are as smooth as the positions say: most between {:.5} and {:.5}",
+        "{:.2} times the noise of the responses at them, {:.2} % of the response, if B and C are as smooth as the positions say: most between \
+         {:.5} and {:.5}",
+        worst.over_noise,
+        100.0 * worst.part,
         place(from),
         place(to)
     );
-    Some(match *rms > EXPECTED {
+    Some(match worst.over_noise > EXPECTED {
         true => format!(
             "warning: between positions the model is expected to err by up to {expected}; measure there too"
         ),

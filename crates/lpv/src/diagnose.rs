@@ -263,6 +263,12 @@ fn of_axis(
         }
     }
     reasons.extend(doubt::doubts(&found, bundle));
+    let steady = match found.verdict {
+        Verdict::Unexplained | Verdict::PartlyExplained if is_observed => {
+            doubt::steady_force(&found, &start, [&fitted, &judged], bundle)
+        }
+        _ => None,
+    };
     let band = (
         clock,
         observer_hz.map_or(f64::INFINITY, |hz| observer::FORCE_BAND * hz),
@@ -285,6 +291,7 @@ fn of_axis(
         ..Diagnosis::new(bundle, &found, &judged, reasons)
     }
     .in_format(is_observed)
+    .and_said(steady)
     .in_view_of(contradictions);
     let moved = [&fit_records, &judge_records].into_iter().flatten();
     let mut positions: Vec<f64> = moved

@@ -3,12 +3,22 @@
 use crate::common::{self, middle_step};
 use lpv_diagnose::lpv_core::{Discrete, Record};
 use lpv_diagnose::observer::{self, Observer};
-use lpv_diagnose::{Axis, Base, Case, Explained, Trace, Track, Verdict, servo_axis, trace};
+use lpv_diagnose::{Axis, Base, Case, Explained, Trace, Track, Verdict, servo_axis, steady_forces, trace};
 
 const RATE: f64 = 250.0;
 
 /// One record: inertia J, dry friction and gravity in units of the inertia, readings on a grid of this step, about an origin.
-fn record(number: usize, inertia: f64, [friction, gravity]: [f64; 2], (step, origin): (f64, f64)) -> Record {
+fn record(number: usize, inertia: f64, forces: [f64; 2], grid: (f64, f64)) -> Record {
+    loaded(number, inertia, (forces, 0.0), grid)
+}
+
+/// The same with a constant force.
+fn loaded(
+    number: usize,
+    inertia: f64,
+    ([friction, gravity], load): ([f64; 2], f64),
+    (step, origin): (f64, f64),
+) -> Record {
     const FINE: usize = 40;
     let h = 1.0 / (RATE * FINE as f64);
     let (mut x, mut v, mut read) = (0.0_f64, 0.0_f64, 0.0_f64);
@@ -25,7 +35,7 @@ fn record(number: usize, inertia: f64, [friction, gravity]: [f64; 2], (step, ori
         for _ in 0..FINE {
             let rate = |x: f64, v: f64| {
                 let dry = friction * (v / 1e-3).tanh();
-                force - 0.6 * v - dry - gravity * (x + 0.5).cos()
+                force - 0.6 * v - dry - gravity * (x + 0.5).cos() - load
             };
             // Its error is far below the finest step of the readings.
             middle_step(&mut x, &mut v, h, rate);
@@ -125,6 +135,42 @@ fn nothing_beside_the_rounding() -> Result<(), Box<dyn std::error::Error>> {
             found.before,
             found.left[1]
         );
+    }
+    Ok(())
+}
+
+/// A load of its own in each record, over four decades of the inertia: its force is told to a hundredth; and where there is one load, or dry
+/// friction beside it, nothing is.
+#[test]
+fn a_load_of_each_record() -> Result<(), Box<dyn std::error::Error>> {
+    let clock = Discrete::from_rate(RATE)?;
+    for (inertia, loads, friction) in [
+        (1e-3, [2.0, -1.0, 5.0], 0.0),
+        (1e1, [0.2, 0.9, -0.4], 0.0),
+        (1.0, [2.0, 2.0, 2.0], 0.0),
+        (1.0, [2.0, 2.0, 2.0], 1.0),
+    ] {
+        let records: Vec<Record> = (0..3)
+            .map(|i| loaded(i, inertia, ([friction, 0.0], loads[i]), (1e-5, 0.0)))
+            .collect();
+        let base = Base::Axis(Axis::new(inertia, 0.6 * inertia, 2.0 * inertia));
+        let start = Observer::new(&base, &records, clock)?.controller.start()?;
+        let model = Explained {
+            base,
+            effects: Vec::new(),
+        };
+        let one = |r: &Record| Track::new(r, 1.0 / RATE, 2, Some(&start));
+        let tracks: Vec<Track> = records.iter().map(one).collect::<Result<_, _>>()?;
+        let tracks = observer::settled(&model, &start, &tracks);
+        let found = steady_forces(&model, &start, &tracks.iter().collect::<Vec<_>>());
+        if loads[0] == loads[1] {
+            assert_eq!(found, None, "{loads:?}, friction {friction}");
+            continue;
+        }
+        for (force, load) in found.ok_or("no load")?.iter().zip(loads) {
+            let force = force / inertia;
+            assert!((force - load).abs() < 0.05, "{force} of {load}");
+        }
     }
     Ok(())
 }

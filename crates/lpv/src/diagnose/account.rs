@@ -282,6 +282,14 @@ impl Diagnosis {
         self
     }
 
+    /// The same with more in the first line.
+    pub(super) fn and_said(mut self, more: Option<String>) -> Self {
+        if let Some(more) = more {
+            self.verdict_in_words = format!("{}; {more}", self.verdict_in_words);
+        }
+        self
+    }
+
     /// The same in view of data that contradict themselves, told in words; unchanged without.
     pub(super) fn in_view_of(self, contradictions: Vec<String>) -> Self {
         if contradictions.is_empty() {

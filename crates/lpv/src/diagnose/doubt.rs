@@ -2,8 +2,9 @@
 
 use super::places::placed;
 use experiment_data::Bundle;
+use lpv_core::ControllerState;
 use lpv_diagnose::effect::{Effect, Family};
-use lpv_diagnose::{Base, Trace, Verdict};
+use lpv_diagnose::{Base, Trace, Track, Verdict, steady_forces};
 
 /// Margin on the judged records, dB, below which two effects do as well as each other.
 pub const EQUAL_DB: f64 = 0.02;
@@ -54,6 +55,28 @@ pub(super) fn doubts(found: &Trace, bundle: &Bundle) -> Vec<String> {
         );
     }
     words
+}
+
+/// What a constant force of each record explains: `tracks` fitted, then judged.
+pub(super) fn steady_force(
+    found: &Trace,
+    observer: &ControllerState,
+    tracks: [&Vec<Track>; 2],
+    bundle: &Bundle,
+) -> Option<String> {
+    let tracks: Vec<&Track> = tracks.into_iter().flatten().collect();
+    let forces = steady_forces(&found.model, observer, &tracks)?;
+    let units = &bundle.description().channels.input.units;
+    let unit = units.first().map_or("", String::as_str);
+    let each = tracks
+        .iter()
+        .zip(&forces)
+        .map(|(track, force)| format!("{} {force:.4e}", track.name));
+    Some(format!(
+        "what is left is a constant force of its own in each record ({} {unit}): a load that hangs, a cable or the zero of the amplifier, \
+         for which the model has one number",
+        each.collect::<Vec<_>>().join(", ")
+    ))
 }
 
 /// An experiment in which an effect differs from its look-alikes.

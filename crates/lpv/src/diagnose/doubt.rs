@@ -67,13 +67,13 @@ pub(super) fn steady_force(
     let tracks: Vec<&Track> = tracks.into_iter().flatten().collect();
     let forces = steady_forces(&found.model, observer, &tracks)?;
     let units = &bundle.description().channels.input.units;
-    let unit = units.first().map_or("", String::as_str);
+    let unit = units.first().map_or(String::new(), |unit| format!(" {unit}"));
     let each = tracks
         .iter()
         .zip(&forces)
-        .map(|(track, force)| format!("{} {force:.4e}", track.name));
+        .map(|(track, force)| format!("{} {force:.4e}{unit}", track.name));
     Some(format!(
-        "what is left is a constant force of its own in each record ({} {unit}): a load that hangs, a cable or the zero of the amplifier, \
+        "what is left is a constant force of its own in each record ({}): a load that hangs, a cable or the zero of the amplifier, \
          for which the model has one number",
         each.collect::<Vec<_>>().join(", ")
     ))

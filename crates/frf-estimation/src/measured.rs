@@ -4,7 +4,7 @@
 //! variances are; of several of both the nearest one is taken, and how far it is from what was given is told.
 
 use crate::FrfError;
-use lpv_core::nalgebra::{DMatrix, DMatrixView};
+use lpv_core::nalgebra::{DMatrix, DMatrixView, DVector};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Frf, FrfEstimate, Position};
 
@@ -34,35 +34,35 @@ pub fn with_variance(
     let mut columns = Vec::new();
     let mut factor = 1.0_f64;
     for line in variance.chunks_exact((outputs * inputs).max(1)) {
-        // The additive fit to the logarithms: row and column means.
-        let ln = |i: usize, j: usize| line[j * outputs + i].ln();
-        let mean = line.iter().map(|v| v.ln()).sum::<f64>() / line.len() as f64;
+        // Products of row and column means: a small entry, at a zero of its channel, does not lower its whole row and column.
+        let at = |i: usize, j: usize| line[j * outputs + i];
         let row: Vec<f64> = (0..outputs)
-            .map(|i| (0..inputs).map(|j| ln(i, j)).sum::<f64>() / inputs as f64)
+            .map(|i| (0..inputs).map(|j| at(i, j)).sum::<f64>() / inputs as f64)
             .collect();
         let column: Vec<f64> = (0..inputs)
-            .map(|j| (0..outputs).map(|i| ln(i, j)).sum::<f64>() / outputs as f64 - mean)
+            .map(|j| (0..outputs).map(|i| at(i, j)).sum::<f64>() / outputs as f64)
             .collect();
-        let off = (0..outputs)
-            .flat_map(|i| (0..inputs).map(move |j| (i, j)))
-            .map(|(i, j)| (row[i] + column[j] - ln(i, j)).abs().exp());
+        let ratios = || {
+            let channels = (0..outputs).flat_map(|i| (0..inputs).map(move |j| (i, j)));
+            channels.map(|(i, j)| at(i, j) / row[i] / column[j])
+        };
+        // Of the size with which the weighted noise of the line adds up to what it should.
+        let scale = ratios().sum::<f64>() / line.len() as f64;
+        let off = ratios().map(|ratio| (ratio / scale).max(scale / ratio));
         factor = off.fold(factor, f64::max);
-        rows.extend(diagonal(&row));
-        columns.extend(diagonal(&column));
+        rows.extend(diagonal(row.iter().map(|r| r * scale).collect()));
+        columns.extend(diagonal(column));
     }
     let estimate = FrfEstimate::new(frf, rows, columns, degrees_of_freedom, position)?;
     Ok(Nearest { estimate, factor })
 }
 
-/// A diagonal matrix of the exponentials, column-major.
-fn diagonal(ln: &[f64]) -> Vec<C64> {
-    let n = ln.len();
-    (0..n * n)
-        .map(|at| match at % n == at / n {
-            true => C64::from(ln[at / n].exp()),
-            false => C64::from(0.0),
-        })
-        .collect()
+/// A diagonal matrix, column-major.
+fn diagonal(values: Vec<f64>) -> Vec<C64> {
+    DMatrix::from_diagonal(&DVector::from_vec(values))
+        .map(C64::from)
+        .data
+        .into()
 }
 
 /// From the covariance of the columns of F one below the other, `n x n` with `n = n_y n_u`, column-major, line after line; Hermitian,

@@ -74,8 +74,9 @@ proptest! {
 fn what_is_no_product_is_told() {
     let frf = response(&[1.0], 2, 2);
     let found = with_variance(frf, &[1.0, 1.0, 1.0, 16.0], f64::INFINITY, None).unwrap();
-    // The additive fit to 0, 0, 0, ln 16 misses each by a quarter.
-    assert!((found.factor - 2.0).abs() < 1e-12, "{}", found.factor);
+    // Means of 1 and 8.5: ratios of 1, 1 / 8.5 twice, 16 / 72.25, and their mean is the scale.
+    let scale = (1.0 + 2.0 / 8.5 + 16.0 / 72.25) / 4.0;
+    assert!((found.factor - 8.5 * scale).abs() < 1e-12, "{}", found.factor);
 }
 
 #[test]
@@ -115,4 +116,22 @@ fn an_assumed_error_says_so() {
     assert!(found.select(|k, _| k > 3).covariance_is_assumed());
     assert!((found.relative_deviation(3) - 0.02).abs() < 1e-12);
     assert!(with_assumed_error(response(&lines, 1, 1), 0.0, None).is_err());
+}
+
+/// Variances over twenty decades: the noise of a line, in units of what the estimate says of each channel, adds up to one a channel, and the
+/// largest variance of a line is not said to be less than a part of it.
+#[test]
+fn a_small_variance_makes_no_other_small() {
+    let mut seed = 3;
+    for _ in 0..200 {
+        let variance: Vec<f64> = (0..12).map(|_| 10f64.powf(4.0 * noise(&mut seed))).collect();
+        let found = with_variance(response(&[1.0], 4, 3), &variance, f64::INFINITY, None).unwrap();
+        let own = |at: usize| found.estimate.variance(0, at % 4, at / 4);
+        let all: f64 = (0..12).map(|at| variance[at] / own(at)).sum();
+        assert!((all - 12.0).abs() < 1e-6, "{all}");
+        let largest = (0..12)
+            .max_by(|a, b| variance[*a].total_cmp(&variance[*b]))
+            .unwrap();
+        assert!(own(largest) > variance[largest] / 12.0);
+    }
 }

@@ -286,6 +286,12 @@ fn what_cannot_be_done_with_responses_is_refused_by_name() {
     let of_force = "quantity = \"displacement/force\"";
     for (rate, output, more, message) in [
         (150.0, "", "", "is not below half of sample_rate = 150 Hz"),
+        (
+            2000.0,
+            "",
+            "rows = [1, 9]",
+            "it has 9 lines, and a fit needs 10 or more",
+        ),
         (1999.0, "", of_force, "which asks for sample_rate = 2000 Hz"),
         (2000.0, "units = [\"N\"]", of_force, "output `y` is a force"),
         (

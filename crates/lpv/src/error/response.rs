@@ -25,6 +25,16 @@ pub enum ResponseProblem {
         /// The output.
         output: String,
     },
+    /// Too few lines for a fit.
+    #[error(
+        "it has {}, and a fit needs {needed} or more to tell modes from noise; measure more, or hold it out with use = \"validation\"", lpv_core::counted(*found, "line")
+    )]
+    FewLines {
+        /// Lines of the record.
+        found: usize,
+        /// Least number.
+        needed: usize,
+    },
     /// Lines that a sampled response does not have.
     #[error(
         "its highest line, {highest_hz} Hz, is not below half of sample_rate = {rate_hz} Hz; correct sample_rate, leave these lines out (`rows`), or, of a response of continuous time, say quantity = \"displacement/force\" and give the model a sample rate of 20 times its highest line"

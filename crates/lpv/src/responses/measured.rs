@@ -14,7 +14,7 @@ use frf_estimation::{
     Nearest, scatter, variance_of_coherence, with_assumed_error, with_covariance, with_variance,
 };
 use lpv_core::num_complex::Complex;
-use lpv_core::{Discrete, Frf, FrfEstimate, Position};
+use lpv_core::{Discrete, Frf, FrfEstimate, Position, Purpose};
 use std::f64::consts::TAU;
 
 /// Lines lie this far below the sample rate where what folds back is left out: of a free mass it is then 0.02 % of the highest line,
@@ -24,6 +24,9 @@ const BELOW_RATE: f64 = 20.0;
 /// The least and the most that is assumed of the relative error of a response that states none; the scatter over neighbouring lines
 /// decides in between.
 const ASSUMED: [f64; 2] = [1e-4, 0.03];
+
+/// Lines of a response from which a fit has something to tell modes from noise with.
+const FEWEST_LINES: usize = 10;
 
 /// A variance that is this much off is worth a word.
 const OFF: f64 = 1.5;
@@ -63,6 +66,11 @@ pub(crate) fn measured_responses(
             let record = bundle.load_response(i)?;
             counter.one();
             let name = record.name.clone();
+            let found = record.frf.len();
+            if entries[i].purpose == Purpose::Estimation && found < FEWEST_LINES {
+                let needed = FEWEST_LINES;
+                return Err(Refused::Problem(ResponseProblem::FewLines { found, needed }).of(&name));
+            }
             as_estimate(record, bundle, clock).map_err(|problem| problem.of(&name))
         })
         .collect()

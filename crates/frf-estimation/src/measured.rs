@@ -1,7 +1,7 @@
 //! Responses that were measured elsewhere, with what is known of their error, as estimates.
 //!
 //! An estimate keeps the Kronecker covariance `C_V (x) S` of a line. That of one input or one output is such a product whatever its
-//! variances are; of several of both the nearest one is taken, and how far it is from what was given is told.
+//! variances are; of several of both one near to it is taken, and how far it is from what was given is told.
 
 use crate::FrfError;
 use lpv_core::nalgebra::{DMatrix, DMatrixView, DVector};
@@ -19,7 +19,8 @@ pub struct Nearest {
     pub factor: f64,
 }
 
-/// From the variance `E |dF_ij|^2` of each channel, column-major, line after line, all above zero.
+/// From the variance `E |dF_ij|^2` of each channel, column-major, line after line, all above zero. Where they are no product, that of their
+/// row and column means is taken, of a size with which the noise of the line, weighed by it, adds up to that of independent channels.
 ///
 /// # Errors
 /// [`FrfError::Core`] for another number of variances, or ones that are no numbers.

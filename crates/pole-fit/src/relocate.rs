@@ -312,6 +312,11 @@ fn pass(data: &Data, poles: &[C64], extra: usize) -> Option<(Vec<C64>, f64)> {
     Some((zeros, moved))
 }
 
+/// How many poles these are, one of each pair.
+pub(crate) fn size(poles: &[C64]) -> usize {
+    poles.iter().map(|l| if l.im == 0.0 { 1 } else { 2 }).sum()
+}
+
 /// A pole inside the unit circle: mirrored at it, and off it.
 pub(crate) fn inside(z: C64) -> C64 {
     let z = if z.norm() > 1.0 { z.conj().inv() } else { z };
@@ -352,6 +357,5 @@ fn zeros(poles: &[C64], s: &[f64], d: f64) -> Option<Vec<C64>> {
             next[i] *= 1.0 - 1e-6;
         }
     }
-    let count: usize = next.iter().map(|z| if z.im == 0.0 { 1 } else { 2 }).sum();
-    (count == n).then_some(next)
+    (size(&next) == n).then_some(next)
 }

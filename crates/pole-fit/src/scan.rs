@@ -2,8 +2,9 @@
 
 use crate::fit::fit_lines;
 use crate::model::Setup;
+use crate::relocate::size;
 use crate::search::Begin;
-use crate::subspace::{Subspace, size};
+use crate::subspace::Subspace;
 use crate::weights::Lines;
 use crate::{PoleFit, PoleFitError, PoleFitSettings, Weighting};
 use lpv_core::{Discrete, FrfEstimate};

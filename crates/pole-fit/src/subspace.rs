@@ -12,7 +12,7 @@
 //! variable `w = (z - a) / (1 - a z)` that moves the median line to a quarter of the circle, so that lines on a short arc still tell the powers
 //! apart; poles are mapped back.
 
-use crate::relocate::inside;
+use crate::relocate::{inside, size};
 use crate::weights::Lines;
 use lpv_core::linalg::{eigenvalues, least_squares};
 use lpv_numerics::dense::{Triangle, right_singular};
@@ -127,11 +127,6 @@ impl Subspace {
             .map_while(|states| self.poles(states))
             .find(|poles| size(poles) >= count)
     }
-}
-
-/// How many poles these are, one of each pair.
-pub(crate) fn size(poles: &[C64]) -> usize {
-    poles.iter().map(|l| if l.im == 0.0 { 1 } else { 2 }).sum()
 }
 
 /// The triangular factor of the left side's rows, as columns, outside the row space of the right side.

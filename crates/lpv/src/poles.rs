@@ -7,10 +7,10 @@ use crate::PipelineError;
 use crate::config::{IdentifyConfig, RigidBody};
 use crate::rigid::RigidEvidence;
 use friction::evidence;
-use lpv_core::{Discrete, FrfEstimate, counted};
+use lpv_core::{Discrete, FrfEstimate};
 use pole_fit::{NumeratorDegree, PoleFit, PoleFitSettings, Scan, Weighting};
 pub(crate) use search::upper_half;
-use search::{FLEXIBLE_ORDERS, Search, doubtful, kind, missed, over_noise};
+use search::{FLEXIBLE_ORDERS, Search, kind, missed, over_noise};
 
 /// The poles at every position.
 #[derive(Debug, Clone)]
@@ -155,37 +155,21 @@ pub fn fit_poles(
         },
         integrators: count,
         slow_poles: given == Some(1),
+        small: false,
+        matched: true,
+        counted: None,
     };
     let (slope, _) = integrators_from_slope(middle);
-    let told = |search: &Search<'_>| match given {
-        None => search.integrators_of_many_modes(),
-        Some(_) => None,
-    };
-    let take = |told: usize, search: &mut Search<'_>, reasons: &mut Vec<String>| {
-        if told != search.integrators {
-            search.integrate(told);
-            let integrators = counted(told, "integrator");
-            reasons.push(format!(
-                "{integrators} instead: they describe the response most shortly"
-            ));
-        }
-    };
-    let mut many = if doubtful(slope) { told(&search) } else { None };
-    if let Some(told) = many {
-        take(told, &mut search, &mut reasons);
+    let counted = given.is_none() && search.count_states();
+    if counted && search.integrators != count {
+        reasons.push(format!(
+            "{} instead: they describe the response most shortly",
+            lpv_core::counted(search.integrators, "integrator")
+        ));
     }
     let mut before = reasons.len();
     let mut found = search.run(&mut reasons)?;
-    if many.is_none() && missed(&found.0) {
-        many = told(&search);
-        if let Some(told) = many {
-            reasons.truncate(before);
-            take(told, &mut search, &mut reasons);
-            before = reasons.len();
-            found = search.run(&mut reasons)?;
-        }
-    }
-    let settled = many.is_some() && !missed(&found.0);
+    let settled = counted && !missed(&found.0);
     if estimates.len() == 1
         && given.is_none()
         && !settled
@@ -203,7 +187,7 @@ pub fn fit_poles(
                     reasons.truncate(before);
                     reasons.push(format!(
                         "{} instead, and slow poles: there is friction to ground",
-                        counted(search.integrators, "integrator")
+                        lpv_core::counted(search.integrators, "integrator")
                     ));
                     before = reasons.len();
                     reasons.extend(other.reasons);
@@ -233,7 +217,7 @@ pub fn fit_poles(
             .iter()
             .map(|f| f.account.relative_error_rms)
             .fold(0.0, f64::max)
-            .clamp(1e-9, 0.1);
+            .clamp(LEAST_FLOOR, 0.1);
         relative_error = floor;
         reasons.truncate(before);
         let left = match estimates.iter().any(FrfEstimate::covariance_is_assumed) {
@@ -245,17 +229,35 @@ pub fn fit_poles(
             100.0 * floor
         ));
         search.settings.relative_floor = floor;
+        search.counted = None;
         search.slack = DISTORTION_SLACK;
         // At one position distortion would buy a lower cost with poles outside; at several, other minima at each.
-        search.settings.keep_stable = estimates.len() == 1;
-        search.settings.several_starts = estimates.len() == 1;
-        if estimates.len() == 1 && given.is_none() {
-            // Friction turns integrators into slow poles, and a direct term takes what the amplifier does to the phase.
-            reasons.push("integrators left free: friction may have moved them".to_owned());
-            search.integrate(0);
-            search.settings.numerator = NumeratorDegree::Proper;
+        let one = estimates.len() == 1;
+        search.settings.keep_stable = one;
+        search.settings.several_starts = one;
+        found = if one && given.is_none() {
+            search.matched = false;
+            let found = search.distorted(&mut reasons)?;
+            search.matched = true;
+            found
+        } else {
+            search.run(&mut reasons)?
+        };
+        // The first fit may have missed more than distortion: its error was then too large a weight.
+        for _ in 0..MOST_FLOORS {
+            let over = over_noise(&found.0);
+            if !one || over > FLOOR_MATCHES || relative_error <= LEAST_FLOOR {
+                break;
+            }
+            relative_error = (relative_error * over.sqrt()).max(LEAST_FLOOR);
+            search.settings.relative_floor = relative_error;
+            reasons.truncate(before);
+            reasons.push(format!(
+                "{left}: fitted again with a relative error of {:.2} % in the weights",
+                100.0 * relative_error
+            ));
+            found = search.run(&mut reasons)?;
         }
-        found = search.run(&mut reasons)?;
     }
     let (fits, scan) = found;
     let order = fits[0].account.order;
@@ -285,6 +287,15 @@ const COUPLED_CHANNELS: usize = 16;
 
 /// Cost over its expectation beyond which noise does not explain the residual.
 const DISTORTED: f64 = 10.0;
+
+/// Least relative error in the weights.
+const LEAST_FLOOR: f64 = 1e-9;
+
+/// Cost over its expectation from which on the relative error in the weights is about what is left.
+const FLOOR_MATCHES: f64 = 0.3;
+
+/// Fits at most until it is.
+const MOST_FLOORS: usize = 4;
 
 /// Distortion is not to be bought order after order: the smallest order within this factor of the least cost is taken.
 const DISTORTION_SLACK: f64 = 1.5;

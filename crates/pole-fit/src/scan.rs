@@ -1,55 +1,20 @@
 //! Fits over a range of orders: the data of a stabilisation diagram, and an order chosen from it.
 
+mod entry;
+
 use crate::fit::fit_lines;
 use crate::model::Setup;
 use crate::relocate::size;
 use crate::search::Begin;
 use crate::subspace::Subspace;
 use crate::weights::Lines;
-use crate::{PoleFit, PoleFitError, PoleFitSettings, Weighting};
+use crate::{PoleFitError, PoleFitSettings, Weighting};
 use lpv_core::{Discrete, FrfEstimate};
 use num_complex::Complex;
 use std::ops::RangeInclusive;
 
-/// Largest relative change of a natural frequency from one order to the next of a stable pole.
-pub const STABLE_FREQUENCY: f64 = 0.01;
-/// Largest relative change of its damping.
-pub const STABLE_DAMPING: f64 = 0.05;
-
-/// Fits of several orders.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Scan {
-    /// Successful fits, orders increasing.
-    pub entries: Vec<ScanEntry>,
-    /// Orders that could not be fitted, and why.
-    pub failures: Vec<(usize, PoleFitError)>,
-    /// Index in `entries` of the least [`ScanEntry::mdl`].
-    pub chosen: usize,
-}
-
-/// One order of a [`Scan`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct ScanEntry {
-    /// Degree of the denominator.
-    pub order: usize,
-    /// The fit.
-    pub fit: PoleFit,
-    /// Akaike's criterion: `-2 ln L + 2 n_theta`.
-    pub aic: f64,
-    /// Minimum description length: `-2 ln L + n_theta ln N`, with `N` real equations.
-    pub mdl: f64,
-    /// For each pole of the fit: whether the entry before has a pole with a natural frequency within 1 % and a damping
-    /// within 5 %. Fixed integrators are stable; poles of the first entry are not.
-    pub stable: Vec<bool>,
-}
-
-impl Scan {
-    /// The fit of the chosen order.
-    #[must_use]
-    pub fn chosen(&self) -> Option<&PoleFit> {
-        self.entries.get(self.chosen).map(|e| &e.fit)
-    }
-}
+pub use entry::{STABLE_DAMPING, STABLE_FREQUENCY, Scan, ScanEntry};
+use entry::{criteria, stable};
 
 /// Fits each of the orders (sorted, doubles dropped) with otherwise equal settings.
 ///
@@ -94,10 +59,12 @@ pub fn scan_counted(
     settings.check()?;
     let lines = Lines::new(estimate, clock, settings)?;
     let mut search = Search::new(&lines, clock, settings);
-    match search.count(&orders) {
-        Some(poles) if search.reaches_noise(&poles)? => search.end().map(Some),
-        _ => Ok(None),
+    for poles in search.count() {
+        if orders.contains(&search.order_of(&poles)) && search.reaches_noise(&poles)? {
+            return search.end().map(Some);
+        }
     }
+    Ok(None)
 }
 
 /// As [`scan`], up to an order that leaves noise alone. A subspace method counts the states that stand out of the noise; where they are
@@ -123,7 +90,8 @@ pub fn scan_to_noise(
     let mut search = Search::new(&lines, clock, settings);
     let tried = orders.iter().copied().max().unwrap_or(0);
     let most = larger.iter().copied().max().unwrap_or(tried);
-    let counted = search.count(&(1..=most));
+    let counted = search.count().into_iter().next();
+    let counted = counted.filter(|poles| (1..=most).contains(&search.order_of(poles)));
     if let Some(poles) = counted.as_ref().filter(|poles| search.order_of(poles) > tried)
         && search.reaches_noise(poles)?
     {
@@ -175,6 +143,8 @@ pub const PATIENCE: usize = 6;
 const AT_NOISE: f64 = 1.5;
 /// Costs within this one are.
 const SURELY_NOISE: f64 = 1.1;
+/// Or within so many of its deviations.
+const DEVIATIONS: f64 = 4.0;
 /// Part of the cost that a larger order must take off there.
 const WORTH: f64 = 0.03;
 
@@ -235,6 +205,15 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// Whether the fit of this order leaves what noise alone may leave: few equations scatter.
+    fn is_noise(&self, order: usize) -> bool {
+        self.entries.iter().any(|e| {
+            let (cost, expected) = (e.fit.account.cost, e.fit.account.expected_cost);
+            let deviation = (2.0 / e.fit.account.equations as f64).sqrt();
+            e.order == order && cost <= expected * SURELY_NOISE.max(1.0 + DEVIATIONS * deviation)
+        })
+    }
+
     fn knows_noise(&self) -> bool {
         matches!(
             self.settings.weighting,
@@ -248,15 +227,17 @@ impl<'a> Search<'a> {
         self.entries.iter().map(over).fold(f64::INFINITY, f64::min)
     }
 
-    /// Poles of the states that a subspace method counts, one of each pair, where they have one of these orders.
-    fn count(&self, orders: &RangeInclusive<usize>) -> Option<Vec<Complex<f64>>> {
+    /// Starts with the poles of the states that a subspace method counts, one of each pair.
+    fn count(&self) -> Vec<Vec<Complex<f64>>> {
         if !self.knows_noise() {
-            return None;
+            return Vec::new();
         }
         let fixed = self.settings.fixed_integrators();
-        let subspace = Subspace::new(self.lines, fixed)?;
-        let poles = subspace.poles(subspace.states)?;
-        orders.contains(&self.order_of(&poles)).then_some(poles)
+        let channels = self.lines.n_y.min(self.lines.n_u);
+        let subspace = Subspace::new(self.lines, fixed);
+        subspace
+            .and_then(|s| s.starts(fixed, channels))
+            .unwrap_or_default()
     }
 
     /// The order of a fit with these poles, one of each pair.
@@ -270,7 +251,7 @@ impl<'a> Search<'a> {
         let mut order = self.order_of(poles);
         let known = self.entries.iter().any(|e| e.order == order);
         self.add(order, Begin::Near(poles))?;
-        if self.over() > SURELY_NOISE {
+        if !self.is_noise(order) {
             if !known {
                 self.remove(order);
             }
@@ -354,36 +335,4 @@ impl<'a> Search<'a> {
             (None, None) => Err(PoleFitError::Empty { what: "orders" }),
         }
     }
-}
-
-fn criteria(fit: &PoleFit, weighting: Weighting) -> (f64, f64) {
-    let account = &fit.account;
-    let (n, unknowns) = (account.equations as f64, account.unknowns as f64);
-    let likelihood = match weighting {
-        Weighting::Covariance | Weighting::DiagonalCovariance => {
-            account.cost / account.expected_cost * (n - unknowns)
-        }
-        // Exact fits of noise-free data must not send the logarithm to minus infinity.
-        Weighting::Relative | Weighting::Uniform => n * (account.cost.max(f64::MIN_POSITIVE) / n).ln(),
-    };
-    (likelihood + 2.0 * unknowns, likelihood + unknowns * n.ln())
-}
-
-fn stable(fit: &PoleFit, before: Option<&PoleFit>) -> Vec<bool> {
-    let polar = |z: &Complex<f64>| {
-        let s = z.ln();
-        (s.norm(), -s.re / s.norm())
-    };
-    let near = |z: &Complex<f64>, old: &Complex<f64>| {
-        let ((w, d), (w_old, d_old)) = (polar(z), polar(old));
-        (w - w_old).abs() <= STABLE_FREQUENCY * w_old
-            && (d - d_old).abs() <= STABLE_DAMPING * d_old.abs()
-            && z.im.total_cmp(&0.0) == old.im.total_cmp(&0.0)
-    };
-    let candidates = before.map_or(&[][..], |b| &b.poles[b.fixed_integrators..]);
-    fit.poles
-        .iter()
-        .enumerate()
-        .map(|(i, z)| i < fit.fixed_integrators || candidates.iter().any(|old| near(z, old)))
-        .collect()
 }

@@ -99,6 +99,37 @@ impl Subspace {
 
     /// Poles of so many states, one of each pair, inside the unit circle and without those that fixed integrators take.
     pub(crate) fn poles(&self, states: usize) -> Option<Vec<C64>> {
+        let (_, far) = self.near_and_far(states)?;
+        Some(far)
+    }
+
+    /// The same of the states that are counted, and then with real poles below the lowest line, which friction makes of integrators: as
+    /// many as there are states left beside the fixed ones, one, and one for each channel.
+    pub(crate) fn starts(&self, fixed_integrators: usize, channels: usize) -> Option<Vec<Vec<C64>>> {
+        let (near, far) = self.near_and_far(self.states)?;
+        let mut distances: Vec<f64> = near.iter().map(|l| (l - 1.0).norm()).collect();
+        distances.sort_by(|x, y| y.total_cmp(x));
+        let spare = near.len().saturating_sub(fixed_integrators);
+        let mut counts = vec![0, spare.min(channels), 1.min(spare)];
+        counts.dedup();
+        let with = |count: usize| {
+            // Poles at one place have one residue: each stands a tenth nearer than the one before, at least.
+            let mut last = f64::INFINITY;
+            let slow = distances[..count].iter().map(|distance| {
+                last = distance.min(0.9 * last);
+                C64::from(1.0 - last)
+            });
+            slow.collect::<Vec<_>>()
+                .into_iter()
+                .chain(far.iter().copied())
+                .collect()
+        };
+        Some(counts.into_iter().map(with).collect())
+    }
+
+    /// Poles of so many states inside the unit circle: all of those that are nearer to one than the lowest line where integrators are
+    /// fixed, and one of each pair of the others.
+    fn near_and_far(&self, states: usize) -> Option<(Vec<C64>, Vec<C64>)> {
         let rows = self.directions.nrows();
         if states == 0 || states + self.outputs > rows {
             return None;
@@ -108,15 +139,16 @@ impl Subspace {
         let (upper, lower) = (o.rows(0, shifted), o.rows(self.outputs, shifted));
         let a = least_squares(upper.into_owned(), &lower.into_owned(), 0.0).ok()?;
         let back = |l: C64| (l + self.a) / (1.0 + l * self.a);
-        let mut poles: Vec<C64> = eigenvalues(&a)
+        let all = eigenvalues(&a)
             .ok()?
             .into_iter()
             .map(back)
-            .filter(|l| l.im >= 0.0 && l.is_finite() && (l - 1.0).norm() > self.nearest)
-            .map(inside)
-            .collect();
-        poles.sort_by(|x, y| x.arg().total_cmp(&y.arg()).then(x.re.total_cmp(&y.re)));
-        Some(poles)
+            .filter(|l| l.is_finite());
+        let (near, mut far): (Vec<C64>, Vec<C64>) = all.partition(|l| (l - 1.0).norm() <= self.nearest);
+        far.retain(|l| l.im >= 0.0);
+        let mut far: Vec<C64> = far.into_iter().map(inside).collect();
+        far.sort_by(|x, y| x.arg().total_cmp(&y.arg()).then(x.re.total_cmp(&y.re)));
+        Some((near, far))
     }
 
     /// So many poles at least, of the states that are counted and of as many more as it takes.

@@ -1,5 +1,6 @@
 //! The search for order and integrators at all positions.
 
+use super::DISTORTED;
 use crate::PipelineError;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Discrete, FrfEstimate};
@@ -17,6 +18,9 @@ const FLEXIBLE_ORDERS_OF_FRICTION: [usize; 12] = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10,
 
 /// The same at one position, where a single lag, or nothing beside the integrators, may be all there is.
 const FLEXIBLE_ORDERS_LTI: [usize; 9] = [0, 1, 2, 3, 4, 6, 8, 10, 12];
+
+/// The same beside one integrator, whose partner is a real pole.
+const FLEXIBLE_ORDERS_OF_ONE: [usize; 9] = [0, 1, 2, 3, 4, 5, 7, 9, 11];
 
 /// Larger orders, beyond the integrators, that are tried in turn where none of these leaves noise alone.
 const LARGER_ORDERS: [usize; 9] = [16, 20, 26, 32, 40, 50, 64, 80, 96];
@@ -101,12 +105,18 @@ pub(super) struct Search<'a> {
     pub(super) integrators: usize,
     /// Whether friction adds real poles to those of the modes.
     pub(super) slow_poles: bool,
+    /// Whether larger orders are left out: they did not reach the noise with other integrators.
+    pub(super) small: bool,
+    /// Whether the relative error in the weights is about what is left.
+    pub(super) matched: bool,
+    /// The scan of the states that stand out of the noise, for the integrators as they are.
+    pub(super) counted: Option<Scan>,
 }
 
 impl Search<'_> {
     /// Cost over its expectation that is enough where distortion limits.
     fn enough(&self) -> f64 {
-        if self.estimates.len() == 1 {
+        if self.estimates.len() == 1 && self.matched {
             WITHIN_DISTORTION
         } else {
             0.0
@@ -117,6 +127,7 @@ impl Search<'_> {
     pub(super) fn integrate(&mut self, count: usize) {
         self.integrators = count;
         self.settings.integrators = kind(count);
+        self.counted = None;
     }
 
     /// Another number of integrators that leaves noise alone and describes the response more shortly, where the compliance of the
@@ -148,6 +159,8 @@ impl Search<'_> {
             .flat_map(|count| numerators.iter().map(move |n| (count, *n)))
             .filter(|other| *other != own)
             .collect();
+        // Other integrators do not bring many modes: those of a machine with many stand out of the noise.
+        self.small = one && over_noise(found) > DISTORTED;
         let mut best: Option<(usize, NumeratorDegree, Fits, Vec<String>)> = None;
         let mut least = if missed {
             f64::INFINITY
@@ -168,6 +181,7 @@ impl Search<'_> {
                 best = Some((count, numerator, other, why));
             }
         }
+        self.small = false;
         let Some((count, numerator, other, why)) = best else {
             self.integrate(own.0);
             self.settings.numerator = own.1;
@@ -188,15 +202,62 @@ impl Search<'_> {
         Some(other)
     }
 
+    /// The fit of one position that describes a distorted response with the fewest unknowns: with the integrators that it has, with fewer,
+    /// or with none, since friction turns them into slow poles; and with a direct term, which takes what the amplifier does to the phase.
+    /// The relative error in the weights need not be about what is left. What is found stays in the settings.
+    pub(super) fn distorted(&mut self, reasons: &mut Vec<String>) -> Result<Fits, PipelineError> {
+        let own = (self.integrators, self.settings.numerator);
+        let mut tried = Vec::new();
+        for count in (0..=own.0).rev() {
+            for numerator in [NumeratorDegree::StrictlyProper, NumeratorDegree::Proper] {
+                self.integrate(count);
+                self.settings.numerator = numerator;
+                let mut why = Vec::new();
+                if let Ok(found) = self.run(&mut why)
+                    && stable(&found.0)
+                {
+                    tried.push((count, numerator, found, why));
+                }
+            }
+        }
+        let cost = |fits: &Fits| fits.0.iter().map(|f| f.account.cost).sum::<f64>();
+        let unknowns = |fits: &Fits| fits.0.iter().map(|f| f.account.unknowns).sum::<usize>();
+        let least = tried.iter().map(|t| cost(&t.2)).fold(f64::INFINITY, f64::min);
+        let best = tried
+            .into_iter()
+            .filter(|t| cost(&t.2) <= self.slack * least)
+            .min_by(|a, b| {
+                (unknowns(&a.2), cost(&a.2))
+                    .partial_cmp(&(unknowns(&b.2), cost(&b.2)))
+                    .unwrap_or(std::cmp::Ordering::Equal)
+            });
+        let Some((count, numerator, found, why)) = best else {
+            // No fit has stable poles.
+            self.integrate(0);
+            self.settings.numerator = NumeratorDegree::Proper;
+            return self.run(reasons);
+        };
+        self.integrate(count);
+        self.settings.numerator = numerator;
+        if count != own.0 {
+            let integrators = lpv_core::counted(count, "integrator");
+            reasons.push(format!(
+                "{integrators} instead: friction may have moved the others"
+            ));
+        }
+        reasons.extend(why);
+        Ok(found)
+    }
+
     /// The number of integrators with which the states that stand out of the noise describe the response of one position most shortly, and
-    /// leave noise alone with stable poles: the slope of the diagonal need not show the rigid body where sensors and actuators are not
-    /// beside each other. None where the states are few.
-    pub(super) fn integrators_of_many_modes(&self) -> Option<usize> {
+    /// leave noise alone with stable poles: what is found stays in the settings. The slope at the lowest lines need not show it: friction
+    /// turns an integrator into a slow pole below them, a spring hides both, and sensors away from the actuators have a slope of their own.
+    pub(super) fn count_states(&mut self) -> bool {
         let [one] = self.estimates else {
-            return None;
+            return false;
         };
         if self.order.is_some() {
-            return None;
+            return false;
         }
         let few = thinned(one);
         let described = |count: usize| {
@@ -204,22 +265,26 @@ impl Search<'_> {
                 integrators: kind(count),
                 ..self.settings
             };
-            let most = FLEXIBLE_ORDERS_LTI.iter().max().map_or(0, |n| n + count);
             let larger = LARGER_ORDERS.iter().max().map_or(0, |n| n + count);
-            let scan = scan_counted(&few, self.clock, &settings, most + 1..=larger).ok()??;
-            let fit = scan.chosen()?;
-            stable(std::slice::from_ref(fit)).then(|| description_length(fit))
+            let scan = scan_counted(&few, self.clock, &settings, 1..=larger).ok()??;
+            let fit = &scan.entries[parsimonious(&scan, 1.0, 0.0)].fit;
+            let length = description_length(fit);
+            stable(std::slice::from_ref(fit)).then_some((length, count, scan))
         };
-        let found = [2, 1, 0]
-            .into_iter()
-            .filter_map(|count| Some((described(count)?, count)));
-        found.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, count)| count)
+        let found = [2, 1, 0].into_iter().filter_map(described);
+        let Some((_, count, scan)) = found.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return false;
+        };
+        self.integrate(count);
+        self.counted = Some(scan);
+        true
     }
 
     /// Orders to try, integrators included.
     fn orders(&self) -> Vec<usize> {
         let flexible = match self.estimates.len() {
-            1 => FLEXIBLE_ORDERS_LTI.as_slice(),
+            1 if self.integrators == 1 => FLEXIBLE_ORDERS_OF_ONE.as_slice(),
+            1 => &FLEXIBLE_ORDERS_LTI,
             _ if self.slow_poles => &FLEXIBLE_ORDERS_OF_FRICTION,
             _ => &FLEXIBLE_ORDERS,
         };
@@ -270,15 +335,31 @@ impl Search<'_> {
                     (false, 1) => usize::MAX,
                     (false, _) => MOST_OF_SEVERAL,
                 };
+                let most = if self.small { 0 } else { most };
                 let larger = LARGER_ORDERS.iter().filter(|n| **n <= most);
                 let larger: Vec<usize> = larger.map(|n| n + self.integrators).collect();
+                let tried = orders.iter().copied().max().unwrap_or(0);
+                let scan_at = |i: usize| {
+                    let few = thinned(&self.estimates[i]);
+                    let (counted, larger): (_, &[usize]) = match &self.counted {
+                        Some(scan) if scan.chosen().is_some_and(|f| f.account.order > tried) => {
+                            return Ok(scan.clone());
+                        }
+                        Some(scan) => (Some(scan), &[]),
+                        None => (None, &larger),
+                    };
+                    let scan = scan_to_noise(&few, self.clock, &self.settings, &orders, larger)
+                        .map_err(failed(&self.estimates[i]));
+                    match counted {
+                        Some(counted) => {
+                            Ok(scan.map_or_else(|_| counted.clone(), |s| s.join(counted.clone())))
+                        }
+                        None => scan,
+                    }
+                };
                 let scans = indices
                     .par_iter()
-                    .map(|&i| {
-                        let few = thinned(&self.estimates[i]);
-                        scan_to_noise(&few, self.clock, &self.settings, &orders, &larger)
-                            .map_err(failed(&self.estimates[i]))
-                    })
+                    .map(|&i| scan_at(i))
                     .collect::<Result<Vec<_>, _>>()?;
                 let each: Vec<usize> = scans
                     .iter()

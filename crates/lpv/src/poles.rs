@@ -116,7 +116,8 @@ pub fn fit_poles(
             any => any,
         };
         reasons.push(format!(
-            "{count} integrators: |F| falls with the power {slope:.2} of frequency at the lowest lines"
+            "{}: |F| falls with the power {slope:.2} of frequency at the lowest lines",
+            lpv_core::counted(count, "integrator")
         ));
         count
     });
@@ -220,14 +221,6 @@ pub fn fit_poles(
             .clamp(LEAST_FLOOR, 0.1);
         relative_error = floor;
         reasons.truncate(before);
-        let left = match estimates.iter().any(FrfEstimate::covariance_is_assumed) {
-            true => "more is left than the assumed error".to_owned(),
-            false => format!("what is left is {misfit:.0} times the noise"),
-        };
-        reasons.push(format!(
-            "{left}: fitted again with a relative error of {:.1} % in the weights",
-            100.0 * floor
-        ));
         search.settings.relative_floor = floor;
         search.counted = None;
         search.slack = DISTORTION_SLACK;
@@ -235,29 +228,28 @@ pub fn fit_poles(
         let one = estimates.len() == 1;
         search.settings.keep_stable = one;
         search.settings.several_starts = one;
-        found = if one && given.is_none() {
-            search.matched = false;
-            let found = search.distorted(&mut reasons)?;
-            search.matched = true;
-            found
-        } else {
-            search.run(&mut reasons)?
-        };
-        // The first fit may have missed more than distortion: its error was then too large a weight.
+        // The first fit may have missed more than distortion: its error is then too large in the weights.
         for _ in 0..MOST_FLOORS {
-            let over = over_noise(&found.0);
-            if !one || over > FLOOR_MATCHES || relative_error <= LEAST_FLOOR {
+            let over = if one { search.least_over() } else { 1.0 };
+            if over > FLOOR_TOO_LARGE || relative_error <= LEAST_FLOOR {
                 break;
             }
             relative_error = (relative_error * over.sqrt()).max(LEAST_FLOOR);
             search.settings.relative_floor = relative_error;
-            reasons.truncate(before);
-            reasons.push(format!(
-                "{left}: fitted again with a relative error of {:.2} % in the weights",
-                100.0 * relative_error
-            ));
-            found = search.run(&mut reasons)?;
         }
+        let left = match estimates.iter().any(FrfEstimate::covariance_is_assumed) {
+            true => "more is left than the assumed error".to_owned(),
+            false => format!("what is left is {misfit:.0} times the noise"),
+        };
+        reasons.push(format!(
+            "{left}: fitted again with a relative error of {:.2} % in the weights",
+            100.0 * relative_error
+        ));
+        found = if one && given.is_none() {
+            search.distorted(&mut reasons)?
+        } else {
+            search.run(&mut reasons)?
+        };
     }
     let (fits, scan) = found;
     let order = fits[0].account.order;
@@ -291,8 +283,8 @@ const DISTORTED: f64 = 10.0;
 /// Least relative error in the weights.
 const LEAST_FLOOR: f64 = 1e-9;
 
-/// Cost over its expectation from which on the relative error in the weights is about what is left.
-const FLOOR_MATCHES: f64 = 0.3;
+/// Cost over its expectation below which the relative error in the weights is many times what is left.
+const FLOOR_TOO_LARGE: f64 = 0.05;
 
 /// Fits at most until it is.
 const MOST_FLOORS: usize = 4;

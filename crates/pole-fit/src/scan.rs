@@ -59,9 +59,12 @@ pub fn scan_counted(
     settings.check()?;
     let lines = Lines::new(estimate, clock, settings)?;
     let mut search = Search::new(&lines, clock, settings);
-    for poles in search.count() {
-        if orders.contains(&search.order_of(&poles)) && search.reaches_noise(&poles)? {
-            return search.end().map(Some);
+    // Modes nearer to each other than a few lines stand out where there are more powers.
+    for factor in [1, 4] {
+        for poles in search.count(factor) {
+            if orders.contains(&search.order_of(&poles)) && search.reaches_noise(&poles)? {
+                return search.end().map(Some);
+            }
         }
     }
     Ok(None)
@@ -90,7 +93,7 @@ pub fn scan_to_noise(
     let mut search = Search::new(&lines, clock, settings);
     let tried = orders.iter().copied().max().unwrap_or(0);
     let most = larger.iter().copied().max().unwrap_or(tried);
-    let counted = search.count().into_iter().next();
+    let counted = search.count(1).into_iter().next();
     let counted = counted.filter(|poles| (1..=most).contains(&search.order_of(poles)));
     if let Some(poles) = counted.as_ref().filter(|poles| search.order_of(poles) > tried)
         && search.reaches_noise(poles)?
@@ -227,17 +230,16 @@ impl<'a> Search<'a> {
         self.entries.iter().map(over).fold(f64::INFINITY, f64::min)
     }
 
-    /// Starts with the poles of the states that a subspace method counts, one of each pair.
-    fn count(&self) -> Vec<Vec<Complex<f64>>> {
+    /// Starts with the poles of the states that a subspace method counts, one of each pair, with so many times the powers that they need.
+    fn count(&self, factor: usize) -> Vec<Vec<Complex<f64>>> {
         if !self.knows_noise() {
             return Vec::new();
         }
         let fixed = self.settings.fixed_integrators();
         let channels = self.lines.n_y.min(self.lines.n_u);
-        let subspace = Subspace::new(self.lines, fixed);
-        subspace
-            .and_then(|s| s.starts(fixed, channels))
-            .unwrap_or_default()
+        let subspace = Subspace::new(self.lines, fixed, factor);
+        let starts = subspace.and_then(|s| s.starts(fixed, channels));
+        starts.unwrap_or_default()
     }
 
     /// The order of a fit with these poles, one of each pair.

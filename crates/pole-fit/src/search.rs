@@ -129,7 +129,7 @@ pub(crate) fn search(
     let lines: Start<'_> = &|| relocated(Spread::Lines);
     let decades: Start<'_> = &|| relocated(Spread::Decades);
     let counted: Start<'_> = &|| {
-        let subspace = Subspace::new(setup.lines, settings.fixed_integrators())?;
+        let subspace = Subspace::new(setup.lines, settings.fixed_integrators(), 1)?;
         let poles = most_important(setup, &subspace.at_least(setup.n_a - 1)?, setup.n_a - 1)?;
         from_poles(setup, &poles).map(Ok)
     };

@@ -51,8 +51,8 @@ pub(crate) struct Subspace {
 }
 
 impl Subspace {
-    /// None where lines are too few, or too near to each other.
-    pub(crate) fn new(lines: &Lines, fixed_integrators: usize) -> Option<Self> {
+    /// As many powers as the states need, times a factor; none where lines are too few, or too near to each other.
+    pub(crate) fn new(lines: &Lines, fixed_integrators: usize, factor: usize) -> Option<Self> {
         let (n_y, n_u, n) = (lines.n_y, lines.n_u, lines.len());
         // Half of the columns stay free of the right side, and twice the rows of the left.
         let most = (n * n_u / (2 * n_y + n_u)).min(MOST_ROWS / n_y).min(MOST_POWERS);
@@ -60,6 +60,10 @@ impl Subspace {
         loop {
             let found = Self::with_powers(lines, fixed_integrators, powers)?;
             let filled = found.states as f64 > FILLED * (powers * n_y) as f64;
+            if !filled && factor > 1 {
+                let more = factor * powers;
+                return (more <= most).then(|| Self::with_powers(lines, fixed_integrators, more))?;
+            }
             if !filled || powers == most {
                 return (!filled).then_some(found);
             }

@@ -191,7 +191,8 @@ impl Search<'_> {
         self.settings.numerator = numerator;
         if count != own.0 {
             reasons.push(format!(
-                "{count} integrators instead: they describe the response more shortly"
+                "{} instead: they describe the response more shortly",
+                lpv_core::counted(count, "integrator")
             ));
         }
         if numerator == NumeratorDegree::Proper {
@@ -202,9 +203,28 @@ impl Search<'_> {
         Some(other)
     }
 
-    /// The fit of one position that describes a distorted response with the fewest unknowns: with the integrators that it has, with fewer,
-    /// or with none, since friction turns them into slow poles; and with a direct term, which takes what the amplifier does to the phase.
-    /// The relative error in the weights need not be about what is left. What is found stays in the settings.
+    /// The least cost over its expectation that the own integrators, or none and a direct term, leave with the weights as they are: much
+    /// below one the relative error in them is too large.
+    pub(super) fn least_over(&mut self) -> f64 {
+        let own = (self.integrators, self.settings.numerator);
+        self.matched = false;
+        let mut least = f64::INFINITY;
+        for (count, numerator) in [own, (0, NumeratorDegree::Proper)] {
+            self.integrate(count);
+            self.settings.numerator = numerator;
+            if let Ok(found) = self.run(&mut Vec::new()) {
+                least = least.min(over_noise(&found.0));
+            }
+        }
+        self.matched = true;
+        self.integrate(own.0);
+        self.settings.numerator = own.1;
+        least
+    }
+
+    /// The fit of one position that describes a distorted response most shortly: with the integrators that it has, with fewer, or with
+    /// none, since friction turns them into slow poles; and with a direct term, which takes what the amplifier does to the phase. What is
+    /// found stays in the settings.
     pub(super) fn distorted(&mut self, reasons: &mut Vec<String>) -> Result<Fits, PipelineError> {
         let own = (self.integrators, self.settings.numerator);
         let mut tried = Vec::new();
@@ -220,17 +240,9 @@ impl Search<'_> {
                 }
             }
         }
-        let cost = |fits: &Fits| fits.0.iter().map(|f| f.account.cost).sum::<f64>();
-        let unknowns = |fits: &Fits| fits.0.iter().map(|f| f.account.unknowns).sum::<usize>();
-        let least = tried.iter().map(|t| cost(&t.2)).fold(f64::INFINITY, f64::min);
         let best = tried
             .into_iter()
-            .filter(|t| cost(&t.2) <= self.slack * least)
-            .min_by(|a, b| {
-                (unknowns(&a.2), cost(&a.2))
-                    .partial_cmp(&(unknowns(&b.2), cost(&b.2)))
-                    .unwrap_or(std::cmp::Ordering::Equal)
-            });
+            .min_by(|a, b| length_of_all(&a.2.0).total_cmp(&length_of_all(&b.2.0)));
         let Some((count, numerator, found, why)) = best else {
             // No fit has stable poles.
             self.integrate(0);

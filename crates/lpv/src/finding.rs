@@ -24,7 +24,7 @@ mod watch;
 mod wrap;
 
 pub(crate) use compare::Voice;
-pub(crate) use of_place::{saturations, voices};
+pub(crate) use of_place::{compare_measured, saturations, voices};
 pub(crate) use together::{clocks, examine};
 pub(crate) use told::{contradictions, explanations, lines, serialize, told};
 pub(crate) use watch::{Look, Watch};

@@ -139,6 +139,8 @@ fn judged(
         // A model that cannot be run along a record is written all the same, and the first line says so.
         Err(error) => (Verdict::unjudged(&error), f64::INFINITY),
     };
+    let between = outcome.summary.between();
+    let verdict = verdict.with_expected(between);
     outcome.summary.verdict = Some(verdict.in_view_of(&outcome.summary.findings));
     Ok(Judged { outcome, open_loop })
 }

@@ -9,7 +9,7 @@ mod warnings;
 use crate::PipelineError;
 use crate::finding::{self, Finding, Look};
 use crate::progress::{Counter, Progress};
-use crate::responses::measured::measured_responses;
+use crate::responses::measured::{self, measured_responses};
 use crate::responses::{is_large, look_at, periodic_responses};
 pub(crate) use experiment::describe as describe_responses;
 pub use experiment::{DetectionLine, ExperimentInfo, LineInfo, Spread};
@@ -183,6 +183,7 @@ pub fn inspect(bundle: &Bundle, progress: Progress<'_>) -> Result<Inspection, Pi
     inspection.findings = finding::examine(bundle, looks.iter(), &voices)
         .into_iter()
         .chain(finding::clocks(bundle, |_| true))
+        .chain(measured::compare(bundle, &measured))
         .chain(inspection.experiments.iter().flat_map(of_experiment))
         .chain(inspection.records.iter().flat_map(warnings::of_record))
         .chain(warnings::of_bundle(&inspection))

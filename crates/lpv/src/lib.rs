@@ -87,7 +87,7 @@ pub use progress::{Progress, silent};
 pub use responses::{Responses, estimate_bundle, estimate_local, load_records};
 pub use rigid::RigidEvidence;
 pub use settings_file::{nearest_name, read_settings};
-pub use small::{MovingStage, SizeRow, SmallStage, small_lfr};
+pub use small::{BetweenPositions, MovingStage, SizeRow, SmallStage, small_lfr};
 pub use summary::{
     AxisSummary, FrequencySummary, HeldOut, LpvSummary, OrderRow, SmallSummary, Summary, TimeSummary,
 };

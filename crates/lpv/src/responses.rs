@@ -104,6 +104,7 @@ pub fn estimate_bundle(
                 .into_iter()
                 .chain(finding::clocks(bundle, |i| used(i) && periodic(i)))
                 .chain(figures.flat_map(|e| of_experiment(&e, controller)))
+                .chain(measured::compare(bundle, &measured))
                 .collect(),
             noise: any_periodic.then(|| sample_noise(&found)),
             estimates: join(

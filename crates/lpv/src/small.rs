@@ -38,9 +38,32 @@ pub struct SmallStage {
     pub moving: Option<MovingStage>,
     /// Whether the residual of the frozen responses is their noise.
     pub at_noise: bool,
+    /// What is to be expected between the positions, where they tell.
+    pub between: Option<BetweenPositions>,
     /// The choices in words.
     pub reasons: Vec<String>,
 }
+
+/// The largest error that is to be expected between two neighbouring positions.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BetweenPositions {
+    /// The two positions.
+    pub positions: [f64; 2],
+    /// Error midway over the noise of the responses.
+    pub over_noise: f64,
+    /// Error midway, percent of the response.
+    pub error_percent: f64,
+}
+
+impl BetweenPositions {
+    /// Whether more than noise is to be expected there.
+    pub(crate) fn is_missed(&self) -> bool {
+        self.over_noise > EXPECTED
+    }
+}
+
+/// Expected error between the positions, over the noise, from which on it is a warning.
+const EXPECTED: f64 = 1.5;
 
 /// One size.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -210,6 +233,7 @@ fn attempt(
             fit,
             moving: None,
             at_noise: false,
+            between: None,
             reasons,
         });
     }
@@ -273,6 +297,7 @@ fn attempt(
         lfr: fit.candidate.to_lfr()?,
         sizes,
         at_noise: true,
+        between: None,
         fit,
         moving,
         reasons,

@@ -6,7 +6,7 @@ use crate::finding::{self, Finding};
 use crate::signal::finite;
 use crate::validation::{FrozenError, frozen_error};
 use crate::verdict::Verdict;
-use crate::{Identified, MovingStage, PipelineError, SizeRow};
+use crate::{BetweenPositions, Identified, MovingStage, PipelineError, SizeRow};
 use lpv_core::{Discrete, Frf, FrfEstimate, Model, Position, counted};
 use lpv_numerics::statistics::{amplitude_db, median};
 use serde::{Deserialize, Serialize};
@@ -106,6 +106,9 @@ pub struct SmallSummary {
     /// What records along a moving p added.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moving: Option<MovingStage>,
+    /// What is to be expected between the positions, where they tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub between: Option<BetweenPositions>,
 }
 
 /// Root mean square of the error relative to that of the response, over all responses and lines, by output, percent.
@@ -127,6 +130,12 @@ pub(crate) fn relative_rms_percent(model: &[Frf], truth: &[Frf]) -> Vec<f64> {
 }
 
 impl Summary {
+    /// What is to be expected between the positions of the small LFR, where they tell.
+    pub(crate) fn between(&self) -> Option<&BetweenPositions> {
+        let lpv = self.frequency.as_ref()?.lpv.as_ref()?;
+        lpv.small.as_ref()?.between.as_ref()
+    }
+
     /// Compares the identified model with the responses that it was made from.
     ///
     /// # Errors
@@ -247,6 +256,7 @@ impl Summary {
                     small: stage.small.as_ref().map(|small| SmallSummary {
                         sizes: small.sizes.clone(),
                         moving: small.moving.clone(),
+                        between: small.between.clone(),
                     }),
                 }),
             },

@@ -7,6 +7,7 @@ mod words;
 
 use crate::PipelineError;
 use crate::finding::{self, Finding};
+use crate::small::BetweenPositions;
 use serde::{Deserialize, Serialize};
 
 /// A judgement of a model, with the facts behind it.
@@ -22,6 +23,9 @@ pub struct Verdict {
     /// What speaks against the model, the gravest first; empty for a good one.
     pub causes: Vec<Cause>,
 }
+
+/// Expected error between the positions, percent of the response, up to which a model is good there.
+const BETWEEN_PERCENT: f64 = 10.0;
 
 /// What a model may be used for.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -94,6 +98,15 @@ pub enum Cause {
         over_noise: Option<f64>,
         /// Where the band lies, which tells what is missing.
         place: BandPlace,
+    },
+    /// The positions are too far from each other to tell what is between them.
+    Between {
+        /// Two neighbours, where most is to be expected.
+        positions: [f64; 2],
+        /// Expected error midway, percent of the response.
+        error_percent: f64,
+        /// The same in multiples of the noise at the positions.
+        over_noise: f64,
     },
     /// The measured response is mostly noise, so that a wrong model would not show.
     NoisyResponse {
@@ -218,6 +231,25 @@ impl Verdict {
     pub(crate) fn not_judged(why: &str) -> Self {
         let causes = vec![Cause::NotJudged { why: why.to_owned() }];
         Self::new(Worth::Unjudged, Basis::Nothing, &[], causes)
+    }
+
+    /// The same in view of what is to be expected between the positions: a model that was not judged there is no better than that.
+    pub(crate) fn with_expected(mut self, between: Option<&BetweenPositions>) -> Self {
+        let Some(between) = between.filter(|b| b.is_missed() && b.error_percent > BETWEEN_PERCENT) else {
+            return self;
+        };
+        if !self.worth.is_good() || self.basis == Basis::HeldOut {
+            return self;
+        }
+        self.causes.insert(
+            0,
+            Cause::Between {
+                positions: between.positions,
+                error_percent: between.error_percent,
+                over_noise: between.over_noise,
+            },
+        );
+        Self::new(Worth::Approximate, self.basis, &[], self.causes)
     }
 
     /// The same in view of what was found in the data: contradictions take its worth away, and what explains an error is named

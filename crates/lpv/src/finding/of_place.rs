@@ -1,11 +1,12 @@
 //! What the records of one place say together with its response.
 
 use super::Finding;
-use super::compare::Voice;
+use super::compare::{Names, Voice, compare};
 use super::saturation::saturation;
 use super::watch::Look;
 use experiment_data::Bundle;
 use frf_estimation::PeriodicEstimate;
+use lpv_core::FrfEstimate;
 use lpv_core::num_complex::Complex;
 use realfft::RealFftPlanner;
 
@@ -30,6 +31,52 @@ pub(crate) fn saturations(bundle: &Bundle, looks: &[Look], estimate: &PeriodicEs
         })
     };
     looks.iter().filter_map(of).collect()
+}
+
+/// What responses that were measured elsewhere say against each other, input after input.
+pub(crate) fn compare_measured<'m>(
+    measured: impl Iterator<Item = (&'m str, &'m FrfEstimate)> + Clone,
+    outputs: &[String],
+    inputs: &[String],
+) -> Vec<Finding> {
+    let mut found: Vec<Finding> = Vec::new();
+    for (j, input) in inputs.iter().enumerate() {
+        let voices: Vec<Voice> = measured.clone().map(|(record, e)| voice(record, e, j)).collect();
+        let names = Names {
+            outputs,
+            inputs: std::slice::from_ref(input),
+        };
+        for new in compare(&voices, &names) {
+            if !found.iter().any(|f| f.place() == new.place()) {
+                found.push(new);
+            }
+        }
+    }
+    found
+}
+
+/// What a response says of one input.
+fn voice(record: &str, estimate: &FrfEstimate, input: usize) -> Voice {
+    let frf = estimate.frf();
+    let chosen: Vec<usize> = (0..frf.len()).step_by(frf.len().div_ceil(LINES).max(1)).collect();
+    let outputs: Vec<Vec<Complex<f64>>> = (0..frf.outputs())
+        .map(|i| chosen.iter().map(|k| frf.line(*k)[(i, input)]).collect())
+        .collect();
+    let deviation = |i: usize, k: usize| estimate.variance(k, i, input).sqrt();
+    Voice {
+        record: record.to_owned(),
+        position: estimate.position().cloned(),
+        frequencies_hz: chosen.iter().map(|k| frf.frequencies_hz()[*k]).collect(),
+        inputs: vec![vec![Complex::from(1.0); chosen.len()]],
+        references: Vec::new(),
+        response: (0..chosen.len())
+            .flat_map(|k| outputs.iter().map(move |y| y[k]))
+            .collect(),
+        noise: (0..frf.outputs())
+            .map(|i| chosen.iter().map(|k| deviation(i, *k)).collect())
+            .collect(),
+        outputs,
+    }
 }
 
 /// What the records of one place say at some of the lines of their response.
@@ -94,4 +141,68 @@ pub(crate) fn voices(looks: &[Look], estimate: &PeriodicEstimate) -> Vec<Voice> 
             noise: noise.clone(),
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lpv_core::Frf;
+    use rand::{RngExt, SeedableRng};
+    use std::f64::consts::TAU;
+
+    /// A body on lever arms and two modes whose shapes bend along the stroke, at five positions.
+    fn responses(seed: u64) -> Vec<FrfEstimate> {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        let mut draw = || -> f64 { rng.random_range(0.2..1.0) };
+        let (arms, bends): (Vec<f64>, Vec<f64>) = (0..8).map(|_| (draw(), 2.0 * draw())).unzip();
+        let lines: Vec<f64> = (1..200).map(f64::from).collect();
+        let at = |p: f64| {
+            let arm = |c: usize| 1.0 + 0.3 * p * arms[c];
+            let shape = |m: usize, c: usize| (0.4 + bends[2 * m + c] * p).cos();
+            let value = |f: f64, i: usize, j: usize| {
+                let s = Complex::new(0.0, TAU * f);
+                let mode = |m: usize| {
+                    let w = TAU * [40.0, 120.0][m];
+                    Complex::from(0.3 * shape(m, i) * shape(m, j)) / (s * s + s * (0.02 * w) + w * w)
+                };
+                Complex::from(arm(i) * arm(j)) / (s * s) + mode(0) + mode(1)
+            };
+            let values = lines
+                .iter()
+                .flat_map(|f| [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| value(*f, i, j)));
+            let frf = Frf::new(lines.clone(), 2, 2, values.collect()).unwrap();
+            FrfEstimate::with_unit_covariance(frf, Some(vec![p].into())).unwrap()
+        };
+        [-1.0, -0.5, 0.0, 0.5, 1.0].map(at).to_vec()
+    }
+
+    fn compared(estimates: &[FrfEstimate]) -> Vec<Finding> {
+        let names = ["r0", "r1", "r2", "r3", "r4"];
+        let channels = |c: &str| [format!("{c}1"), format!("{c}2")];
+        compare_measured(names.into_iter().zip(estimates), &channels("y"), &channels("u"))
+    }
+
+    #[test]
+    fn one_response_with_another_sign_or_unit_is_named() {
+        for seed in 0..40 {
+            let right = responses(seed);
+            assert_eq!(compared(&right), [], "seed {seed}");
+            for factor in [-1.0, 1e3, 1e-3] {
+                let wrong = seed as usize % 5;
+                let mut estimates = right.clone();
+                let e = &right[wrong];
+                let values = (0..e.frf().len()).flat_map(|k| {
+                    let line = e.frf().line(k).into_owned();
+                    [(0, 0), (1, 0), (0, 1), (1, 1)].map(|at| line[at] * factor)
+                });
+                let frf = Frf::new(e.frf().frequencies_hz().to_vec(), 2, 2, values.collect()).unwrap();
+                estimates[wrong] = FrfEstimate::with_unit_covariance(frf, e.position().cloned()).unwrap();
+                let found = compared(&estimates);
+                assert!(
+                    found.iter().all(|f| f.place() == format!("r{wrong}")) && !found.is_empty(),
+                    "seed {seed}, {factor}: {found:?}"
+                );
+            }
+        }
+    }
 }

@@ -7,6 +7,7 @@
 
 use crate::PipelineError;
 use crate::error::ResponseProblem;
+use crate::finding::{self, Finding};
 use crate::progress::{Counter, Progress};
 use crate::signal::finite;
 use experiment_data::{Bundle, MeasuredResponse, Quantity, Spread};
@@ -74,6 +75,13 @@ pub(crate) fn measured_responses(
             as_estimate(record, bundle, clock).map_err(|problem| problem.of(&name))
         })
         .collect()
+}
+
+/// What they say against each other.
+pub(crate) fn compare(bundle: &Bundle, measured: &[Measured]) -> Vec<Finding> {
+    let each = measured.iter().map(|m| (m.record.name.as_str(), &m.estimate));
+    let channels = &bundle.description().channels;
+    finding::compare_measured(each, &channels.output.columns, &channels.input.columns)
 }
 
 /// Why a response is not taken.

@@ -1,7 +1,7 @@
 //! The small LFR of a machine whose poles do not depend on p.
 
 use super::local::Body;
-use super::{MISSED, MovingStage, SizeRow, SmallStage};
+use super::{BetweenPositions, MISSED, MovingStage, SizeRow, SmallStage};
 use crate::PipelineError;
 use crate::moves::Moves;
 use crate::progress::{Progress, begin};
@@ -11,9 +11,6 @@ use lfr_fit::{
     constant_poles, refine,
 };
 use lpv_core::{Continuous, SchedulingRange};
-
-/// Expected error midway between two positions, over the noise at them, that is worth a warning.
-const EXPECTED: f64 = 1.5;
 
 /// Joint iterations on responses and records.
 const ITERATIONS: usize = 8;
@@ -84,7 +81,8 @@ pub(super) fn shapes(
         }
     }
     let fit = units.undo(whole)?;
-    reasons.extend(between(&found, data, units));
+    let (between, words) = between(&found, data, units);
+    reasons.extend(words);
     Ok(Some(SmallStage {
         lfr: fit.candidate.to_lfr()?,
         sizes: found
@@ -98,6 +96,7 @@ pub(super) fn shapes(
             })
             .collect(),
         at_noise: true,
+        between,
         fit,
         moving,
         reasons,
@@ -206,36 +205,41 @@ fn along(
     Ok((candidate.clone(), stage([Some(own); 3])))
 }
 
-/// What the positions support between them.
-fn between(found: &ConstantPoles, data: &FrozenData, units: &Units) -> Option<String> {
+/// What the positions support between them: the worst pair of neighbours, and all of it in words.
+fn between(
+    found: &ConstantPoles,
+    data: &FrozenData,
+    units: &Units,
+) -> (Option<BetweenPositions>, Option<String>) {
     if data.len() < 4 {
-        return Some(format!(
+        let few = format!(
             "warning: {} positions do not tell how well the model holds between them; measure at four or more",
             data.len()
-        ));
+        );
+        return (None, Some(few));
     }
     let worst = found
         .between
         .iter()
-        .max_by(|a, b| a.over_noise.total_cmp(&b.over_noise))?;
-    let [from, to] = &worst.positions;
-    let place = |at: &usize| {
-        data.scheduling()
-            .nth(*at)
-            .map_or(0.0, |p| units.undo_places(p)[0])
+        .max_by(|a, b| a.over_noise.total_cmp(&b.over_noise));
+    let place = |at: usize| data.scheduling().nth(at).map_or(0.0, |p| units.undo_places(p)[0]);
+    let Some(worst) = worst.map(|w| BetweenPositions {
+        positions: w.positions.map(place),
+        over_noise: w.over_noise,
+        error_percent: 100.0 * w.part,
+    }) else {
+        return (None, None);
     };
     let expected = format!(
         "{:.2} times the noise of the responses at them, {:.2} % of the response, if B and C are as smooth as the positions say: most between \
          {:.5} and {:.5}",
-        worst.over_noise,
-        100.0 * worst.part,
-        place(from),
-        place(to)
+        worst.over_noise, worst.error_percent, worst.positions[0], worst.positions[1]
     );
-    Some(match worst.over_noise > EXPECTED {
+    let words = match worst.is_missed() {
         true => format!(
             "warning: between positions the model is expected to err by up to {expected}; measure there too"
         ),
         false => format!("between positions: expected to err by at most {expected}"),
-    })
+    };
+    (Some(worst), Some(words))
 }

@@ -59,6 +59,7 @@ fn remedy(cause: &Cause) -> Option<&'static str> {
         }
         Cause::Record { .. } | Cause::Force { .. } => "see what is missing with `lpv diagnose`",
         Cause::Unstable { .. } => "check input and output, or ask for fewer states with `order`",
+        Cause::Between { .. } => "measure there too, and see whether the response of one position is wrong",
         Cause::NoisyResponse { .. } => "check `period`, or excite more or longer",
         _ => return None,
     })
@@ -97,6 +98,16 @@ impl fmt::Display for Cause {
                 "from {low:.4} to {high:.4} Hz the frozen response errs by {}{}",
                 percent(*error_percent),
                 over_noise.map_or(String::new(), |over| format!(", {} its noise", times(over)))
+            ),
+            Self::Between {
+                positions: [from, to],
+                error_percent,
+                over_noise,
+            } => write!(
+                f,
+                "between {from:.5} and {to:.5} it is expected to err by {} of the response, {} the noise",
+                percent(*error_percent),
+                times(*over_noise)
             ),
             Self::NoisyResponse { noise_percent } => {
                 write!(

@@ -110,7 +110,7 @@
 //!     noise: [1e-5, 0.0],
 //!     fitted: &fitted,
 //!     judged: &judged,
-//!     on_fit: &|| {},
+//!     on_fit: &|_, _| {},
 //! })?;
 //! assert_eq!(found.added[0].effect.name, "coulomb-friction");
 //! let (level, deviation) = found.added[0].values[0];

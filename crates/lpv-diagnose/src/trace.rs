@@ -41,8 +41,9 @@ pub struct Case<'a> {
     pub fitted: &'a [Track],
     /// Records to judge by.
     pub judged: &'a [Track],
-    /// Hears of every fit of an effect together with the machine, which takes most of the time; how many there are, nobody knows before.
-    pub on_fit: &'a (dyn Fn() + Sync),
+    /// Hears of every fit of an effect together with the machine, which takes most of the time: how many are done in this look at the
+    /// catalogue, and at most how many there are. How many looks there will be, nobody knows before.
+    pub on_fit: &'a (dyn Fn(usize, usize) + Sync),
 }
 
 /// Lengths of description, in units of the likelihood's logarithm, within which two effects are equals.

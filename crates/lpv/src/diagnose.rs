@@ -55,7 +55,6 @@ pub(crate) use responses::is_traced_on_responses;
 pub(crate) use saved::range_of;
 use saved::saved;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
 pub use value::Value;
 
 /// A diagnosis with what its page shows.
@@ -213,14 +212,7 @@ fn of_axis(
         }
         (position, left) => sensor_noise(&base, &start, &fitted[0], position, &left)?,
     };
-    let fits = AtomicUsize::new(0);
-    let on_fit = || {
-        progress(
-            "competition of effects, fits",
-            fits.fetch_add(1, Ordering::Relaxed) + 1,
-            0,
-        )
-    };
+    let on_fit = |done, of| progress("competition of effects, fits of one look", done, of);
     begin(progress, "competition of effects");
     let case = Case {
         base: &base,

@@ -12,6 +12,7 @@ use lpv_core::{Discrete, StateSpace};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Samples on which all starts of all orders are searched; of a longer record a part, since the search takes time in
 /// proportion.
@@ -28,6 +29,20 @@ pub fn identify(
     clock: Discrete,
     settings: &InnovationSettings,
     starts: &[StateSpace<Discrete>],
+) -> Result<InnovationFit, LtiIdentError> {
+    identify_telling(segments, clock, settings, starts, &|_, _| {})
+}
+
+/// [`identify`], which tells how many parts of its work are done and at most how many there are; from any thread.
+///
+/// # Errors
+/// Those of [`identify`].
+pub fn identify_telling(
+    segments: &[Segment],
+    clock: Discrete,
+    settings: &InnovationSettings,
+    starts: &[StateSpace<Discrete>],
+    tell: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<InnovationFit, LtiIdentError> {
     let scaled = Scaled::new(segments, clock, settings)?;
     let limits = Limits {
@@ -47,18 +62,27 @@ pub fn identify(
     };
     // The climb needs a foot.
     let alone: BTreeSet<usize> = settings.orders.iter().copied().chain([1, 2]).collect();
+    let highest = settings.orders.iter().copied().max().unwrap_or(0);
+    let done = AtomicUsize::new(0);
+    let parts = alone.len() + highest + settings.orders.len();
+    let part_done = || tell(done.fetch_add(1, Ordering::Relaxed) + 1, parts);
     let own: Vec<(usize, Vec<Search>)> = alone
         .into_par_iter()
-        .map(|order| (order, climb.alone(order, realisation.as_ref(), starts)))
+        .map(|order| {
+            let searches = climb.alone(order, realisation.as_ref(), starts);
+            part_done();
+            (order, searches)
+        })
         .collect();
     let mut own: BTreeMap<usize, Vec<Search>> = own.into_iter().collect();
     let mut climbed: BTreeMap<usize, Vec<Search>> = BTreeMap::new();
-    for order in 1..=settings.orders.iter().copied().max().unwrap_or(0) {
+    for order in 1..=highest {
         let mut searches = own.remove(&order).unwrap_or_default();
         searches.extend(climb.climbed_to(&climbed, order));
         if !searches.is_empty() {
             climbed.insert(order, searches);
         }
+        part_done();
     }
     let mut fitted = Vec::new();
     let mut failures = Vec::new();
@@ -80,6 +104,7 @@ pub fn identify(
             let made = winner
                 .ok_or(none)
                 .and_then(|winner| entry(&scaled, settings.focus, &searches, winner, limits));
+            part_done();
             (order, made)
         })
         .collect();

@@ -84,7 +84,7 @@ mod start;
 
 pub use account::{InnovationFit, OrderEntry, StartEntry, StartKind};
 pub use error::LtiIdentError;
-pub use identify::identify;
+pub use identify::{identify, identify_telling};
 pub use lpv_core;
 pub use lpv_numerics::least_squares::StopReason;
 pub use segment::Segment;

@@ -152,23 +152,26 @@ impl<'a> Bench<'a> {
 
     /// Full fits: all for a few steps, those that lead for as many as they need.
     pub(super) fn finals(&'a self, starts: &[&Explained], now: &Fitted) -> Vec<(&'static Effect, Fitted)> {
+        let of = starts.len() + LEADERS.min(starts.len());
+        (self.case.on_fit)(0, of);
         let mut all: Vec<(&'static Effect, Fitted)> = starts
             .iter()
-            .filter_map(|start| {
+            .enumerate()
+            .filter_map(|(done, start)| {
                 let fit = self.problem().fit(start, FIRST, Some(now)).ok()?;
-                (self.case.on_fit)();
+                (self.case.on_fit)(done + 1, of);
                 Some((start.effects.last()?.0, fit))
             })
             .collect();
         all.sort_by(|a, b| a.1.objective.total_cmp(&b.1.objective));
         let best = all.first().map_or(0.0, |(_, f)| f.objective);
         let near = best + BEHIND * (now.objective - best).max(0.0) + 30.0;
-        for (_, fit) in all.iter_mut().take(LEADERS).filter(|(_, f)| f.objective <= near) {
-            let better = self.problem().fit(&fit.model, ITERATIONS, Some(&*fit));
-            (self.case.on_fit)();
-            if let Ok(better) = better {
+        let leaders = all.iter_mut().take(LEADERS).filter(|(_, f)| f.objective <= near);
+        for (done, (_, fit)) in leaders.enumerate() {
+            if let Ok(better) = self.problem().fit(&fit.model, ITERATIONS, Some(&*fit)) {
                 *fit = better;
             }
+            (self.case.on_fit)(starts.len() + done + 1, of);
         }
         all
     }

@@ -76,7 +76,7 @@ fn find(
             noise: [step / 12_f64.sqrt(), 0.0],
             fitted: &fitted,
             judged: &judged,
-            on_fit: &|| {},
+            on_fit: &|_, _| {},
         })
     };
     let effects = Vec::new();

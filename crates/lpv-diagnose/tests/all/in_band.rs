@@ -86,7 +86,7 @@ fn find(
         noise: [1e-5 * reach / 12_f64.sqrt(), 0.0],
         fitted: &fitted,
         judged: &judged,
-        on_fit: &|| {},
+        on_fit: &|_, _| {},
     };
     let strict = trace(&case)?;
     let in_band = trace_in_band(&case, observer.hz, &strict)?;

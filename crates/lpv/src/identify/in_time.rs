@@ -1,7 +1,7 @@
 //! Records without periods: state space in innovation form by prediction error.
 
 use super::{Outcome, Stages, estimation_records};
-use crate::progress::Progress;
+use crate::progress::{Progress, begin};
 use crate::responses::{estimate_local, examine_records};
 use crate::signal::fit_percent;
 use crate::summary::{HeldOut, OrderRow, Summary, TimeSummary};
@@ -43,7 +43,7 @@ pub(super) fn in_time(
         Some(n) => (f64::NAN, n),
         None => crate::poles::integrators_from_slope(&estimates[0]),
     };
-    progress("prediction error", 0, 1);
+    begin(progress, "prediction error");
     let starts = local_starts(&estimates[0], clock, &orders);
     let closed = bundle.description().controller.is_some() || records.iter().all(|r| moves(&r.references));
     let (focus, why) = match config.focus {
@@ -94,8 +94,8 @@ pub(super) fn in_time(
         .zip(&fitted)
         .map(|(r, &n)| Segment::new(r, 0..n))
         .collect();
-    let mut found = lti_ident::identify(&segments, clock, &settings, &starts)?;
-    progress("prediction error", 1, 1);
+    let tell = |done, of| progress("prediction error", done, of);
+    let mut found = lti_ident::identify_telling(&segments, clock, &settings, &starts, &tell)?;
     if !closed && config.order.is_none() {
         reasons.extend(refuse_unstable(
             &mut found,

@@ -10,7 +10,6 @@ use lpv::validation::Scope;
 use lpv::{ModelFile, PipelineError, identify_bundle};
 use numpy::PyArray2;
 use pyo3::prelude::*;
-use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -25,8 +24,8 @@ type Along<'py> = (
     Option<Bound<'py, PyArray2<f64>>>,
 );
 
-pub(crate) fn account(py: Python<'_>, value: &impl Serialize, text: &str) -> PyResult<Account> {
-    let json = serde_json::to_string_pretty(value).map_err(|e| to_python(py, &e.into()))?;
+fn account(py: Python<'_>, value: &impl lpv::account::Account, text: &str) -> PyResult<Account> {
+    let json = lpv::account::to_json(value).map_err(|e| to_python(py, &e))?;
     Ok((json, for_terminal(text)))
 }
 

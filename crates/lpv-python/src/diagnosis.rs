@@ -1,11 +1,11 @@
 //! What a model lacks.
 
 use crate::bundle::Bundle;
-use crate::commands::account;
 use crate::error::to_python;
 use crate::model::Model;
 use crate::worker;
 use lpv::diagnose::{Diagnosed, ResultFiles};
+use lpv::encode::for_terminal;
 use lpv::output::{Inputs, Overwrite};
 use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
@@ -40,7 +40,9 @@ pub(crate) fn diagnose(
 impl Diagnosis {
     /// The account as the file diagnosis.json holds it, and in words.
     fn account(&self, py: Python<'_>) -> PyResult<(String, String)> {
-        account(py, &self.found.diagnosis, &self.found.diagnosis.text())
+        let found = &self.found.diagnosis;
+        let json = serde_json::to_string_pretty(found).map_err(|e| to_python(py, &e.into()))?;
+        Ok((json, for_terminal(&found.text())))
     }
 
     /// The page.

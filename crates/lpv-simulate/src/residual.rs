@@ -14,6 +14,7 @@ const QUANTILE_99: f64 = 2.575_829_303_548_900_4;
 /// Autocorrelation of the one-step residual of one output (Ljung, System Identification, 2nd ed., sec. 16.6), and its size: in a
 /// long record the smallest colour is significant, and of no consequence.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Whiteness {
     /// The output.
     pub output: String,
@@ -47,6 +48,7 @@ impl Whiteness {
 
 /// Correlation of the one-step residual of one output with one input at lags 0, 1, ... (the input before the residual).
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct CrossCorrelation {
     /// The output.
     pub output: String,

@@ -26,14 +26,15 @@ mod wrap;
 pub(crate) use compare::Voice;
 pub(crate) use of_place::{compare_measured, saturations, voices};
 pub(crate) use together::{clocks, examine};
-pub(crate) use told::{contradictions, explanations, lines, serialize, told};
+pub(crate) use told::{Row, contradictions, explanations, lines, serialize, told};
 pub(crate) use watch::{Look, Watch};
 
 use lpv_core::counted;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How much a finding matters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Severity {
     /// Worth knowing.
@@ -45,7 +46,7 @@ pub enum Severity {
 }
 
 /// One thing that was found, with its facts. `record` is the name of a record, `place` a position or the records there.
-#[derive(Debug, Clone, PartialEq, thiserror::Error, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Finding {
@@ -477,7 +478,7 @@ pub enum Finding {
 }
 
 /// Factors on the two paths of a controller.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Paths {
     /// From the reference.
     pub reference: Option<f64>,

@@ -18,11 +18,12 @@ use lpv_core::{Position, Purpose};
 use rayon::prelude::*;
 pub use record::{ChannelStats, RecordInfo};
 pub use response::ResponseInfo;
+use schemars::JsonSchema;
 use serde::Serialize;
 pub(crate) use warnings::of_experiment;
 
 /// Everything that `lpv inspect` tells about a bundle.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Inspection {
     /// Name of the bundle.
     pub name: String,
@@ -45,13 +46,14 @@ pub struct Inspection {
     pub noise: Vec<f64>,
     /// What was found, with its facts.
     #[serde(serialize_with = "finding::serialize")]
+    #[schemars(with = "Vec<finding::Row<\'_>>")]
     pub findings: Vec<Finding>,
     /// The same in words, the gravest first; those alike once.
     pub warnings: Vec<String>,
 }
 
 /// Channels of one role.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ChannelGroupInfo {
     /// Role: output, input, reference, scheduling, auxiliary.
     pub role: &'static str,
@@ -64,7 +66,7 @@ pub struct ChannelGroupInfo {
 }
 
 /// Where the machine was measured, with one scheduling signal.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Coverage {
     /// Positions of periodic estimation records, increasing.
     pub positions: Vec<f64>,

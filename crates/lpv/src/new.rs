@@ -21,7 +21,9 @@ use clock::Clock;
 use experiment_data::Text;
 use gaps::{lost, part_of};
 use rate::TimeColumn;
+use schemars::JsonSchema;
 use see::Seen;
+use serde::Serialize;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -59,6 +61,20 @@ pub struct Draft {
     pub questions: Vec<String>,
     /// The command that completes the draft, with words in capitals for what only the user knows.
     pub command: Option<String>,
+}
+
+/// A draft that was written, for a program.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Drafted<'a> {
+    /// The description.
+    #[serde(serialize_with = "crate::account::path")]
+    pub file: &'a Path,
+    /// What was guessed, and from what.
+    pub guesses: &'a [String],
+    /// What could not be guessed, with the line to complete.
+    pub questions: &'a [String],
+    /// The command that completes the draft.
+    pub command: Option<&'a str>,
 }
 
 impl Draft {

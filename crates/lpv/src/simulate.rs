@@ -13,6 +13,8 @@ use crate::output::{Unfinished, place_all};
 use experiment_data::{BundleWriter, ChannelGroup, Description, RecordFormat};
 use lpv_core::{Controller, Discrete, Geometry, Purpose, Record, RecordKind, Signals};
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 use xytable_plant::{
     Experiment, ExperimentSettings, HiddenEffect, Machine, MoveKind, MovingExperiment, MovingSettings,
@@ -20,9 +22,10 @@ use xytable_plant::{
 };
 
 /// What was simulated.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct SimulateAccount {
     /// The bundle's folder.
+    #[serde(serialize_with = "crate::account::path")]
     pub bundle: PathBuf,
     /// Records written.
     pub records: usize,

@@ -22,6 +22,7 @@ use local::{Body, Local};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Continuous, DeltaBlock, Discrete, Frf, FrfEstimate, Lfr, SchedulingRange};
 use pole_fit::PoleFit;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use shapes::shapes;
 
@@ -45,7 +46,7 @@ pub struct SmallStage {
 }
 
 /// The largest error that is to be expected between two neighbouring positions.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BetweenPositions {
     /// The two positions.
     pub positions: [f64; 2],
@@ -66,7 +67,7 @@ impl BetweenPositions {
 const EXPECTED: f64 = 1.5;
 
 /// One size.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SizeRow {
     /// States.
     pub states: usize,
@@ -79,7 +80,7 @@ pub struct SizeRow {
 }
 
 /// What records along a moving p added.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MovingStage {
     /// Deltas of the inner forces, of the outputs, and of the accelerations.
     pub deltas: [usize; 3],

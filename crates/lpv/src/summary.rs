@@ -9,11 +9,12 @@ use crate::verdict::Verdict;
 use crate::{BetweenPositions, Identified, MovingStage, PipelineError, SizeRow};
 use lpv_core::{Discrete, Frf, FrfEstimate, Model, Position, counted};
 use lpv_numerics::statistics::{amplitude_db, median};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 pub use time::{AxisSummary, HeldOut, OrderRow, TimeSummary};
 
 /// The figures of one identification.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Summary {
     /// What the model is worth; none of a diagnosis, which has a verdict of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -37,11 +38,12 @@ pub struct Summary {
         skip_serializing_if = "Vec::is_empty",
         serialize_with = "finding::serialize"
     )]
+    #[schemars(with = "Vec<finding::Row<'_>>")]
     pub findings: Vec<Finding>,
 }
 
 /// Figures of an identification from frequency responses.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FrequencySummary {
     /// Positions with an FRF.
     pub positions: usize,
@@ -79,7 +81,7 @@ pub struct FrequencySummary {
 }
 
 /// Figures of the LPV stages.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LpvSummary {
     /// Positions.
     pub positions: Vec<f64>,
@@ -99,7 +101,7 @@ pub struct LpvSummary {
 }
 
 /// Figures of the small LFR.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SmallSummary {
     /// Sizes tried, in order.
     pub sizes: Vec<SizeRow>,

@@ -17,10 +17,11 @@ use lpv_core::Frf;
 use lpv_numerics::statistics::amplitude_db;
 pub(crate) use rigid::check_axis;
 pub use rigid::{AxisCheck, ClosedLoopAxis};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The two readings of a relative frozen error: the largest over frequency and position, and the median.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FrozenError {
     /// `20 log10 max ||G - F||_F / ||F||_F`.
     pub strict_max_db: f64,

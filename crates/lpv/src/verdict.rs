@@ -8,10 +8,11 @@ mod words;
 use crate::PipelineError;
 use crate::finding::{self, Finding};
 use crate::small::BetweenPositions;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A judgement of a model, with the facts behind it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Verdict {
     /// The judgement.
     #[serde(flatten)]
@@ -28,7 +29,7 @@ pub struct Verdict {
 const BETWEEN_PERCENT: f64 = 10.0;
 
 /// What a model may be used for.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "worth", rename_all = "kebab-case", rename_all_fields = "snake_case")]
 pub enum Worth {
     /// Its errors are noise, or too small to matter.
@@ -62,7 +63,7 @@ impl Worth {
 }
 
 /// What the judged records are to the model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Basis {
     /// It was not fitted to them.
@@ -74,7 +75,7 @@ pub enum Basis {
 }
 
 /// What speaks against a model.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "cause", rename_all = "kebab-case", rename_all_fields = "snake_case")]
 #[non_exhaustive]
 pub enum Cause {
@@ -166,7 +167,7 @@ pub enum Cause {
 }
 
 /// Where a band lies among the measured ones.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BandPlace {
     /// At the lowest frequencies: what a rigid body, friction or a spring would explain.
@@ -178,7 +179,7 @@ pub enum BandPlace {
 }
 
 /// What an error in time is the error of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Run {
     /// Simulation with the controller.
@@ -190,7 +191,7 @@ pub enum Run {
 }
 
 /// How a model answers a bounded input in open loop over the length of the records.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Stability {
     /// With a bounded output.

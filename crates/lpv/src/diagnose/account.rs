@@ -10,11 +10,12 @@ use super::{
 use crate::validation::{AxisCheck, ClosedLoopAxis};
 use experiment_data::Bundle;
 use lpv_diagnose::{Added, Judged, Trace, Track, Verdict, characterise};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// `diagnosis.json`, format 1, or 2 where nobody knows the controller.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Diagnosis {
     /// 1 or 2.
     pub format: u32,
@@ -70,7 +71,7 @@ pub struct Diagnosis {
 }
 
 /// An effect that was added.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FoundEffect {
     /// Name in the catalogue.
     pub effect: String,
@@ -107,7 +108,7 @@ impl FoundEffect {
 }
 
 /// Why an effect was added.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Evidence {
     /// Fall of the squared error on the judged records when it was added.
     pub held_out_gain_db: f64,
@@ -132,7 +133,7 @@ pub(super) fn names(effects: &[FoundEffect]) -> String {
 }
 
 /// Errors of the responses by output: root of the sum of squares over that of the response.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ResponseErrors {
     /// What was added last.
     pub model: String,
@@ -143,7 +144,7 @@ pub struct ResponseErrors {
 }
 
 /// How one effect did in one look at the catalogue.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Tested {
     /// Name in the catalogue.
     pub effect: String,

@@ -4,10 +4,11 @@ use crate::PipelineError;
 use crate::validation::{AxisCheck, check_axis};
 use lpv_core::{ControllerState, Discrete, Record};
 use lpv_diagnose::{Base, Explained, Motion, Trace, Track};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// One record of a servo axis.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AxisErrors {
     /// The record.
     pub record: String,
@@ -20,7 +21,7 @@ pub struct AxisErrors {
 }
 
 /// An axis with some of its effects.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AxisStage {
     /// The last of them.
     pub effect: String,

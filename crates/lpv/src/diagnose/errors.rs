@@ -1,10 +1,11 @@
 //! Errors of the outputs on judged records.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Errors on records.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Errors {
     /// By output.
     pub validation: BTreeMap<String, OutputError>,
@@ -19,7 +20,7 @@ impl Errors {
 }
 
 /// Error of one output.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OutputError {
     /// Root mean square, simulated in closed loop.
     pub rms: f64,

@@ -2,10 +2,11 @@
 
 use experiment_data::Bundle;
 use lpv_diagnose::{Character, Left};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Tests of what is left, the surest first.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LeftTests {
     /// Without effects.
     pub before: Vec<LeftTest>,
@@ -44,7 +45,7 @@ impl LeftTests {
 }
 
 /// What the white error of an output owes to a signal and its past.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LeftTest {
     /// The output.
     pub output: String,
@@ -59,7 +60,7 @@ pub struct LeftTest {
 }
 
 /// What an error looks like.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Characterisation {
     /// Output with the largest error over its noise.
     pub channel: String,

@@ -6,11 +6,12 @@ use experiment_data::{Bundle, DataError};
 use lpv_core::{ControllerState, Position, Record};
 use lpv_diagnose::{Explained, Track};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Where the size of the noise is from.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct NoiseSource {
     /// `periods`, `repeats`, `rest`, `quantisation`, `band` or `assumed`.
     pub source: String,

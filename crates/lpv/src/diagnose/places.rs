@@ -4,11 +4,12 @@ use super::Value;
 use experiment_data::Bundle;
 use lpv_diagnose::effect::{Effect, Place};
 use lpv_diagnose::{Base, BaseParameter};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Where an effect acts, in format 2.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PlaceName {
     /// `motor`, `motors` or `output`.
     pub kind: String,

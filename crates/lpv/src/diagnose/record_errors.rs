@@ -5,11 +5,12 @@ use crate::PipelineError;
 use experiment_data::Bundle;
 use lpv_core::{Purpose, Record};
 use lpv_diagnose::{Base, Explained, Track};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Errors of one record.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RecordErrors {
     /// The record.
     pub record: String,
@@ -25,7 +26,7 @@ pub struct RecordErrors {
 }
 
 /// Error of the force of the inverse dynamics, without effects and with them.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ForceErrors {
     /// Over the size of the force.
     pub before_percent: f64,
@@ -42,7 +43,7 @@ pub struct ForceErrors {
 }
 
 /// Errors of a free run of one length.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FreeRun {
     /// Length, in units of time.
     pub horizon_s: f64,
@@ -52,7 +53,7 @@ pub struct FreeRun {
 }
 
 /// Root mean square of the error of a free run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RunErrors {
     /// Without effects.
     pub before: f64,

@@ -1,9 +1,10 @@
 //! A parameter with its deviation.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A parameter.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Value {
     /// Value.
     pub value: f64,

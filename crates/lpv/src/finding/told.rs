@@ -1,6 +1,7 @@
 //! Findings for a person and for a program.
 
 use super::{Finding, Severity};
+use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 
 /// Places named before the rest is counted.
@@ -86,8 +87,8 @@ fn sentence(group: &[&Finding]) -> String {
 }
 
 /// One finding as a program reads it.
-#[derive(Serialize)]
-struct Row<'a> {
+#[derive(Serialize, JsonSchema)]
+pub(crate) struct Row<'a> {
     severity: Severity,
     sentence: String,
     #[serde(flatten)]

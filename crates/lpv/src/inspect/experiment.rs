@@ -1,17 +1,20 @@
 //! Figures of the periodic records at one position, and of their frequency response.
 
+use crate::account::NumberOrList;
 use crate::responses::AtPosition;
 use frf_estimation::Instrument;
 use lpv_core::Position;
 use lpv_numerics::statistics::{amplitude_db, median, quantile};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// One periodic experiment.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ExperimentInfo {
     /// `estimation` or `validation`.
     pub purpose: &'static str,
     /// Position; none without scheduling.
+    #[schemars(with = "Option<NumberOrList>")]
     pub position: Option<Position>,
     /// Its records.
     pub records: Vec<String>,
@@ -48,7 +51,7 @@ pub struct ExperimentInfo {
 }
 
 /// Smallest, middle and largest of many values.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Spread {
     /// Smallest.
     pub min: f64,
@@ -69,7 +72,7 @@ impl Spread {
 }
 
 /// One excited line.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct LineInfo {
     /// Hz.
     pub frequency_hz: f64,
@@ -84,7 +87,7 @@ pub struct LineInfo {
 }
 
 /// One line that was not excited: what appears there is noise or nonlinear distortion.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct DetectionLine {
     /// Cycles a period.
     pub line: usize,

@@ -1,16 +1,18 @@
 //! Figures of each record and channel.
 
 use super::Spread;
+use crate::account::NumberOrList;
 use experiment_data::{Bundle, DataError};
 use frf_estimation::{Coherence, multiple_coherence};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Position, Purpose, Record, RecordKind, Signals};
 use lpv_numerics::statistics::{mean, range, standard_deviation};
 use realfft::RealFftPlanner;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// One record.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct RecordInfo {
     /// Name.
     pub name: String,
@@ -27,6 +29,7 @@ pub struct RecordInfo {
     /// Samples a period.
     pub period: Option<usize>,
     /// The constant scheduling value.
+    #[schemars(with = "Option<NumberOrList>")]
     pub position: Option<Position>,
     /// Smallest and largest value of each scheduling signal.
     pub scheduling: Vec<[f64; 2]>,
@@ -40,7 +43,7 @@ pub struct RecordInfo {
 }
 
 /// Figures of one channel.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ChannelStats {
     /// Role.
     pub role: &'static str,

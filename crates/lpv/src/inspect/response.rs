@@ -1,20 +1,23 @@
 //! Figures of frequency responses that were measured elsewhere.
 
 use super::Spread;
+use crate::account::NumberOrList;
 use crate::responses::measured::Measured;
 use experiment_data::Spread as Stated;
 use frf_estimation::scatter;
 use lpv_core::{Position, Purpose};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// One measured response, as it enters the fits.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ResponseInfo {
     /// Name of its record.
     pub name: String,
     /// `estimation` or `validation`.
     pub purpose: &'static str,
     /// Position; none without scheduling.
+    #[schemars(with = "Option<NumberOrList>")]
     pub position: Option<Position>,
     /// What it is of and over; none where neither the description nor the file says.
     pub quantity: Option<&'static str>,

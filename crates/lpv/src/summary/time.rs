@@ -6,10 +6,11 @@ use crate::signal::finite;
 use lpv_core::{AxisOutput, Discrete, RigidBodyAxis, StateSpace};
 use lti_ident::OrderEntry;
 use lti_ident::rigid_body::AxisAccount;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Figures of a fit in the time domain.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TimeSummary {
     /// Number of states.
     pub states: usize,
@@ -26,7 +27,7 @@ pub struct TimeSummary {
 }
 
 /// Fit on samples that were not fitted.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct HeldOut {
     /// Their number.
     pub samples: usize,
@@ -37,7 +38,7 @@ pub struct HeldOut {
 }
 
 /// One order of a fit in the time domain.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct OrderRow {
     /// Number of states.
     pub order: usize,
@@ -52,7 +53,7 @@ pub struct OrderRow {
 }
 
 /// One servo axis.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AxisSummary {
     /// The input.
     pub input: String,

@@ -1,12 +1,13 @@
 //! The frozen error band by band, in percent of the response and in multiples of its noise.
 
 use lpv_core::{Frf, FrfEstimate};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Error of the frozen model in a band of frequencies, all positions together.
 ///
 /// All figures are relative and by output, so that the units of outputs and inputs do not matter; the worst output counts.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Band {
     /// Lowest line, Hz.
     pub low_hz: f64,

@@ -17,10 +17,11 @@ use lpv_core::num_complex::Complex;
 use lpv_core::{Frf, FrfEstimate, Model, Purpose, Record};
 use lpv_simulate::{CrossCorrelation, Frozen, Machine, Run, Whiteness, disturbance};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// What `lpv validate` finds.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Validation {
     /// What the model is worth on these records; its sentence is the first line.
     pub verdict: Verdict,
@@ -36,13 +37,14 @@ pub struct Validation {
     pub records: Vec<RecordCheck>,
     /// What was seen in these records themselves.
     #[serde(serialize_with = "finding::serialize")]
+    #[schemars(with = "Vec<finding::Row<\'_>>")]
     pub findings: Vec<Finding>,
     /// What was not done, and why.
     pub notes: Vec<String>,
 }
 
 /// The frozen model against frequency responses.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct FrozenCheck {
     /// Use of the records behind the responses: `validation` where there are periodic ones, else `estimation`.
     pub source: &'static str,
@@ -62,7 +64,7 @@ pub struct FrozenCheck {
 }
 
 /// The model along one record.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct RecordCheck {
     /// Name.
     pub name: String,
@@ -85,7 +87,7 @@ pub struct RecordCheck {
 }
 
 /// Errors of one output.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct OutputCheck {
     /// Column.
     pub name: String,
@@ -106,7 +108,7 @@ pub struct OutputCheck {
 }
 
 /// An error in time.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct ErrorFigure {
     /// Root mean square, in the unit of the output.
     pub rms: f64,

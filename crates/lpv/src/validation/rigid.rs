@@ -6,10 +6,11 @@ use lpv_core::nalgebra::DMatrix;
 use lpv_core::{AxisOutput, Discrete, Record, RigidBody};
 use lpv_simulate::Run;
 use lti_ident::rigid_body::{Filter, Motion, RigidBodySettings, integrated};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Errors of one axis: `100 |measured - model| / |measured|`, norms over the record.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AxisCheck {
     /// The input.
     pub input: String,
@@ -30,7 +31,7 @@ pub struct AxisCheck {
 }
 
 /// One axis in closed loop with the bundle's controller.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ClosedLoopAxis {
     /// Position.
     pub position_percent: f64,

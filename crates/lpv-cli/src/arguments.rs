@@ -8,13 +8,37 @@ use std::time::Duration;
 ///
 /// A result replaces only a result of its own kind; what is read is never replaced, any other file only with --force.
 ///
-/// Exit codes: 0 done, 2 bad input or usage, 3 done, but the model is none of this machine or the data contradict themselves (the
-/// first line says which and why), 130 stopped by Ctrl-C, 1 anything else.
+/// Exit codes: 0 done; 2 bad input or usage; 3 done, but the model that `identify`, `validate` or `diagnose` judged is none of this
+/// machine or the data contradict themselves (the first line, and with --json the verdict, says which and why); 130 stopped by Ctrl-C;
+/// 1 anything else.
 #[derive(Parser)]
 #[command(name = "lpv", version, about, long_about)]
+#[command(mut_arg("color", |a| a.help("When verdicts and errors are coloured; auto: on a terminal, unless NO_COLOR is set")))]
 pub(crate) struct Arguments {
+    #[command(flatten)]
+    pub(crate) common: Common,
     #[command(subcommand)]
     pub(crate) command: Command,
+}
+
+/// What every command understands.
+#[derive(Args)]
+#[command(next_help_heading = "Options of every command")]
+pub(crate) struct Common {
+    /// Threads that compute, instead of one a core; the result is the same to the last bit.
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(crate) threads: Option<u16>,
+    /// Stop after so many seconds, with exit code 1 and no result.
+    #[arg(long, global = true, value_name = "SECONDS", value_parser = seconds)]
+    pub(crate) time_limit: Option<Duration>,
+    /// Print the verdict or the warnings alone, and show no progress.
+    #[arg(short, long, global = true)]
+    pub(crate) quiet: bool,
+    /// Tell on standard error each step with the time that it took.
+    #[arg(short, long, global = true, conflicts_with = "quiet")]
+    pub(crate) verbose: bool,
+    #[command(flatten)]
+    pub(crate) color: colorchoice_clap::Color,
 }
 
 #[derive(Subcommand)]
@@ -47,9 +71,13 @@ pub(crate) enum Command {
     /// Write a page with Bode plots, poles, coefficient functions, errors and time responses of the models in a folder.
     #[command(after_help = "Example:\n  lpv report result")]
     Report(Report),
-    /// Print the JSON Schema of experiment.toml.
-    #[command(after_help = "Example:\n  lpv schema > experiment.schema.json")]
-    Schema,
+    /// Print the JSON Schema of experiment.toml, or of what a command prints with --json.
+    #[command(after_help = "Example:\n  lpv schema > experiment.schema.json\n  lpv schema --of identify")]
+    Schema {
+        /// The command; that of experiment.toml without.
+        #[arg(long, value_enum, value_name = "COMMAND")]
+        of: Option<Account>,
+    },
     /// Print the completions of a shell.
     #[command(
         after_help = "Example:\n  lpv completions bash > ~/.local/share/bash-completion/completions/lpv"
@@ -58,6 +86,25 @@ pub(crate) enum Command {
         /// The shell.
         shell: clap_complete::Shell,
     },
+    /// Write a manual page of every command into a folder.
+    #[command(hide = true, after_help = "Example:\n  lpv man ~/.local/share/man/man1")]
+    Man {
+        /// The folder.
+        folder: PathBuf,
+    },
+}
+
+/// Commands that have an account.
+#[derive(Clone, Copy, ValueEnum)]
+pub(crate) enum Account {
+    New,
+    Inspect,
+    Simulate,
+    Identify,
+    Validate,
+    Diagnose,
+    Convert,
+    Report,
 }
 
 #[derive(Args)]
@@ -125,8 +172,6 @@ pub(crate) struct Diagnose {
     /// Print the diagnosis as JSON.
     #[arg(long)]
     pub(crate) json: bool,
-    #[command(flatten)]
-    pub(crate) limit: Limit,
 }
 
 #[derive(Args)]
@@ -149,39 +194,12 @@ pub(crate) struct Simulate {
     /// Print the account as JSON.
     #[arg(long)]
     pub(crate) json: bool,
-    #[command(flatten)]
-    pub(crate) limit: Limit,
-}
-
-/// How long a command may take.
-#[derive(Args)]
-pub(crate) struct Limit {
-    /// Stop after so many seconds, with exit code 1 and no result.
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
-    pub(crate) time_limit: Option<Duration>,
 }
 
 fn seconds(text: &str) -> Result<Duration, &'static str> {
     let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0);
     let limit = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
     limit.ok_or("give seconds, a number above zero")
-}
-
-impl Command {
-    /// That of the commands that have one.
-    pub(crate) fn time_limit(&self) -> Option<Duration> {
-        let limit = match self {
-            Self::Simulate(a) => &a.limit,
-            Self::Identify(a) => &a.limit,
-            Self::Validate(a) => &a.limit,
-            Self::Diagnose(a) => &a.limit,
-            Self::Report(a) => &a.limit,
-            Self::New(_) | Self::Inspect(_) | Self::Convert(_) | Self::Schema | Self::Completions { .. } => {
-                return None;
-            }
-        };
-        limit.time_limit
-    }
 }
 
 /// Kinds of record files.
@@ -225,8 +243,6 @@ pub(crate) struct Identify {
     /// Print the summary as JSON.
     #[arg(long)]
     pub(crate) json: bool,
-    #[command(flatten)]
-    pub(crate) limit: Limit,
 }
 
 fn rate(text: &str) -> Result<f64, &'static str> {
@@ -267,8 +283,6 @@ pub(crate) struct Validate {
     /// Print everything as JSON.
     #[arg(long)]
     pub(crate) json: bool,
-    #[command(flatten)]
-    pub(crate) limit: Limit,
 }
 
 #[derive(Args)]
@@ -284,6 +298,9 @@ pub(crate) struct Convert {
     /// Replace a file that is no result of lpv, if one stands there; what is read is never replaced.
     #[arg(long)]
     pub(crate) force: bool,
+    /// Print what was written as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
     /// Frozen systems a scheduling parameter.
     #[arg(long, value_name = "N", default_value_t = 11, value_parser = clap::value_parser!(u16).range(2..=1000))]
     pub(crate) points: u16,
@@ -315,6 +332,7 @@ pub(crate) struct Report {
     /// Replace a file that is no result of lpv, if one stands there; what is read is never replaced.
     #[arg(long)]
     pub(crate) force: bool,
-    #[command(flatten)]
-    pub(crate) limit: Limit,
+    /// Print what was written as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
 }

@@ -4,36 +4,24 @@ use crate::arguments::{
     Arguments, Command, Convert, Diagnose, Format, Identify, Inspect, New, Report, Simulate, StructureName,
     TargetName, Validate,
 };
-use crate::{bars, stop};
-use clap::CommandFactory;
+use crate::bars;
+use crate::done::{Done, Tone};
+use clap::{CommandFactory, ValueEnum};
 use experiment_data::{Bundle, RecordFormat};
+use lpv::account::{Account, Converted, Reported, schema_of, to_json};
 use lpv::convert::Target;
 use lpv::output::{Inputs, Kind, Overwrite, Place, write_all, yield_to_end};
 use lpv::validation::{Scope, validate};
+use lpv::verdict::Worth;
 use lpv::{
     IdentifyConfig, ModelFile, PipelineError, Structure, convert, diagnose, encode, identify_bundle, inspect,
     new, report, simulate,
 };
 use lpv_core::counted;
-use serde::Serialize;
 use std::path::Path;
-
-/// What a command leaves: a text for standard output, and whether its result may be used.
-pub(crate) struct Done {
-    pub(crate) text: String,
-    pub(crate) usable: bool,
-}
-
-impl From<String> for Done {
-    fn from(text: String) -> Self {
-        Self { text, usable: true }
-    }
-}
 
 /// Runs a command.
 pub(crate) fn run(command: Command) -> Result<Done, PipelineError> {
-    stop::on_signals();
-    stop::after(command.time_limit());
     let done = answer(command);
     yield_to_end();
     bars::clear();
@@ -50,27 +38,48 @@ fn answer(command: Command) -> Result<Done, PipelineError> {
         Command::Diagnose(a) => run_diagnose(&a),
         Command::Convert(a) => run_convert(&a),
         Command::Report(a) => run_report(&a),
-        Command::Schema => Ok(experiment_data::schema().into()),
+        Command::Schema { of } => {
+            let name = of.and_then(|of| Some(of.to_possible_value()?.get_name().to_owned()));
+            let of_command = name.and_then(|name| schema_of(&name));
+            Ok(of_command.unwrap_or_else(experiment_data::schema).into())
+        }
         Command::Completions { shell } => {
             let mut out = Vec::new();
             clap_complete::generate(shell, &mut Arguments::command(), "lpv", &mut out);
             Ok(String::from_utf8_lossy(&out).into_owned().into())
         }
+        Command::Man { folder } => match manual(&folder) {
+            Ok(()) => Ok(Done::words(format!("manual pages written to {}", shown(&folder)))),
+            Err(source) => Err(PipelineError::Write { file: folder, source }),
+        },
     }
+}
+
+fn manual(folder: &Path) -> std::io::Result<()> {
+    std::fs::create_dir_all(folder)?;
+    clap_mangen::generate_to(Arguments::command(), folder)
 }
 
 /// As JSON, or in words, in which `names` may stand.
 fn told<'a>(
     json: bool,
-    value: &impl Serialize,
+    account: &impl Account,
     names: impl IntoIterator<Item = &'a str>,
     text: impl FnOnce() -> String,
 ) -> Result<Done, PipelineError> {
-    let text = match json {
-        true => encode::json(&serde_json::to_string_pretty(value)?),
-        false => encode::lines(&text(), names),
-    };
-    Ok(text.into())
+    Ok(match json {
+        true => encode::json(&to_json(account)?).into(),
+        false => Done::words(encode::lines(&text(), names)),
+    })
+}
+
+/// What a model that is worth so much looks like.
+fn tone(worth: Worth) -> Tone {
+    match worth {
+        _ if !worth.is_usable() => Tone::Bad,
+        _ if worth.is_good() => Tone::Good,
+        _ => Tone::Doubtful,
+    }
 }
 
 /// Every text of a bundle that its user chose.
@@ -156,13 +165,7 @@ fn run_new(a: New) -> Result<Done, PipelineError> {
     };
     let draft = new::draft(&a.files, &known)?;
     let file = draft.write(Overwrite::if_asked(a.force))?;
-    let name = file.to_string_lossy();
-    told(
-        a.json,
-        &serde_json::json!({ "file": name, "guesses": draft.guesses, "questions": draft.questions, "command": draft.command }),
-        [],
-        || draft.text_for(&file),
-    )
+    told(a.json, &draft.account(&file), [], || draft.text_for(&file))
 }
 
 fn run_inspect(a: &Inspect) -> Result<Done, PipelineError> {
@@ -171,7 +174,8 @@ fn run_inspect(a: &Inspect) -> Result<Done, PipelineError> {
     if a.lines {
         return Ok(found.lines_csv().into());
     }
-    told(a.json, &found, names(&bundle), || found.text())
+    let said = told(a.json, &found, names(&bundle), || found.text())?;
+    Ok(said.in_short(encode::lines(&found.warnings.join("\n"), names(&bundle))))
 }
 
 fn run_simulate(a: &Simulate) -> Result<Done, PipelineError> {
@@ -196,16 +200,7 @@ fn run_simulate(a: &Simulate) -> Result<Done, PipelineError> {
             Some(file) => machine.explain(file, e),
             None => e,
         })?;
-    let figures = serde_json::json!({
-        "bundle": account.bundle.to_string_lossy(),
-        "records": account.records,
-        "samples": account.samples,
-        "transient_periods": account.transient_periods,
-        "spectral_radius": account.spectral_radius,
-        "substeps": account.substeps,
-        "integration_error": account.integration_error,
-    });
-    told(a.json, &figures, [], || {
+    told(a.json, &account, [], || {
         format!(
             "{} records, {} samples, written to {}\nthe transient takes the first {} of each multisine; error of the integration {:.1e}",
             account.records,
@@ -250,10 +245,8 @@ fn run_identify(a: &Identify) -> Result<Done, PipelineError> {
     let said = told(a.json, &summary, names(&bundle), || {
         format!("{}\nmodel written to {}", summary.text(), shown(output))
     })?;
-    Ok(Done {
-        usable: summary.verdict.as_ref().is_none_or(|v| v.worth.is_usable()),
-        ..said
-    })
+    let worth = summary.verdict.as_ref().map(|v| v.worth);
+    Ok(worth.map_or(said.clone(), |worth| said.judged(tone(worth))))
 }
 
 fn run_validate(a: &Validate) -> Result<Done, PipelineError> {
@@ -262,10 +255,7 @@ fn run_validate(a: &Validate) -> Result<Done, PipelineError> {
     let scope = if a.all { Scope::All } else { Scope::HeldOut };
     let (found, _) = validate(&model, &bundle, scope, &bars::tell).map_err(|e| e.at(&a.bundle))?;
     let said = told(a.json, &found, names(&bundle), || found.text())?;
-    Ok(Done {
-        usable: found.verdict.worth.is_usable(),
-        ..said
-    })
+    Ok(said.judged(tone(found.verdict.worth)))
 }
 
 fn run_diagnose(a: &Diagnose) -> Result<Done, PipelineError> {
@@ -282,10 +272,11 @@ fn run_diagnose(a: &Diagnose) -> Result<Done, PipelineError> {
     let said = told(a.json, &found.diagnosis, names(&bundle), || {
         format!("{}\nwritten to {}", found.diagnosis.text(), shown(&a.output))
     })?;
-    Ok(Done {
-        usable: found.diagnosis.contradictions.is_empty(),
-        ..said
-    })
+    Ok(said.judged(match found.diagnosis.verdict.as_str() {
+        _ if !found.diagnosis.contradictions.is_empty() => Tone::Bad,
+        "explained" | "nothing-missing" => Tone::Good,
+        _ => Tone::Doubtful,
+    }))
 }
 
 fn run_convert(a: &Convert) -> Result<Done, PipelineError> {
@@ -302,7 +293,13 @@ fn run_convert(a: &Convert) -> Result<Done, PipelineError> {
     let place = Place::check(&output, target.kind(), &inputs, Overwrite::if_asked(a.force))?;
     let bytes = convert::export(&model, target, usize::from(a.points)).map_err(|e| e.at(&a.model))?;
     write_all(&[(&place, &bytes)])?;
-    Ok(format!("{} written to {}", model.model.describe(), shown(&output)).into())
+    let account = Converted {
+        model: model.model.describe(),
+        file: output,
+    };
+    told(a.json, &account, [], || {
+        format!("{} written to {}", account.model, shown(&account.file))
+    })
 }
 
 fn run_report(a: &Report) -> Result<Done, PipelineError> {
@@ -316,5 +313,11 @@ fn run_report(a: &Report) -> Result<Done, PipelineError> {
     let place = Place::check(&output, Kind::Page, &inputs, Overwrite::if_asked(a.force))?;
     let page = report::page(&a.folder, a.bundle.as_deref(), &bars::tell)?;
     write_all(&[(&place, page.to_html()?.as_bytes())])?;
-    Ok(format!("report written to {}", shown(&output)).into())
+    let account = Reported {
+        models: files,
+        file: output,
+    };
+    told(a.json, &account, [], || {
+        format!("report written to {}", shown(&account.file))
+    })
 }

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot be set up must fail")]
 #![allow(clippy::panic, reason = "a model of the wrong kind must fail the test")]
 
+mod accounts;
 mod bad_input;
 mod common;
 mod convert;
@@ -13,6 +14,7 @@ mod help;
 mod identify;
 mod identify_time;
 mod inspect;
+mod manners;
 mod memory;
 mod new;
 mod new_files;

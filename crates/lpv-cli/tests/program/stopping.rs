@@ -75,6 +75,50 @@ fn a_killed_run_does_not_disturb_the_next() {
     assert_eq!(desk.files().len(), 2 + 1 + 12);
 }
 
+/// A diagnosis into `found` that has begun its work.
+#[cfg(unix)]
+fn diagnosing(desk: &Desk) -> Child {
+    use std::io::{BufRead, BufReader};
+    let mut child = desk
+        .program(&["diagnose", "bundle", "-o", "found", "--verbose"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // It tells its first step once that is done, and the competition of effects comes after.
+    let mut first = String::new();
+    BufReader::new(child.stderr.as_mut().unwrap())
+        .read_line(&mut first)
+        .unwrap();
+    assert!(first.ends_with(" s\n"), "{first}");
+    child
+}
+
+#[test]
+#[cfg(unix)]
+fn results_of_an_earlier_run_survive_a_later_one_that_is_stopped() {
+    let desk = Desk::new();
+    machine_bundle(&desk);
+    desk.judged("diagnose bundle -o found");
+    let before = desk.files();
+    for signal in ["-INT", "-TERM", "-KILL"] {
+        let mut child = diagnosing(&desk);
+        let id = child.id().to_string();
+        assert!(
+            Command::new("kill")
+                .args([signal, &id])
+                .status()
+                .unwrap()
+                .success()
+        );
+        let code = child.wait().unwrap().code();
+        assert_eq!(code, (signal != "-KILL").then_some(130), "{signal}");
+        assert!(before == desk.files(), "{signal}");
+    }
+    desk.judged("diagnose bundle -o found");
+    assert!(before == desk.files());
+}
+
 #[test]
 fn a_time_limit_stops_every_long_command() {
     let desk = Desk::new();
@@ -83,6 +127,7 @@ fn a_time_limit_stops_every_long_command() {
     desk.write("long.toml", LONG);
     let before = desk.files();
     for line in [
+        "inspect bundle",
         "simulate --machine long.toml -o out",
         "identify bundle -o other.json",
         "validate model.json bundle --all",

@@ -458,6 +458,78 @@ fn every_work_cited_is_in_the_list() {
     none(&wrong);
 }
 
+/// What the headings of a page are called in links.
+fn anchors(page: &Path) -> BTreeSet<String> {
+    let text = std::fs::read_to_string(page).unwrap_or_default();
+    let headings = text.lines().filter(|l| l.starts_with('#'));
+    headings
+        .map(|line| {
+            let title = line.trim_start_matches('#').trim().to_lowercase();
+            let kept = title
+                .chars()
+                .filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
+            kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+        })
+        .collect()
+}
+
+/// The book shows each page once, and a page of the list that is missing would be made empty.
+#[test]
+fn every_page_stands_in_the_book() {
+    let summary = read("docs/SUMMARY.md");
+    let targets = summary.split("](").skip(1);
+    let listed: Vec<&str> = targets.filter_map(|rest| rest.split(')').next()).collect();
+    let once: BTreeSet<&str> = listed.iter().copied().collect();
+    assert_eq!(once.len(), listed.len(), "a page stands in docs/SUMMARY.md twice");
+    let pages: BTreeSet<String> = files()
+        .iter()
+        .filter_map(|f| f.strip_prefix("docs").ok())
+        .filter(|f| has_extension(f, "md") && *f != Path::new("SUMMARY.md"))
+        .map(|f| f.to_string_lossy().into_owned())
+        .collect();
+    let pages: BTreeSet<&str> = pages.iter().map(String::as_str).collect();
+    assert_eq!(once, pages);
+}
+
+/// The programs of the tutorials are those that tests run.
+#[test]
+fn tutorials_show_programs_that_are_run() {
+    let notebook: serde_json::Value = serde_json::from_str(&read("docs/python.ipynb")).unwrap();
+    let cells = notebook["cells"].as_array().unwrap();
+    let source = |cell: &serde_json::Value| match &cell["source"] {
+        serde_json::Value::String(text) => text.clone(),
+        lines => lines
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter_map(|l| l.as_str())
+            .collect(),
+    };
+    let mut python: Vec<String> = cells.iter().map(source).collect();
+    python.push(read("crates/lpv-python/examples/from_arrays.py"));
+    let rust = read("crates/lpv/examples/library.rs");
+    let (_, rust) = rust.split_once("\n\n").unwrap();
+    let mut wrong = Vec::new();
+    for (page, language, programs) in [
+        ("docs/tutorial-python.md", "python", python),
+        ("docs/tutorial-rust.md", "rust", vec![rust.to_owned()]),
+    ] {
+        let text = read(page);
+        let fence = format!("```{language}\n");
+        let shown = text.split(&fence).skip(1);
+        let shown: Vec<&str> = shown.filter_map(|rest| rest.split("```").next()).collect();
+        assert!(!shown.is_empty(), "{page} shows no program");
+        let is_run = |block: &&str| programs.iter().any(|p| p.trim() == block.trim());
+        wrong.extend(
+            shown
+                .iter()
+                .filter(|b| !is_run(b))
+                .map(|b| format!("{page}: no test runs\n{b}")),
+        );
+    }
+    none(&wrong);
+}
+
 #[test]
 fn relative_links_lead_somewhere() {
     let mut wrong = Vec::new();
@@ -479,9 +551,21 @@ fn relative_links_lead_somewhere() {
             for rest in line.split("](").skip(1) {
                 let target = rest.split([')', ' ']).next().unwrap_or_default();
                 let path = target.split('#').next().unwrap_or_default();
-                let elsewhere = target.contains("://") || target.starts_with("mailto:");
-                if !path.is_empty() && !elsewhere && !base.join(path).exists() {
+                if target.contains("://") || target.starts_with("mailto:") {
+                    continue;
+                }
+                let to = match path {
+                    "" => root().join(&page),
+                    path => base.join(path),
+                };
+                let anchor = target.split_once('#').map(|(_, anchor)| anchor);
+                let has = |anchor| !has_extension(&to, "md") || anchors(&to).contains(anchor);
+                if !to.exists() || !anchor.is_none_or(has) {
                     wrong.push(format!("{}: {target}", page.display()));
+                }
+                // A book has nothing above its pages.
+                if page.starts_with("docs") && path.starts_with("..") {
+                    wrong.push(format!("{}: {target} leaves the book", page.display()));
                 }
             }
         }

@@ -4,6 +4,7 @@ mod bench;
 mod blind;
 mod check;
 mod diagnosed;
+mod dist;
 mod effects;
 mod experiment;
 mod figures;
@@ -59,6 +60,9 @@ enum Task {
     /// Fuzz every reader of files, with coverage counters: no panic, no input over 5 s, no memory over 1 GiB.
     #[command(after_help = "Example:\n  cargo xtask fuzz --seconds 60 --only npz,csv")]
     Fuzz(fuzz::Fuzz),
+    /// Pack the program for a release, as `cargo binstall` fetches it, and run it from the archive.
+    #[command(after_help = "Example:\n  cargo xtask dist")]
+    Dist(Dist),
     /// Count the instructions of the hot kernels under valgrind.
     #[command(after_help = "Example:\n  cargo xtask bench --check")]
     Bench(Bench),
@@ -139,6 +143,17 @@ pub(crate) struct Effects {
     output: PathBuf,
 }
 
+/// Options of the release.
+#[derive(clap::Args)]
+pub(crate) struct Dist {
+    /// A program that is built already, as it goes out.
+    #[arg(long, value_name = "FILE")]
+    program: Option<PathBuf>,
+    /// Where the archive goes.
+    #[arg(long, value_name = "FOLDER", default_value = "target/dist")]
+    output: PathBuf,
+}
+
 /// Options of the small LFRs.
 #[derive(clap::Args)]
 pub(crate) struct Small {
@@ -209,6 +224,7 @@ fn main() -> ExitCode {
             };
             effects::write(&folder).map(|()| true)
         }
+        Task::Dist(options) => dist::run(&options),
         Task::Peers(passed) => run_peers(&passed.options),
         Task::Limits(passed) => run_bench("limits", &passed.options),
     };

@@ -20,11 +20,11 @@ pub enum Quantity {
 }
 
 /// Units of positions, with a stroke and a time behind them of speeds and accelerations.
-const POSITIONS: [&str; 20] = [
-    "m", "cm", "mm", "um", "µm", "μm", "nm", "in", "inch", "rad", "mrad", "urad", "µrad", "deg", "°", "rev",
-    "count", "counts", "cts", "inc",
+const POSITIONS: [&str; 22] = [
+    "m", "km", "ft", "cm", "mm", "um", "µm", "μm", "nm", "in", "inch", "rad", "mrad", "urad", "µrad", "deg",
+    "°", "rev", "count", "counts", "cts", "inc",
 ];
-const SPEEDS: [&str; 4] = ["rpm", "1/min", "rev/min", "m/min"];
+const SPEEDS: [&str; 5] = ["rpm", "1/min", "r/min", "U/min", "mph"];
 const FORCES: [&str; 11] = [
     "N", "mN", "kN", "Nm", "N m", "N·m", "N*m", "N.m", "mNm", "kNm", "mN m",
 ];
@@ -43,7 +43,7 @@ impl Quantity {
             Self::Force
         } else if unit == "g" || behind(&["/s^2", "/s2", "/s²", "/s**2", "/s/s", " s^-2"]) {
             Self::Acceleration
-        } else if SPEEDS.contains(&unit) || behind(&["/s", "/sec", " s^-1"]) {
+        } else if SPEEDS.contains(&unit) || behind(&["/s", "/sec", "/ms", "/min", "/h", " s^-1"]) {
             Self::Speed
         } else {
             Self::Position
@@ -143,7 +143,9 @@ mod tests {
                 Quantity::Position,
             ),
             (
-                &["m/s", "rad/s", "rpm", "mm/s", " deg/s ", "counts/s"],
+                &[
+                    "m/s", "rad/s", "rpm", "mm/s", " deg/s ", "counts/s", "km/h", "mm/min", "rev/min",
+                ],
                 Quantity::Speed,
             ),
             (

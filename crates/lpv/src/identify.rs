@@ -267,7 +267,8 @@ fn estimation_records(
 ) -> Result<(Vec<Record>, Vec<usize>), PipelineError> {
     let entries = &bundle.description().records;
     let records = load_records(bundle, |i| entries[i].purpose == Purpose::Estimation, progress)?;
-    if records.is_empty() && entries.iter().any(experiment_data::RecordEntry::is_response) {
+    let fitted = |e: &experiment_data::RecordEntry| e.is_response() && e.purpose == Purpose::Estimation;
+    if records.is_empty() && entries.iter().any(fitted) {
         return Err(PipelineError::Structure {
             problem: "this structure is fitted to records of samples, and the bundle has measured frequency responses alone; leave `structure` out",
         });

@@ -246,7 +246,7 @@ pub fn fit_poles(
             100.0 * relative_error
         ));
         found = if one && given.is_none() {
-            search.distorted(&mut reasons)?
+            search.distorted(slope, &mut reasons)?
         } else {
             search.run(&mut reasons)?
         };

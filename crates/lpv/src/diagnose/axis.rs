@@ -2,7 +2,7 @@
 
 use crate::PipelineError;
 use crate::validation::{AxisCheck, check_axis};
-use lpv_core::{ControllerState, Discrete, Record};
+use lpv_core::{AxisOutput, ControllerState, Discrete, Record};
 use lpv_diagnose::{Base, Explained, Motion, Trace, Track};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -103,5 +103,6 @@ fn check(
             .collect()
     };
     let closed = closed.map(|run| (first(run.outputs), first(run.inputs)));
-    check_axis(clock, record, 0, force, &first(open.outputs), closed).map(Some)
+    let output = AxisOutput::Position;
+    check_axis(clock, output, record, 0, force, &first(open.outputs), closed).map(Some)
 }

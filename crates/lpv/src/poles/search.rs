@@ -225,10 +225,10 @@ impl Search<'_> {
     /// The fit of one position that describes a distorted response most shortly: with the integrators that it has, with fewer, or with
     /// none, since friction turns them into slow poles; and with a direct term, which takes what the amplifier does to the phase. What is
     /// found stays in the settings.
-    pub(super) fn distorted(&mut self, reasons: &mut Vec<String>) -> Result<Fits, PipelineError> {
-        let own = (self.integrators, self.settings.numerator);
+    pub(super) fn distorted(&mut self, slope: f64, reasons: &mut Vec<String>) -> Result<Fits, PipelineError> {
+        let own = self.integrators;
         let mut tried = Vec::new();
-        for count in (0..=own.0).rev() {
+        for count in (0..=own.max(2)).rev().filter(|c| *c <= own || near(*c, slope)) {
             for numerator in [NumeratorDegree::StrictlyProper, NumeratorDegree::Proper] {
                 self.integrate(count);
                 self.settings.numerator = numerator;
@@ -251,11 +251,14 @@ impl Search<'_> {
         };
         self.integrate(count);
         self.settings.numerator = numerator;
-        if count != own.0 {
-            let integrators = lpv_core::counted(count, "integrator");
+        if count != own {
             reasons.push(format!(
-                "{integrators} instead: friction may have moved the others"
+                "{} instead: they describe the response most shortly",
+                lpv_core::counted(count, "integrator")
             ));
+        }
+        if numerator == NumeratorDegree::Proper {
+            reasons.push("with a direct term: what is left is smaller for it".to_owned());
         }
         reasons.extend(why);
         Ok(found)

@@ -66,6 +66,7 @@ pub(super) fn check(
             let closed = closed.map(|run| (position(&run.outputs, i), row(&run.inputs, i)));
             check_axis(
                 (clock, f64::INFINITY),
+                axis.output,
                 record,
                 i,
                 |m| m.force(axis),
@@ -80,6 +81,7 @@ pub(super) fn check(
 /// in the band of the acceleration, and up to `most_hz` at the most.
 pub(crate) fn check_axis(
     (clock, most_hz): (Discrete, f64),
+    output: AxisOutput,
     record: &Record,
     i: usize,
     force: impl Fn(&Motion) -> Vec<f64>,
@@ -87,13 +89,17 @@ pub(crate) fn check_axis(
     closed: Option<(Vec<f64>, Vec<f64>)>,
 ) -> Result<AxisCheck, PipelineError> {
     let (q, u) = (&record.outputs.columns[i], &record.inputs.columns[i]);
-    let mut filter = Filter::new(&[q], clock, &RigidBodySettings::default())?;
+    let filter_of = |settings: &RigidBodySettings| match output {
+        AxisOutput::Position => Filter::new(&[q], clock, settings),
+        AxisOutput::Speed => Filter::of_speeds(&[q], clock, settings),
+    };
+    let mut filter = filter_of(&RigidBodySettings::default())?;
     if filter.regression_cutoff_hz > most_hz {
         let settings = RigidBodySettings {
             regression_cutoff_hz: Some(most_hz),
             ..RigidBodySettings::default()
         };
-        filter = Filter::new(&[q], clock, &settings)?;
+        filter = filter_of(&settings)?;
     }
     // Simulated positions go through the same filter, so that derivatives compare like with like.
     let motion = |q: &[f64]| Motion::new(q, clock, filter.position_cutoff_hz);

@@ -29,8 +29,23 @@ impl Filter {
         clock: Discrete,
         settings: &RigidBodySettings,
     ) -> Result<Self, LtiIdentError> {
+        Self::of(cutoffs(positions, clock), clock, settings)
+    }
+
+    /// The same of positions that are integrals of measured speeds: the noise of the sensor is white in the speed.
+    ///
+    /// # Errors
+    /// As [`Filter::new`].
+    pub fn of_speeds(
+        integrals: &[&[f64]],
+        clock: Discrete,
+        settings: &RigidBodySettings,
+    ) -> Result<Self, LtiIdentError> {
+        Self::of(cutoffs_of(integrals, clock, 1), clock, settings)
+    }
+
+    fn of(found: Cutoffs, clock: Discrete, settings: &RigidBodySettings) -> Result<Self, LtiIdentError> {
         settings.check()?;
-        let found = cutoffs(positions, clock);
         let regression_cutoff_hz = settings.regression_cutoff_hz.unwrap_or(found.regression_hz);
         // A whole number stays one, whatever the unit of time makes of its last digit.
         let decimation = ((1.0 + ROUNDING) / (2.5 * regression_cutoff_hz * clock.sample_time())) as usize;
@@ -80,25 +95,30 @@ pub(super) struct Cutoffs {
 /// of second differences, whose range the sidelobes of a window can hold; dividing by `(2 - 2 cos wT)^2` gives that of
 /// the position.
 pub(super) fn cutoffs(runs: &[&[f64]], clock: Discrete) -> Cutoffs {
+    cutoffs_of(runs, clock, 0)
+}
+
+/// The same where the noise is white in so many derivatives of the position.
+fn cutoffs_of(runs: &[&[f64]], clock: Discrete, derivatives: i32) -> Cutoffs {
     let nyquist = clock.nyquist_hz();
     let power = spectrum(runs);
     let bins = power.len();
     let frequency = |k: usize| nyquist * k as f64 / (bins.max(2) - 1) as f64;
     let difference = |k: usize| {
         let angle = std::f64::consts::PI * k as f64 / (bins.max(2) - 1) as f64;
-        (2.0 - 2.0 * angle.cos()).powi(2)
+        (2.0 - 2.0 * angle.cos()).powi(2 - derivatives)
     };
-    let position: Vec<f64> = (0..bins)
+    let sensor: Vec<f64> = (0..bins)
         .map(|k| power[k] / difference(k).max(f64::MIN_POSITIVE))
         .collect();
-    let mut upper = position[bins / 2..].to_vec();
+    let mut upper = sensor[bins / 2..].to_vec();
     upper.sort_by(f64::total_cmp);
     let noise = upper.get(upper.len() / 2).copied().unwrap_or(0.0);
     let visible = (1..bins)
         .rev()
-        .find(|&k| position[k] > VISIBLE * noise)
+        .find(|&k| sensor[k] > VISIBLE * noise)
         .unwrap_or(0);
-    let acceleration = |k: usize| (position[k] - noise).max(0.0) * difference(k);
+    let acceleration = |k: usize| (sensor[k] - noise).max(0.0) * difference(k);
     let total: f64 = (1..=visible).map(acceleration).sum();
     let mut sum = 0.0;
     let most = (1..=visible).find(|&k| {

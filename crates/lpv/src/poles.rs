@@ -237,12 +237,13 @@ pub fn fit_poles(
             relative_error = (relative_error * over.sqrt()).max(LEAST_FLOOR);
             search.settings.relative_floor = relative_error;
         }
+        let digits = if relative_error < 0.01 { 3 } else { 1 };
         let left = match estimates.iter().any(FrfEstimate::covariance_is_assumed) {
             true => "more is left than the assumed error".to_owned(),
             false => format!("what is left is {misfit:.0} times the noise"),
         };
         reasons.push(format!(
-            "{left}: fitted again with a relative error of {:.2} % in the weights",
+            "{left}: fitted again with a relative error of {:.digits$} % in the weights",
             100.0 * relative_error
         ));
         found = if one && given.is_none() {

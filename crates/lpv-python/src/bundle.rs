@@ -6,9 +6,10 @@ use crate::places::{PlaceTuple, places};
 use crate::worker;
 use lpv::experiment_data;
 use lpv::lpv_core::Signals;
-use lpv::{PipelineError, estimate_bundle};
+use lpv::{PipelineError, estimate_part, records_by_place};
 use numpy::PyArray2;
 use pyo3::prelude::*;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -56,17 +57,27 @@ impl Bundle {
         Ok((groups, record.position.map(|p| p.to_vec())))
     }
 
-    /// The frequency responses place by place, and how they were made.
-    #[pyo3(signature = (skip_periods, progress))]
+    /// The estimation records of each place that can be worked on by itself.
+    fn places(&self, py: Python<'_>) -> PyResult<Vec<Vec<usize>>> {
+        let bundle = Arc::clone(&self.inner);
+        worker::run(py, None, move |_| {
+            records_by_place(&bundle).map_err(|e| e.at(bundle.folder()))
+        })
+    }
+
+    /// The frequency responses place by place, of all records or of some, and how they were made.
+    #[pyo3(signature = (records, skip_periods, progress))]
     fn frf<'py>(
         &self,
         py: Python<'py>,
+        records: Option<BTreeSet<usize>>,
         skip_periods: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<(Vec<PlaceTuple<'py>>, Vec<String>)> {
         let bundle = Arc::clone(&self.inner);
         let found = worker::run(py, progress.as_ref(), move |tell| {
-            estimate_bundle(&bundle, skip_periods, tell).map_err(|e| e.at(bundle.folder()))
+            let part = |i| records.as_ref().is_none_or(|all| all.contains(&i));
+            estimate_part(&bundle, part, skip_periods, tell).map_err(|e| e.at(bundle.folder()))
         })?;
         let all = found
             .estimates

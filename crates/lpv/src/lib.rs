@@ -85,7 +85,9 @@ pub use output::write_whole;
 pub use pipeline::{Identified, LpvStage, LtiStage, identify, regress_on};
 pub use poles::{PoleStage, RigidTerms, fit_poles};
 pub use progress::{Progress, silent};
-pub use responses::{Responses, estimate_bundle, estimate_local, load_records};
+pub use responses::{
+    Responses, estimate_bundle, estimate_local, estimate_part, load_records, records_by_place,
+};
 pub use rigid::RigidEvidence;
 pub use settings_file::{nearest_name, read_settings};
 pub use small::{BetweenPositions, MovingStage, SizeRow, SmallStage, small_lfr};

@@ -1,5 +1,6 @@
 //! Bundle in, one frequency response with covariance a position out.
 
+mod by_place;
 mod injection;
 mod large;
 mod length;
@@ -14,7 +15,9 @@ use crate::finding::{self, Finding, Look, Voice, Watch};
 use crate::inspect::{describe_responses, of_experiment};
 use crate::period_noise::period_noise;
 use crate::progress::{Counter, Progress};
-use experiment_data::{Bundle, DataError};
+pub use by_place::records_by_place;
+use by_place::runs_of;
+use experiment_data::Bundle;
 use frf_estimation::{
     FrfError, LocalSettings, PeriodicEstimate, PeriodicSettings, Regressor, SkipRule, estimate_records,
     local_rational,
@@ -79,6 +82,20 @@ pub fn estimate_bundle(
     skip_periods: Option<usize>,
     progress: Progress<'_>,
 ) -> Result<Responses, PipelineError> {
+    estimate_part(bundle, |_| true, skip_periods, progress)
+}
+
+/// The same from the records for which `part` holds alone: of one list of [`records_by_place`] the response that
+/// [`estimate_bundle`] gives there, to the last bit.
+///
+/// # Errors
+/// Those of [`estimate_bundle`].
+pub fn estimate_part(
+    bundle: &Bundle,
+    part: impl Fn(usize) -> bool + Sync,
+    skip_periods: Option<usize>,
+    progress: Progress<'_>,
+) -> Result<Responses, PipelineError> {
     let entries = &bundle.description().records;
     let periodic = |i: usize| entries[i].is_periodic();
     let fitted = |i: usize| entries[i].purpose == Purpose::Estimation;
@@ -87,11 +104,11 @@ pub fn estimate_bundle(
     let is_measured = |i: usize| entries[i].is_response();
     let any_measured = (0..bundle.len()).any(|i| fitted(i) && is_measured(i));
     let by_frequency = |i: usize| periodic(i) || is_measured(i);
-    let used = |i: usize| fitted(i) && (by_frequency(i) || !(any_periodic || any_measured));
+    let used = |i: usize| part(i) && fitted(i) && (by_frequency(i) || !(any_periodic || any_measured));
     let indices: Vec<usize> = (0..bundle.len()).filter(|i| used(*i)).collect();
     places::one_signal(bundle, &indices)?;
     let several = places::several_signals(bundle);
-    let measured = measured_responses(bundle, fitted, progress)?;
+    let measured = measured_responses(bundle, |i| part(i) && fitted(i), progress)?;
     if any_periodic || any_measured {
         let found = periodic_responses(bundle, |i| used(i) && periodic(i), skip_periods, progress)?;
         // One place of several signals has no p that a model of one parameter knows.
@@ -220,18 +237,7 @@ pub(crate) fn periodic_responses(
     let clock = bundle.clock()?;
     let skip = skip_periods.map_or(SkipRule::Auto, SkipRule::Fixed);
     let indices: Vec<usize> = (0..bundle.len()).filter(|&i| wanted(i)).collect();
-    let placed = indices
-        .par_iter()
-        .map(|&index| {
-            Ok(Placed {
-                place: bundle.place(index)?,
-                name: bundle.record_name(index)?.to_owned(),
-                index,
-            })
-        })
-        .collect::<Vec<Result<_, DataError>>>();
-    let mut placed = placed.into_iter().collect::<Result<Vec<_>, DataError>>()?;
-    let runs = places::runs(&mut placed)?;
+    let (placed, runs) = runs_of(bundle, &indices)?;
     let counter = Counter::new(progress, "frequency responses", indices.len());
     let found: Vec<Result<AtPosition, (usize, PipelineError)>> = runs
         .into_par_iter()

@@ -231,7 +231,7 @@ class Bundle:
             skip_periods: periods dropped as transient; without it from the decay between periods.
         """
         with listener(progress) as tell:
-            places, reasons = self._native.frf(skip_periods, tell)
+            places, reasons = self._native.frf(None, skip_periods, tell)
         return Responses.of(places, sample_rate=self.sample_rate, reasons=reasons)
 
     def identify(self, **settings: Any) -> Model:

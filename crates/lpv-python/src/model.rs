@@ -141,8 +141,9 @@ impl Model {
             .detach(|| convert::import(&path))
             .map_err(|e| to_python(py, &e))?;
         let folder = file.identification.as_ref().map(|i| i.folder.clone());
-        // Relative to the file; one that is not there any more stays as it is written.
-        let found = folder.and_then(|f| path.parent().unwrap_or(Path::new("")).join(f).canonicalize().ok());
+        // Relative to the file; one that is not there any more stays as it is written, as does none.
+        let named = folder.filter(|f| !f.as_os_str().is_empty());
+        let found = named.and_then(|f| path.parent().unwrap_or(Path::new("")).join(f).canonicalize().ok());
         Ok(match found {
             Some(folder) => Self::new(file, &folder),
             None => Self { file: Arc::new(file) },

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,14 @@ def test_wrong_arguments_are_refused(model: lpvident.Model) -> None:
         model.simulate(np.full((10, 2), np.nan), 0.0)
     with pytest.raises(lpvident.BundleError, match="empty"):
         model.simulate(np.zeros((0, 2)), 0.0)
+
+
+def test_models_travel_between_processes(model: lpvident.Model) -> None:
+    assert pickle.loads(pickle.dumps(model)).to_json() == model.to_json()
+    lines = np.linspace(1.0, 40.0, 40)
+    # Of no bundle, and so of no folder.
+    other = lpvident.fit_frf(lines, 1.0 / (1.0 + 0.1j * lines), sample_rate=100.0, order=1, integrators=0)
+    assert pickle.loads(pickle.dumps(other)).to_json() == other.to_json()
 
 
 def test_settings(bundle: lpvident.Bundle) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -64,6 +66,17 @@ class Model:
             ModelError: with ``path``, and what is wrong in it.
         """
         return cls(_lpvident.Model.load(os.fspath(path)))
+
+    @classmethod
+    def from_json(cls, text: str) -> Model:
+        """The model of a text that `to_json` gave."""
+        with tempfile.TemporaryDirectory(prefix="lpvident-") as folder:
+            file = Path(folder) / "model.json"
+            file.write_text(text, encoding="utf-8")
+            return cls.load(file)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (Model.from_json, (self.to_json(),))
 
     # What it is.
 

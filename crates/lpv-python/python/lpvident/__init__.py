@@ -14,6 +14,8 @@ Arrays are samples x channels, responses frequencies x outputs x inputs, frequen
 bundle. Results are those of the program `lpv`, to the last bit. Long calls leave the interpreter to other threads, tell what they do
 through ``progress=`` and end on Ctrl-C. What goes wrong is an `LpvError`, with the facts as fields.
 
+`lpvident.distributed` does so for many bundles, places and seeds, by Dask.
+
 What it does not do: it has no estimator of its own and decides nothing about models or data. numpy is the only package that it needs;
 pandas, xarray, python-control, matplotlib and tqdm serve where they are installed, and none of them is imported before it is asked for.
 """

@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::fleet::{Fleet, Merge};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -65,6 +66,12 @@ pub(crate) enum Command {
     /// Find the effect behind what a model gets wrong on the moves of a bundle.
     #[command(after_help = "Example:\n  lpv diagnose measurements -o diagnosis")]
     Diagnose(Diagnose),
+    /// Diagnose or identify many bundles, or a shard of them; what is there already is kept.
+    #[command(after_help = "Example:\n  lpv fleet machines/* --shard 2/5 -o results")]
+    Fleet(Fleet),
+    /// Put the rows of all shards of a fleet together, and name what is missing.
+    #[command(after_help = "Example:\n  lpv merge results -o fleet.csv")]
+    Merge(Merge),
     /// Write a model for MATLAB, Python or a spreadsheet, or read it back.
     #[command(after_help = "Example:\n  lpv convert result/model.json --to mat -o result/model.mat")]
     Convert(Convert),
@@ -103,6 +110,8 @@ pub(crate) enum Account {
     Identify,
     Validate,
     Diagnose,
+    Fleet,
+    Merge,
     Convert,
     Report,
 }

@@ -3,6 +3,7 @@
 mod arguments;
 mod bars;
 mod done;
+mod fleet;
 mod run;
 mod stop;
 

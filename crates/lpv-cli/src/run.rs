@@ -4,8 +4,8 @@ use crate::arguments::{
     Arguments, Command, Convert, Diagnose, Format, Identify, Inspect, New, Report, Simulate, StructureName,
     TargetName, Validate,
 };
-use crate::bars;
 use crate::done::{Done, Tone};
+use crate::{bars, fleet};
 use clap::{CommandFactory, ValueEnum};
 use experiment_data::{Bundle, RecordFormat};
 use lpv::account::{Account, Converted, Reported, schema_of, to_json};
@@ -36,6 +36,8 @@ fn answer(command: Command) -> Result<Done, PipelineError> {
         Command::Identify(a) => run_identify(&a),
         Command::Validate(a) => run_validate(&a),
         Command::Diagnose(a) => run_diagnose(&a),
+        Command::Fleet(a) => fleet::run_fleet(&a),
+        Command::Merge(a) => fleet::run_merge(&a),
         Command::Convert(a) => run_convert(&a),
         Command::Report(a) => run_report(&a),
         Command::Schema { of } => {
@@ -61,7 +63,7 @@ fn manual(folder: &Path) -> std::io::Result<()> {
 }
 
 /// As JSON, or in words, in which `names` may stand.
-fn told<'a>(
+pub(crate) fn told<'a>(
     json: bool,
     account: &impl Account,
     names: impl IntoIterator<Item = &'a str>,
@@ -135,7 +137,7 @@ fn open(place: &Path) -> Result<Bundle, PipelineError> {
 }
 
 /// A path in one line.
-fn shown(path: &Path) -> String {
+pub(crate) fn shown(path: &Path) -> String {
     encode::visible(&path.to_string_lossy())
 }
 

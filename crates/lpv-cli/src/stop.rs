@@ -1,6 +1,7 @@
 //! Stopping: by a signal or at a time limit, in one sentence, with nothing half written.
 
 use crate::{bars, say};
+use lpv::output::Stopped;
 use std::time::Duration;
 
 /// Exit code of a program that was interrupted, as shells know it.
@@ -41,9 +42,12 @@ pub(crate) fn after(limit: Option<Duration>) {
 
 /// Ends the process, unless its results are in their places already: then there is nothing left to stop.
 fn end(why: &str, remedy: &str, code: i32) {
-    if lpv::output::abandon() {
-        let step = bars::clear().map_or(String::new(), |step| format!(" during the step `{step}`"));
-        say(&format!("{why}{step}; no result was written{remedy}"));
-        std::process::exit(code);
-    }
+    let left = match lpv::output::abandon() {
+        Stopped::Done => return,
+        Stopped::Some => "what was finished stays, and the same command goes on after it",
+        Stopped::Nothing => "no result was written",
+    };
+    let step = bars::clear().map_or(String::new(), |step| format!(" during the step `{step}`"));
+    say(&format!("{why}{step}; {left}{remedy}"));
+    std::process::exit(code);
 }

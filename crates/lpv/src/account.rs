@@ -4,6 +4,7 @@
 
 use crate::PipelineError;
 use crate::diagnose::Diagnosis;
+use crate::fleet;
 use crate::inspect::Inspection;
 use crate::new::{Draft, Drafted};
 use crate::simulate::SimulateAccount;
@@ -45,6 +46,14 @@ impl Account for Validation {
 /// `diagnosis.json` is this without the name of the schema: it has a `format` of its own.
 impl Account for Diagnosis {
     const SCHEMA: &'static str = "lpv-diagnose/1";
+}
+
+impl Account for fleet::Account {
+    const SCHEMA: &'static str = "lpv-fleet/1";
+}
+
+impl Account for fleet::Table {
+    const SCHEMA: &'static str = "lpv-merge/1";
 }
 
 /// A model that was written for another program.
@@ -144,6 +153,8 @@ pub fn schema_of(command: &str) -> Option<String> {
         "identify" => schema::<Summary>(),
         "validate" => schema::<Validation>(),
         "diagnose" => schema::<Diagnosis>(),
+        "fleet" => schema::<fleet::Account>(),
+        "merge" => schema::<fleet::Table>(),
         "convert" => schema::<Converted>(),
         "report" => schema::<Reported>(),
         _ => return None,

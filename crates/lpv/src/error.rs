@@ -70,6 +70,9 @@ pub enum PipelineError {
         /// What is wrong with it.
         source: lpv_diagnose::TraceError,
     },
+    /// Bundles of a fleet that do not go together.
+    #[error(transparent)]
+    Fleet(#[from] crate::fleet::FleetError),
     /// The simulated machine refuses its settings.
     #[error(transparent)]
     Plant(#[from] xytable_plant::PlantError),

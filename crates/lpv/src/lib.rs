@@ -6,7 +6,7 @@
 //! basis, a regression, an interpolation and an LFR ([`identify()`]); one position becomes a pole fit; records without periods a
 //! prediction-error fit that starts at the local rational response; servo axes a mass, a viscous friction and an offset each.
 //! [`validation`] measures what the model gets wrong, frozen and in time; [`convert`] hands it to other programs; [`report`]
-//! shows it. [`mod@diagnose`] finds what a model lacks. [`new`] drafts the description of a bundle, [`inspect`] judges the data before any model.
+//! shows it. [`mod@diagnose`] finds what a model lacks, [`fleet`] does so for many bundles. [`new`] drafts the description of a bundle, [`inspect`] judges the data before any model.
 //!
 //! # Words
 //! - *bundle*: a folder with one `experiment.toml` and its record files.
@@ -42,6 +42,7 @@ pub mod diagnose;
 pub mod encode;
 mod error;
 mod finding;
+pub mod fleet;
 mod identify;
 pub mod inspect;
 mod model_file;

@@ -10,7 +10,7 @@ mod spare;
 pub use kind::Kind;
 pub use problem::PlaceProblem;
 pub(crate) use problem::is_slip;
-pub use spare::{Unfinished, abandon, place_all, yield_to_end};
+pub use spare::{Stopped, Unfinished, abandon, one_by_one, place_all, yield_to_end};
 
 use crate::PipelineError;
 use experiment_data::Bundle;
@@ -171,6 +171,11 @@ impl Place {
         }
         spare::probe(target).map_err(|source| place.refused(source))?;
         Ok(place)
+    }
+
+    /// Whether a result of this kind stands here.
+    pub(crate) fn is_result(file: &Path, kind: Kind) -> bool {
+        file.is_file() && kind.is(file)
     }
 
     /// The place behind a name, unchecked.

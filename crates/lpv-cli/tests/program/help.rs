@@ -2,12 +2,14 @@
 
 use crate::common::{Desk, MACHINE, machine_bundle, message_of, mode_bundle};
 
-const COMMANDS: [&str; 9] = [
+const COMMANDS: [&str; 11] = [
     "new",
     "inspect",
     "simulate",
     "identify",
     "validate",
+    "fleet",
+    "merge",
     "convert",
     "report",
     "schema",

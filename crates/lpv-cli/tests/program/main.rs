@@ -9,6 +9,7 @@ mod common;
 mod convert;
 mod diagnose;
 mod findings;
+mod fleet;
 mod foreign_text;
 mod help;
 mod identify;

@@ -1,6 +1,7 @@
 //! Results of this program, told from other files by what is in them.
 
 use crate::convert::TABLE_HEAD;
+use crate::fleet::TABLE_HEAD as FLEET_HEAD;
 use experiment_data::mat::read_arrays;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -25,6 +26,10 @@ pub enum Kind {
     Table,
     /// A model as a module of Python.
     Python,
+    /// The list of a fleet, a row or its table, as JSON.
+    Fleet,
+    /// The table of a fleet.
+    FleetTable,
 }
 
 /// The keys that tell results apart.
@@ -32,6 +37,7 @@ pub enum Kind {
 struct Marks {
     format: Option<serde_json::Value>,
     identification: Option<Origin>,
+    fleet: Option<IgnoredAny>,
     verdict: Option<IgnoredAny>,
     base_model: Option<IgnoredAny>,
     candidates: Option<IgnoredAny>,
@@ -53,6 +59,8 @@ impl Kind {
             Self::Matlab => "MATLAB file of `lpv convert`",
             Self::Table => "table of `lpv convert`",
             Self::Python => "module of `lpv convert`",
+            Self::Fleet => "file of `lpv fleet` or `lpv merge`",
+            Self::FleetTable => "table of `lpv merge`",
         }
     }
 
@@ -70,6 +78,8 @@ impl Kind {
                 head.starts_with(b"MATLAB 5.0 MAT-file  ") && read_arrays(file, &["lpv.Ts"]).is_ok()
             }
             Self::Table => head.starts_with((TABLE_HEAD.join(",") + "\n").as_bytes()),
+            Self::Fleet => marks().is_some_and(|m| m.fleet.is_some()),
+            Self::FleetTable => head.starts_with((FLEET_HEAD.join(",") + "\n").as_bytes()),
             Self::Python => contains(&head, b"\nWritten by `lpv convert`."),
         }
     }

@@ -14,8 +14,38 @@ const SUFFIX: &str = ".part";
 /// What is half written in this process.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Held while results take their places; whether all of them have.
-static PLACING: Mutex<bool> = Mutex::new(false);
+/// Held while results take their places.
+static PLACING: Mutex<Placing> = Mutex::new(Placing {
+    one_by_one: false,
+    all: false,
+    some: false,
+});
+
+/// Which results have taken their places.
+struct Placing {
+    /// A command has several, of which each may be the last.
+    one_by_one: bool,
+    /// All of them: there is nothing left to stop.
+    all: bool,
+    /// Some of several.
+    some: bool,
+}
+
+/// What a process that is stopped leaves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stopped {
+    /// All results: it had nothing left to do but to say so.
+    Done,
+    /// Those that it had finished, of several.
+    Some,
+    /// No result.
+    Nothing,
+}
+
+/// Says that the results of this command come one by one: between two of them it can be stopped.
+pub fn one_by_one() {
+    locked(&PLACING).one_by_one = true;
+}
 
 fn locked<T>(mutex: &'static Mutex<T>) -> MutexGuard<'static, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
@@ -63,17 +93,23 @@ impl Drop for Unfinished {
 pub fn place_all<T, E>(place: impl FnOnce() -> Result<T, E>) -> Result<T, E> {
     let mut placed = locked(&PLACING);
     let result = place();
-    *placed = result.is_ok();
+    let done = result.is_ok();
+    placed.all = done && !placed.one_by_one;
+    placed.some |= done;
     result
 }
 
-/// Removes what is half written, before the process ends: no other thread writes a result from then on. Does nothing and gives false if
+/// Removes what is half written, before the process ends: no other thread writes a result from then on. Does nothing if
 /// all results have taken their places already.
-pub fn abandon() -> bool {
+pub fn abandon() -> Stopped {
     let placed = locked(&PLACING);
-    if *placed {
-        return false;
+    if placed.all {
+        return Stopped::Done;
     }
+    let left = match placed.some {
+        true => Stopped::Some,
+        false => Stopped::Nothing,
+    };
     let all = locked(&UNFINISHED);
     for path in all.iter() {
         // Another thread may still put files into a folder.
@@ -95,7 +131,7 @@ pub fn abandon() -> bool {
     }
     // To the end of the process.
     std::mem::forget((placed, all));
-    true
+    left
 }
 
 /// Waits for ever if the process is about to end by [`abandon`], whose last word is the only one.

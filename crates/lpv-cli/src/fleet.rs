@@ -57,6 +57,9 @@ pub(crate) struct Merge {
     pub(crate) json: bool,
 }
 
+/// A table as the text of a file.
+type Written = fn(&Table) -> Result<String, PipelineError>;
+
 fn slip(problem: &'static str) -> PipelineError {
     PipelineError::Structure { problem }
 }
@@ -105,7 +108,7 @@ pub(crate) fn run_merge(a: &Merge) -> Result<Done, PipelineError> {
             .unwrap_or_default()
             .to_string_lossy()
             .to_lowercase();
-        let (kind, write): (_, fn(&Table) -> Result<String, PipelineError>) = match ending.as_str() {
+        let (kind, write): (Kind, Written) = match ending.as_str() {
             "json" => (Kind::Fleet, Table::to_json),
             "csv" => (Kind::FleetTable, Table::to_csv),
             _ => return Err(slip("--output of `lpv merge` ends in .json or .csv")),

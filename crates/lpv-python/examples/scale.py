@@ -61,39 +61,51 @@ def local(workers: int) -> LocalCluster:
     return LocalCluster(n_workers=workers, threads_per_worker=1, memory_limit=None, dashboard_address=":0")
 
 
-def load() -> float:
-    return os.getloadavg()[0]
+def bare(path: str) -> None:
+    """The same work without Dask."""
+    lpvident.diagnose(path)
 
 
 def speedup(bundles: Sequence[Path], rounds: int) -> distributed.Rows:
-    """One worker and two in turns."""
-    print(f"{len(bundles)} diagnoses, one thread a worker, {os.cpu_count()} cores:\n")
-    print("| turn | load before | 1 worker, s | 2 workers, s | ratio | one task, 2 workers over 1 |")
-    print("|---|---|---|---|---|---|")
-    ratios, rows = [], distributed.Rows()
+    """One worker and two in turns, and beside them one process and two of a plain pool: what the machine gives at that time."""
+    print(f"{len(bundles)} diagnoses, one thread a worker, {os.cpu_count()} cores; times in s:\n")
+    print("| turn | load before | 1 worker | 2 workers | ratio | ratio of plain processes | both workers at work |")
+    print("|---|---|---|---|---|---|---|")
+    ratios, plain, busy, rows = [], [], [], distributed.Rows()
+    os.environ["RAYON_NUM_THREADS"] = "1"
+    pools = multiprocessing.get_context("spawn").Pool
+    paths = [str(path) for path in bundles]
     with local(1) as one, local(2) as two, Client(one, set_as_default=False) as a, Client(two, set_as_default=False) as b:
-        for client in (a, b):
+        with pools(1) as single, pools(2) as double:
             # Imports and the first call are not counted.
-            distributed.diagnose_many(bundles[:2], client=client)
-        for turn in range(rounds):
-            took: dict[Client, float] = {}
-            alone: dict[Client, float] = {}
-            before = load()
-            for client in (a, b) if turn % 2 == 0 else (b, a):
-                start = time.perf_counter()
-                rows = distributed.diagnose_many(bundles, client=client)
-                took[client] = time.perf_counter() - start
-                alone[client] = sum(row.seconds for row in rows)
-                assert not rows.failed, rows.failed[0].error
-            ratios.append(took[a] / took[b])
-            cells = f"{took[a]:.1f} | {took[b]:.1f} | {ratios[-1]:.2f} | {alone[b] / alone[a]:.2f}"
-            print(f"| {turn + 1} | {before:.1f} | {cells} |", flush=True)
-    print(f"\nratio: median {statistics.median(ratios):.2f}, from {min(ratios):.2f} to {max(ratios):.2f}\n")
+            for client, pool in ((a, single), (b, double)):
+                distributed.diagnose_many(bundles[:2], client=client)
+                pool.map(bare, paths[:2], chunksize=1)
+            for turn in range(rounds):
+                took: dict[object, float] = {}
+                before = os.getloadavg()[0]
+                for which in (a, b, single, double) if turn % 2 == 0 else (double, single, b, a):
+                    start = time.perf_counter()
+                    if which in (single, double):
+                        which.map(bare, paths, chunksize=1)
+                    else:
+                        rows = distributed.diagnose_many(bundles, client=which)
+                        assert not rows.failed, rows.failed[0].error
+                    took[which] = time.perf_counter() - start
+                    if which is b:
+                        busy.append(sum(row.seconds for row in rows) / (2 * took[b]))
+                ratios.append(took[a] / took[b])
+                plain.append(took[single] / took[double])
+                cells = f"{took[a]:.1f} | {took[b]:.1f} | {ratios[-1]:.2f} | {plain[-1]:.2f} | {100 * busy[-1]:.1f} %"
+                print(f"| {turn + 1} | {before:.1f} | {cells} |", flush=True)
+    found = [f"{what} {statistics.median(all_):.2f}, from {min(all_):.2f} to {max(all_):.2f}" for what, all_ in
+             (("ratio", ratios), ("of plain processes", plain), ("part of the time at work", busy))]
+    print(f"\nMedians: {'; '.join(found)}.\n")
     return rows
 
 
-def sizes(bundle: Path, row: distributed.Row) -> int:
-    """What travels for a task, and what stays; the bytes of a result."""
+def sizes(bundle: Path, row: distributed.Row) -> tuple[int, int]:
+    """What travels for a task, and what stays; the bytes of the records and of a result."""
     records = sum(file.stat().st_size for file in bundle.glob("records/*"))
     place = max(len(pickle.dumps(place)) for place in lpvident.Bundle(bundle).frf().places)
     result = len(pickle.dumps({**vars(row), "error": None}))
@@ -103,7 +115,7 @@ def sizes(bundle: Path, row: distributed.Row) -> int:
     print(f"| to the worker: a path | {sent} |")
     print(f"| back: verdict, effects, model | {result} |")
     print(f"| the response of one place, as `frf` sends it back | {place} |\n")
-    return result
+    return records, result
 
 
 def crowd(address: str, count: int) -> None:
@@ -232,7 +244,7 @@ def check(costs: Costs, workers: int, seconds: float, count: int) -> None:
     )
 
 
-def plan(seconds: Sequence[float], result: int, costs: Costs) -> None:
+def plan(seconds: Sequence[float], records: int, result: int, costs: Costs) -> None:
     """Times for many workers, of diagnoses and of tasks as short as one place."""
     service = costs.task + costs.byte * result
     for name, scale in (("diagnoses", 1.0), ("tasks of a tenth of that", 0.1), ("tasks of a hundredth", 0.01)):
@@ -245,6 +257,8 @@ def plan(seconds: Sequence[float], result: int, costs: Costs) -> None:
             part, rate = sum(durations) / workers / end, BUNDLES / end
             print(f"| {workers} | {clock(end)} | {100 * part:.1f} % | {100 * busy:.1f} % | {rate:.3g} | {rate * result / 1e6:.3g} |")
         print()
+    rate = BUNDLES / finish(1000, [seconds[i % len(seconds)] for i in range(BUNDLES)], service, costs.taken(1000))[0]
+    print(f"1,000 workers read {rate * records / 1e6:.0f} MB/s of records for the diagnoses.")
     shortest = 1000 * service / (1.0 - costs.taken(1000))
     print(f"One scheduler keeps 1,000 workers busy with tasks of {shortest:.1f} s or more in the mean.")
 
@@ -270,12 +284,12 @@ def main() -> None:
                 rows = distributed.diagnose_many(bundles[: len(HIDDEN)], client=client)
         else:
             rows = speedup(bundles, asked.rounds)
-        result = sizes(bundles[0], rows[0])
+        records, result = sizes(bundles[0], rows[0])
     if asked.only == "speedup":
         return
     measured = costs(result, asked.tasks, few=2, many=asked.crowd)
     check(measured, asked.crowd, seconds=1.0, count=20 * asked.crowd)
-    plan([row.seconds for row in rows], result, measured)
+    plan([row.seconds for row in rows], records, result, measured)
 
 
 if __name__ == "__main__":

@@ -112,8 +112,7 @@ pub fn fit_poles(
                 one_by_slope = true;
                 0
             }
-            more if estimates.len() > 1 => more.min(2),
-            any => any,
+            more => more.min(2),
         };
         reasons.push(format!(
             "{}: |F| falls with the power {slope:.2} of frequency at the lowest lines",
@@ -200,7 +199,8 @@ pub fn fit_poles(
             }
         }
     }
-    if estimates.len() > 1 && rigid.is_none() && missed(&found.0) && given.is_none() {
+    let doubted = missed(&found.0);
+    if estimates.len() > 1 && rigid.is_none() && doubted && given.is_none() {
         let (slope, _) = integrators_from_slope(middle);
         if let Some(other) = search.other_integrators(slope, &found.0, &mut reasons) {
             found = other;
@@ -208,6 +208,18 @@ pub fn fit_poles(
                 .then(|| evidence(estimates, clock, &found.0))
                 .flatten();
         }
+    }
+    if estimates.len() > 1
+        && given.is_none()
+        && doubted
+        && let Some(other) = search.one_integrator(&found.0)
+    {
+        reasons.truncate(before);
+        reasons.push("1 integrator instead: it describes the responses most shortly".to_owned());
+        before = reasons.len();
+        reasons.extend(other.1);
+        found = other.0;
+        rigid = evidence(estimates, clock, &found.0);
     }
     let misfit = over_noise(&found.0);
     let mut relative_error = 0.0;

@@ -154,6 +154,11 @@ pub enum Cause {
         /// Largest magnitude of a pole.
         radius: f64,
     },
+    /// A pole outside the unit circle, of a model of responses that were measured in open loop.
+    UnstableResponse {
+        /// Largest magnitude of a pole.
+        radius: f64,
+    },
     /// A judgement that could not be made.
     NotJudged {
         /// Why.
@@ -232,6 +237,15 @@ impl Verdict {
     pub(crate) fn not_judged(why: &str) -> Self {
         let causes = vec![Cause::NotJudged { why: why.to_owned() }];
         Self::new(Worth::Unjudged, Basis::Nothing, &[], causes)
+    }
+
+    /// The same of an unstable model that no record along time has judged: what is measured in open loop is stable, or drifts.
+    pub(crate) fn unstable(mut self, radius: f64) -> Self {
+        if !self.worth.is_good() {
+            return self;
+        }
+        self.causes.insert(0, Cause::UnstableResponse { radius });
+        Self::new(Worth::Approximate, self.basis, &[], self.causes)
     }
 
     /// The same in view of what is to be expected between the positions: a model that was not judged there is no better than that.

@@ -190,3 +190,45 @@ fn bodies_on_the_ground_are_told_apart() {
     assert!(right as f64 >= 0.93 * SEEDS as f64, "{right} of {SEEDS}");
     assert!(worst < 2.0, "{worst}");
 }
+
+/// Two outputs and one input at four positions: there is no square response whose lowest lines tell the rigid body.
+#[test]
+fn friction_is_found_at_several_positions_of_an_oblong_response() {
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(11);
+    for case in 0..8 {
+        let rate = 1000.0;
+        let clock = Discrete::from_rate(rate).unwrap();
+        let lines: Vec<f64> = (1..240).map(f64::from).collect();
+        let body = Mass::new(TAU * 10f64.powf(rng.random_range(-0.3..0.8)), 0.0, rate);
+        let hz = rng.random_range(40.0..150.0);
+        let mode = Mass::new(0.02 * TAU * hz, (TAU * hz).powi(2), rate);
+        let shape: Vec<f64> = (0..4).map(|_| rng.random_range(0.3..1.0)).collect();
+        let estimates: Vec<FrfEstimate> = [-1.0, -0.3, 0.3, 1.0]
+            .iter()
+            .map(|p| {
+                let exact = lines.iter().flat_map(|f| {
+                    let z = C64::from_polar(1.0, TAU * f / rate);
+                    let part = |i: usize| shape[i] + 0.4 * shape[2 + i] * p;
+                    [0, 1].map(|i| body.response(z) + mode.response(z) * part(i))
+                });
+                let exact: Vec<C64> = exact.collect();
+                let middle = exact[exact.len() / 2].norm();
+                let deviation = 1e-3 * middle;
+                let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+                let noisy: Vec<C64> = exact
+                    .iter()
+                    .map(|v| v + C64::new(normal(), normal()) * (deviation / 2f64.sqrt()))
+                    .collect();
+                let frf = Frf::new(lines.clone(), 2, 1, noisy).unwrap();
+                let square = deviation * deviation;
+                let c_v = lines
+                    .iter()
+                    .flat_map(|_| [square, 0.0, 0.0, square].map(C64::from));
+                let one = vec![C64::from(1.0); lines.len()];
+                FrfEstimate::new(frf, c_v.collect(), one, f64::INFINITY, Some(vec![*p].into())).unwrap()
+            })
+            .collect();
+        let found = lpv::fit_poles(&estimates, clock, &IdentifyConfig::default()).unwrap();
+        assert_eq!(found.integrators, 1, "case {case}: {:?}", found.reasons);
+    }
+}

@@ -250,6 +250,11 @@ pub(super) fn named(factor: f64) -> f64 {
     factor.signum() * size
 }
 
+/// Whether units and signs make this factor.
+pub(super) fn is_known(factor: f64) -> bool {
+    factor == -1.0 || KNOWN.contains(&factor.abs())
+}
+
 /// Records of one place whose responses differ by more than noise; for one input.
 fn disagreements(voices: &[Voice]) -> Vec<Finding> {
     let mut found = Vec::new();

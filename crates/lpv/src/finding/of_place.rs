@@ -1,7 +1,7 @@
 //! What the records of one place say together with its response.
 
 use super::Finding;
-use super::compare::{Names, Voice, compare};
+use super::compare::{Names, Voice, compare, is_known};
 use super::saturation::saturation;
 use super::watch::Look;
 use experiment_data::Bundle;
@@ -9,6 +9,9 @@ use frf_estimation::PeriodicEstimate;
 use lpv_core::FrfEstimate;
 use lpv_core::num_complex::Complex;
 use realfft::RealFftPlanner;
+
+/// Responses of which one may stand apart: of three, an output that sees a mode shape change its sign looks like another sign.
+const FEWEST: usize = 4;
 
 /// Lines of a response that are compared between records.
 const LINES: usize = 256;
@@ -47,7 +50,10 @@ pub(crate) fn compare_measured<'m>(
             inputs: std::slice::from_ref(input),
         };
         for new in compare(&voices, &names) {
-            if !found.iter().any(|f| f.place() == new.place()) {
+            // Two responses of one place are refused as such.
+            let is_sure = measured.clone().count() >= FEWEST
+                && matches!(new, Finding::RecordStandsApart { factor, .. } if is_known(factor));
+            if is_sure && !found.iter().any(|f| f.place() == new.place()) {
                 found.push(new);
             }
         }

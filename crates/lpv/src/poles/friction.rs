@@ -5,7 +5,7 @@ use crate::PipelineError;
 use crate::rigid::RigidEvidence;
 use crate::small::MOST_DAMPING;
 use lpv_core::{Clock, Discrete, FrfEstimate};
-use pole_fit::PoleFit;
+use pole_fit::{NumeratorDegree, PoleFit};
 
 /// Fits with slow poles.
 pub(super) struct WithFriction {
@@ -33,6 +33,26 @@ fn length(fits: &[PoleFit]) -> f64 {
 }
 
 impl Search<'_> {
+    /// One integrator and slow poles, where the lowest lines do not tell the rigid body, or tell it wrong: if that reaches the noise with
+    /// stable poles and describes the responses more shortly than `found`. What is taken stays in the settings.
+    pub(super) fn one_integrator(&mut self, found: &[PoleFit]) -> Option<(Fits, Vec<String>)> {
+        let own = (self.integrators, self.slow_poles, self.settings.numerator);
+        if own.0 == 1 {
+            return None;
+        }
+        self.integrate(1);
+        self.slow_poles = true;
+        self.settings.numerator = NumeratorDegree::StrictlyProper;
+        let mut reasons = Vec::new();
+        let fits = self.run(&mut reasons).ok();
+        let better = fits.filter(|f| !missed(&f.0) && length(&f.0) < length(found));
+        if better.is_none() {
+            self.integrate(own.0);
+            (self.slow_poles, self.settings.numerator) = (own.1, own.2);
+        }
+        better.map(|fits| (fits, reasons))
+    }
+
     /// One integrator, or two where an axis without friction keeps both, with slow poles beside them: where the lowest lines show friction
     /// and it describes the responses shorter, or reaches the noise with stable poles and `found` does not. What is taken stays in the
     /// settings.

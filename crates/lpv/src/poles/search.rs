@@ -48,11 +48,13 @@ pub(super) fn missed(fits: &[PoleFit]) -> bool {
     over_noise(fits) > MORE_THAN_NOISE || !stable(fits)
 }
 
-/// `N ln(cost) + k ln(N)`: the description length when the size of the noise is not trusted.
+/// `N ln(cost / (N - k)) + k ln(N)`: the description length when the size of the noise is not trusted. Few equations leave less than the
+/// noise, as much less as they have unknowns.
 pub(super) fn description_length(fit: &PoleFit) -> f64 {
     let a = &fit.account;
-    let n = a.equations as f64;
-    n * (a.cost.max(f64::MIN_POSITIVE) / n).ln() + a.unknowns as f64 * n.ln()
+    let (n, k) = (a.equations as f64, a.unknowns as f64);
+    let left = (n - k).max(1.0);
+    n * (a.cost.max(f64::MIN_POSITIVE) / left).ln() + k * n.ln()
 }
 
 /// The same of all positions.
@@ -152,9 +154,7 @@ impl Search<'_> {
             &[NumeratorDegree::StrictlyProper]
         };
         // At several positions a single integrator is friction, which has its own search.
-        let counts = [2, 1, 0]
-            .into_iter()
-            .filter(|c| if one { near(*c, slope) } else { *c != 1 } || *c == own.0);
+        let counts = [2, 1, 0].into_iter().filter(|c| one || *c != 1 || *c == own.0);
         let others: Vec<_> = counts
             .flat_map(|count| numerators.iter().map(move |n| (count, *n)))
             .filter(|other| *other != own)

@@ -320,6 +320,8 @@ pub(crate) fn validate_knowing(
     }
     /// Samples over which a model without records is judged.
     const WITHOUT_RECORDS: usize = 10_000;
+    /// Places along each scheduling signal at which it must be stable.
+    const PLACES: usize = 9;
     let longest = runs.iter().map(|(record, ..)| record.len()).max();
     let centre = machine.range().map_or_else(Vec::new, |r| r.centre());
     let stability = stability(&machine.at(&centre)?.poles()?, longest.unwrap_or(WITHOUT_RECORDS));
@@ -330,6 +332,18 @@ pub(crate) fn validate_knowing(
         true => Verdict::not_judged(OBSERVED),
         false => Verdict::of(frozen.as_ref(), &records, stability, closed_loop, &notes),
     };
+    let in_open_loop = description.controller.is_none() && description.channels.reference.columns.is_empty();
+    let mut verdict = verdict;
+    if in_open_loop && records.is_empty() {
+        let grid = machine.range().map_or_else(Vec::new, |r| r.grid(PLACES));
+        for p in std::iter::once(centre).chain(grid) {
+            let poles = machine.at(&p)?.poles()?;
+            if let Stability::Unstable { radius } = self::stability(&poles, WITHOUT_RECORDS) {
+                verdict = verdict.unstable(radius);
+                break;
+            }
+        }
+    }
     let validation = Validation {
         verdict: verdict.in_view_of(&findings),
         findings,

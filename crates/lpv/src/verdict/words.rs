@@ -58,7 +58,9 @@ fn remedy(cause: &Cause) -> Option<&'static str> {
             "record moves for the fit, or see what is missing with `lpv diagnose`"
         }
         Cause::Record { .. } | Cause::Force { .. } => "see what is missing with `lpv diagnose`",
-        Cause::Unstable { .. } => "check input and output, or ask for fewer states with `order`",
+        Cause::Unstable { .. } | Cause::UnstableResponse { .. } => {
+            "check input and output and their quantities, or ask for fewer states with `order`"
+        }
         Cause::Between { .. } => "measure there too, and see whether the response of one position is wrong",
         Cause::NoisyResponse { .. } => "check `period`, or excite more or longer",
         _ => return None,
@@ -166,6 +168,10 @@ impl fmt::Display for Cause {
             Self::Unstable { radius } => write!(
                 f,
                 "the model is unstable (pole of magnitude {radius:.6}) where the measured outputs stay bounded in open loop"
+            ),
+            Self::UnstableResponse { radius } => write!(
+                f,
+                "the model is unstable (pole of magnitude {radius:.6}), and a machine that is measured in open loop is not"
             ),
             Self::NotJudged { why } => f.write_str(why),
             Self::Data { what } => f.write_str(what),

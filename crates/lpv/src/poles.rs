@@ -1,5 +1,6 @@
 //! Frequency responses in, poles at every position out: order and integrators chosen where they are not given.
 
+mod distortion;
 mod friction;
 mod search;
 
@@ -10,7 +11,7 @@ use friction::evidence;
 use lpv_core::{Discrete, FrfEstimate};
 use pole_fit::{NumeratorDegree, PoleFit, PoleFitSettings, Scan, Weighting};
 pub(crate) use search::upper_half;
-use search::{FLEXIBLE_ORDERS, Search, kind, missed, over_noise};
+use search::{FLEXIBLE_ORDERS, Search, doubtful, kind, missed, over_noise};
 
 /// The poles at every position.
 #[derive(Debug, Clone)]
@@ -199,8 +200,10 @@ pub fn fit_poles(
             }
         }
     }
-    let doubted = missed(&found.0);
-    if estimates.len() > 1 && rigid.is_none() && doubted && given.is_none() {
+    let missing = missed(&found.0);
+    // Without lowest lines that tell the rigid body a slope between whole numbers may be that of friction.
+    let doubted = missing || (rigid.is_none() && doubtful(slope));
+    if estimates.len() > 1 && rigid.is_none() && missing && given.is_none() {
         let (slope, _) = integrators_from_slope(middle);
         if let Some(other) = search.other_integrators(slope, &found.0, &mut reasons) {
             found = other;

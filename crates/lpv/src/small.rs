@@ -10,6 +10,7 @@ use crate::config::IdentifyConfig;
 use crate::moves::Moves;
 use crate::poles::PoleStage;
 use crate::progress::{Progress, begin};
+pub use between::BetweenPositions;
 use between::{between, coarse};
 use data::{expected_residuals, frozen_data};
 use lfr_fit::moving::{MovingData, StaticLfr, StaticLfrSettings, fit_static};
@@ -44,27 +45,6 @@ pub struct SmallStage {
     /// The choices in words.
     pub reasons: Vec<String>,
 }
-
-/// The largest error that is to be expected between two neighbouring positions.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct BetweenPositions {
-    /// The two positions.
-    pub positions: [f64; 2],
-    /// Error midway over the noise of the responses.
-    pub over_noise: f64,
-    /// Error midway, percent of the response.
-    pub error_percent: f64,
-}
-
-impl BetweenPositions {
-    /// Whether more than noise is to be expected there.
-    pub(crate) fn is_missed(&self) -> bool {
-        self.over_noise > EXPECTED
-    }
-}
-
-/// Expected error between the positions, over the noise, from which on it is a warning.
-const EXPECTED: f64 = 1.5;
 
 /// One size.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

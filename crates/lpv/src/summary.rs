@@ -132,12 +132,6 @@ pub(crate) fn relative_rms_percent(model: &[Frf], truth: &[Frf]) -> Vec<f64> {
 }
 
 impl Summary {
-    /// What is to be expected between the positions of the small LFR, where they tell.
-    pub(crate) fn between(&self) -> Option<&BetweenPositions> {
-        let lpv = self.frequency.as_ref()?.lpv.as_ref()?;
-        lpv.small.as_ref()?.between.as_ref()
-    }
-
     /// Compares the identified model with the responses that it was made from.
     ///
     /// # Errors
@@ -389,11 +383,9 @@ fn row_noise(estimates: &[FrfEstimate], output: usize) -> f64 {
 
 /// In words, where a frequency response is mostly noise.
 fn noise_warning(noise: f64) -> Option<String> {
-    (noise > 0.5).then(|| {
-        format!(
-            "warning: the FRF noise is {:.0} % in the median; check `period`, or use more periods or a stronger excitation",
-            100.0 * noise
-        )
+    let percent = 100.0 * noise;
+    (percent > 50.0).then(|| {
+        format!("warning: the FRF noise is {percent:.0} % in the median; check `period`, or use more periods or a stronger excitation")
     })
 }
 

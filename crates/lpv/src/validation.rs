@@ -6,19 +6,21 @@ mod disturbance;
 mod frozen;
 mod record;
 mod rigid;
+mod stable;
 mod text;
 
 use crate::PipelineError;
 use crate::signal::finite;
 pub use bands::Band;
 pub use check::{ErrorFigure, Evidence, FrozenCheck, OutputCheck, RecordCheck, Scope, Validation, validate};
-pub(crate) use check::{Known, stability, validate_knowing};
+pub(crate) use check::{Known, validate_knowing};
 use lpv_core::Frf;
 use lpv_numerics::statistics::amplitude_db;
 pub(crate) use rigid::check_axis;
 pub use rigid::{AxisCheck, ClosedLoopAxis};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+pub(crate) use stable::stability;
 
 /// The two readings of a relative frozen error: the largest over frequency and position, and the median.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,9 +1,41 @@
 //! What a small LFR says between the measured positions.
 
+use crate::Summary;
 use lfr_fit::{Candidate, FrozenData, Units};
 use lfr_realize::{BetweenWarning, BoundSettings, RealizeError, bound_between, largest_shift_of};
 use lpv_core::Continuous;
 use lpv_core::num_complex::Complex;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// The largest error that is to be expected between two neighbouring positions.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct BetweenPositions {
+    /// The two positions.
+    pub positions: [f64; 2],
+    /// Error midway over the noise of the responses.
+    pub over_noise: f64,
+    /// Error midway, percent of the response.
+    pub error_percent: f64,
+}
+
+impl BetweenPositions {
+    /// Whether more than noise is to be expected there.
+    pub(crate) fn is_missed(&self) -> bool {
+        self.over_noise > EXPECTED
+    }
+}
+
+/// Expected error between the positions, over the noise, from which on it is a warning.
+const EXPECTED: f64 = 1.5;
+
+impl Summary {
+    /// What is to be expected between the positions of the small LFR, where they tell.
+    pub(crate) fn between(&self) -> Option<&BetweenPositions> {
+        let lpv = self.frequency.as_ref()?.lpv.as_ref()?;
+        lpv.small.as_ref()?.between.as_ref()
+    }
+}
 
 /// What the positions support between them. Model and data are in these units.
 pub(super) fn between(

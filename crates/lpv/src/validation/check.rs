@@ -13,7 +13,6 @@ use crate::signal::fit_percent;
 use crate::verdict::{Stability, Verdict};
 use crate::{ModelFile, PipelineError};
 use experiment_data::Bundle;
-use lpv_core::num_complex::Complex;
 use lpv_core::{Frf, FrfEstimate, Model, Purpose, Record};
 use lpv_simulate::{CrossCorrelation, Frozen, Machine, Run, Whiteness, disturbance};
 use rayon::prelude::*;
@@ -324,7 +323,7 @@ pub(crate) fn validate_knowing(
     const PLACES: usize = 9;
     let longest = runs.iter().map(|(record, ..)| record.len()).max();
     let centre = machine.range().map_or_else(Vec::new, |r| r.centre());
-    let stability = stability(&machine.at(&centre)?.poles()?, longest.unwrap_or(WITHOUT_RECORDS));
+    let stability = super::stability(&machine.at(&centre)?.poles()?, longest.unwrap_or(WITHOUT_RECORDS));
     let closed_loop = description.controller.is_some() || under_feedback(&runs);
     // An open loop says nothing of a machine with effects, which a diagnosis has held at its records.
     let is_observed = file.explanation.is_some() && description.controller.is_none();
@@ -338,7 +337,7 @@ pub(crate) fn validate_knowing(
         let grid = machine.range().map_or_else(Vec::new, |r| r.grid(PLACES));
         for p in std::iter::once(centre).chain(grid) {
             let poles = machine.at(&p)?.poles()?;
-            if let Stability::Unstable { radius } = self::stability(&poles, WITHOUT_RECORDS) {
+            if let Stability::Unstable { radius } = super::stability(&poles, WITHOUT_RECORDS) {
                 verdict = verdict.unstable(radius);
                 break;
             }
@@ -360,23 +359,6 @@ pub(crate) fn validate_knowing(
         runs,
     };
     Ok((validation, evidence))
-}
-
-/// What poles do over so many samples.
-pub(crate) fn stability(poles: &[Complex<f64>], samples: usize) -> Stability {
-    /// Growth, as a power of e, up to which a pole keeps or loses what it is given ...
-    const DRIFTS: f64 = -1.0;
-    /// ... and from which on it explodes: a factor of ten.
-    const EXPLODES: f64 = 2.3;
-    let radius = poles.iter().map(|z| z.norm()).fold(0.0, f64::max);
-    let growth = samples as f64 * radius.ln();
-    if growth > EXPLODES {
-        Stability::Unstable { radius }
-    } else if growth > DRIFTS {
-        Stability::Integrating
-    } else {
-        Stability::Stable
-    }
 }
 
 /// Whether every judged record has references that move and are not its inputs: feedback may hold a machine that is unstable.

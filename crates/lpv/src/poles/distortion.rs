@@ -1,0 +1,68 @@
+//! One position whose response is distorted: a relative error in the weights, and what describes the rest most shortly.
+
+use super::search::{Fits, Search, length_of_all, near, over_noise, stable};
+use crate::PipelineError;
+use pole_fit::NumeratorDegree;
+
+impl Search<'_> {
+    /// The least cost over its expectation that the own integrators, or none and a direct term, leave with the weights as they are: much
+    /// below one the relative error in them is too large.
+    pub(super) fn least_over(&mut self) -> f64 {
+        let own = (self.integrators, self.settings.numerator);
+        self.matched = false;
+        let mut least = f64::INFINITY;
+        for (count, numerator) in [own, (0, NumeratorDegree::Proper)] {
+            self.integrate(count);
+            self.settings.numerator = numerator;
+            if let Ok(found) = self.run(&mut Vec::new()) {
+                least = least.min(over_noise(&found.0));
+            }
+        }
+        self.matched = true;
+        self.integrate(own.0);
+        self.settings.numerator = own.1;
+        least
+    }
+
+    /// The fit of one position that describes a distorted response most shortly: with the integrators that it has, with fewer, or with
+    /// none, since friction turns them into slow poles; and with a direct term, which takes what the amplifier does to the phase. What is
+    /// found stays in the settings.
+    pub(super) fn distorted(&mut self, slope: f64, reasons: &mut Vec<String>) -> Result<Fits, PipelineError> {
+        let own = self.integrators;
+        let mut tried = Vec::new();
+        for count in (0..=own.max(2)).rev().filter(|c| *c <= own || near(*c, slope)) {
+            for numerator in [NumeratorDegree::StrictlyProper, NumeratorDegree::Proper] {
+                self.integrate(count);
+                self.settings.numerator = numerator;
+                let mut why = Vec::new();
+                if let Ok(found) = self.run(&mut why)
+                    && stable(&found.0)
+                {
+                    tried.push((count, numerator, found, why));
+                }
+            }
+        }
+        let best = tried
+            .into_iter()
+            .min_by(|a, b| length_of_all(&a.2.0).total_cmp(&length_of_all(&b.2.0)));
+        let Some((count, numerator, found, why)) = best else {
+            // No fit has stable poles.
+            self.integrate(0);
+            self.settings.numerator = NumeratorDegree::Proper;
+            return self.run(reasons);
+        };
+        self.integrate(count);
+        self.settings.numerator = numerator;
+        if count != own {
+            reasons.push(format!(
+                "{} instead: they describe the response most shortly",
+                lpv_core::counted(count, "integrator")
+            ));
+        }
+        if numerator == NumeratorDegree::Proper {
+            reasons.push("with a direct term: what is left is smaller for it".to_owned());
+        }
+        reasons.extend(why);
+        Ok(found)
+    }
+}

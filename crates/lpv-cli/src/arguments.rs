@@ -10,7 +10,8 @@ use std::time::Duration;
 /// A result replaces only a result of its own kind; what is read is never replaced, any other file only with --force.
 ///
 /// Exit codes: 0 done; 2 bad input or usage; 3 done, but the model that `identify`, `validate` or `diagnose` judged is none of this
-/// machine or the data contradict themselves (the first line, and with --json the verdict, says which and why); 130 stopped by Ctrl-C;
+/// machine or the data contradict themselves (the first line, and with --json the verdict, says which and why), or a bundle of `fleet` or
+/// `merge` is refused or has no row; 130 stopped by Ctrl-C;
 /// 1 anything else.
 #[derive(Parser)]
 #[command(name = "lpv", version, about, long_about)]

@@ -1,5 +1,6 @@
 //! Frequency responses in, poles at every position out: order and integrators chosen where they are not given.
 
+mod counted;
 mod distortion;
 mod friction;
 mod search;
@@ -11,7 +12,7 @@ use friction::evidence;
 use lpv_core::{Discrete, FrfEstimate};
 use pole_fit::{NumeratorDegree, PoleFit, PoleFitSettings, Scan, Weighting};
 pub(crate) use search::upper_half;
-use search::{FLEXIBLE_ORDERS, Search, doubtful, kind, missed, over_noise};
+use search::{FLEXIBLE_ORDERS, Search, kind, missed, over_noise};
 
 /// The poles at every position.
 #[derive(Debug, Clone)]
@@ -105,11 +106,12 @@ pub fn fit_poles(
         Some(RigidBody::Decoupled) => Some(2),
         _ => config.integrators,
     };
+    let one = estimates.len() == 1;
+    let (slope, by_slope) = integrators_from_slope(middle);
     let count = given.unwrap_or_else(|| {
-        let (slope, count) = integrators_from_slope(middle);
         // A slope of one may be that of friction, which is looked for below, or of a lag.
-        let count = match count {
-            1 if estimates.len() > 1 => {
+        let count = match by_slope {
+            1 if !one => {
                 one_by_slope = true;
                 0
             }
@@ -160,7 +162,6 @@ pub fn fit_poles(
         matched: true,
         counted: None,
     };
-    let (slope, _) = integrators_from_slope(middle);
     let counted = given.is_none() && search.count_states();
     if counted && search.integrators != count {
         reasons.push(format!(
@@ -171,15 +172,15 @@ pub fn fit_poles(
     let mut before = reasons.len();
     let mut found = search.run(&mut reasons)?;
     let settled = counted && !missed(&found.0);
-    if estimates.len() == 1
+    if one
         && given.is_none()
         && !settled
-        && let Some(other) = search.other_integrators(slope, &found.0, &mut reasons)
+        && let Some(other) = search.other_integrators(slope, &found.0, &[2, 1, 0], &mut reasons)
     {
         found = other;
     }
     let mut rigid = None;
-    if estimates.len() > 1 && (count > 0 || one_by_slope) {
+    if !one && (count > 0 || one_by_slope) {
         rigid = evidence(estimates, clock, &found.0);
         let seen = rigid.as_ref().is_some_and(RigidEvidence::has_friction);
         if (seen || one_by_slope || missed(&found.0)) && given.is_none() {
@@ -200,66 +201,47 @@ pub fn fit_poles(
             }
         }
     }
+    let unseen = rigid.is_none();
     let missing = missed(&found.0);
-    // Without lowest lines that tell the rigid body a slope between whole numbers may be that of friction.
-    let doubted = missing || (rigid.is_none() && doubtful(slope));
-    if estimates.len() > 1 && rigid.is_none() && missing && given.is_none() {
-        let (slope, _) = integrators_from_slope(middle);
-        if let Some(other) = search.other_integrators(slope, &found.0, &mut reasons) {
+    if !one && given.is_none() && (missing || unseen) {
+        // What the lowest lines tell of the rigid body leaves friction alone in doubt.
+        let counts: &[usize] = if missing && unseen { &[2, 1, 0] } else { &[1] };
+        if let Some(other) = search.other_integrators(slope, &found.0, counts, &mut reasons) {
             found = other;
             rigid = (search.integrators > 0)
                 .then(|| evidence(estimates, clock, &found.0))
                 .flatten();
         }
     }
-    if estimates.len() > 1
-        && given.is_none()
-        && doubted
-        && let Some(other) = search.one_integrator(&found.0)
-    {
-        reasons.truncate(before);
-        reasons.push("1 integrator instead: it describes the responses most shortly".to_owned());
-        before = reasons.len();
-        reasons.extend(other.1);
-        found = other.0;
-        rigid = evidence(estimates, clock, &found.0);
-    }
     let misfit = over_noise(&found.0);
-    let mut relative_error = 0.0;
     if misfit > DISTORTED {
         // Not noise but distortion or unmodelled dynamics is left: lines with little noise must not outweigh it.
-        let floor = found
-            .0
-            .iter()
-            .map(|f| f.account.relative_error_rms)
-            .fold(0.0, f64::max)
-            .clamp(LEAST_FLOOR, 0.1);
-        relative_error = floor;
+        let error = found.0.iter().map(|f| f.account.relative_error_rms);
+        let mut floor = error.fold(0.0, f64::max).clamp(LEAST_FLOOR, 0.1);
         reasons.truncate(before);
         search.settings.relative_floor = floor;
         search.counted = None;
         search.slack = DISTORTION_SLACK;
         // At one position distortion would buy a lower cost with poles outside; at several, other minima at each.
-        let one = estimates.len() == 1;
         search.settings.keep_stable = one;
         search.settings.several_starts = one;
         // The first fit may have missed more than distortion: its error is then too large in the weights.
-        for _ in 0..MOST_FLOORS {
-            let over = if one { search.least_over() } else { 1.0 };
-            if over > FLOOR_TOO_LARGE || relative_error <= LEAST_FLOOR {
+        for _ in 0..if one { MOST_FLOORS } else { 0 } {
+            let over = search.least_over();
+            if over > FLOOR_TOO_LARGE || floor <= LEAST_FLOOR {
                 break;
             }
-            relative_error = (relative_error * over.sqrt()).max(LEAST_FLOOR);
-            search.settings.relative_floor = relative_error;
+            floor = (floor * over.sqrt()).max(LEAST_FLOOR);
+            search.settings.relative_floor = floor;
         }
-        let digits = if relative_error < 0.01 { 3 } else { 1 };
+        let digits = if floor < 0.01 { 3 } else { 1 };
         let left = match estimates.iter().any(FrfEstimate::covariance_is_assumed) {
             true => "more is left than the assumed error".to_owned(),
             false => format!("what is left is {misfit:.0} times the noise"),
         };
         reasons.push(format!(
             "{left}: fitted again with a relative error of {:.digits$} % in the weights",
-            100.0 * relative_error
+            100.0 * floor
         ));
         found = if one && given.is_none() {
             search.distorted(slope, &mut reasons)?
@@ -273,7 +255,11 @@ pub fn fit_poles(
         order,
         integrators: search.integrators,
         slow_poles: search.slow_poles && rigid.as_ref().is_some_and(RigidEvidence::has_friction),
-        relative_error,
+        relative_error: if misfit > DISTORTED {
+            search.settings.relative_floor
+        } else {
+            0.0
+        },
         smoothing,
         direct: search.settings.numerator == NumeratorDegree::Proper,
         fits,

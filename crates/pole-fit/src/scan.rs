@@ -8,13 +8,12 @@ use crate::relocate::size;
 use crate::search::Begin;
 use crate::subspace::Subspace;
 use crate::weights::Lines;
-use crate::{PoleFitError, PoleFitSettings, Weighting};
+use crate::{Integrators, PoleFitError, PoleFitSettings};
 use lpv_core::{Discrete, FrfEstimate};
 use num_complex::Complex;
-use std::ops::RangeInclusive;
 
+use entry::put;
 pub use entry::{STABLE_DAMPING, STABLE_FREQUENCY, Scan, ScanEntry};
-use entry::{criteria, stable};
 
 /// Fits each of the orders (sorted, doubles dropped) with otherwise equal settings.
 ///
@@ -45,8 +44,9 @@ pub fn scan(
     search.end()
 }
 
-/// The order of the states that a subspace method counts in the noise, if it is one of `orders` and the fit from their poles leaves noise
-/// alone; with those just below it. Fixed integrators are none of these states.
+/// For each of these integrators, the order of the states that a subspace method counts in the noise, if they are at most `most` beside
+/// the integrators and the fit from their poles leaves noise alone; with the orders just below it. Where no fit does, they are counted
+/// once more, with four times the powers. Fixed integrators are none of these states.
 ///
 /// # Errors
 /// [`PoleFitError`] of settings, lines and weights that no fit can take.
@@ -54,20 +54,36 @@ pub fn scan_counted(
     estimate: &FrfEstimate,
     clock: Discrete,
     settings: &PoleFitSettings,
-    orders: RangeInclusive<usize>,
-) -> Result<Option<Scan>, PoleFitError> {
-    settings.check()?;
-    let lines = Lines::new(estimate, clock, settings)?;
-    let mut search = Search::new(&lines, clock, settings);
-    // Modes nearer to each other than a few lines stand out where there are more powers.
-    for factor in [1, 4] {
-        for poles in search.count(factor) {
-            if orders.contains(&search.order_of(&poles)) && search.reaches_noise(&poles)? {
-                return search.end().map(Some);
-            }
+    integrators: &[Integrators],
+    most: usize,
+) -> Result<Vec<Option<Scan>>, PoleFitError> {
+    let each: Vec<(PoleFitSettings, Lines)> = integrators
+        .iter()
+        .map(|&integrators| {
+            let settings = PoleFitSettings {
+                integrators,
+                ..*settings
+            };
+            let settings = PoleFitSettings {
+                order: settings.order.max(settings.fixed_integrators()),
+                ..settings
+            };
+            settings.check()?;
+            Ok((settings, Lines::new(estimate, clock, &settings)?))
+        })
+        .collect::<Result<_, PoleFitError>>()?;
+    let mut scans = vec![None; each.len()];
+    // The lines differ by that at z = 1 at most.
+    let first = each.first().filter(|_| settings.weighting.knows_noise());
+    let mut subspace = first.and_then(|(_, lines)| Subspace::new(lines));
+    while let (Some(counted), Some((_, lines))) = (&subspace, first) {
+        for ((settings, lines), scan) in each.iter().zip(&mut scans) {
+            *scan = Search::new(lines, clock, settings).of_states(counted, most)?;
         }
+        let finer = counted.finer(lines);
+        subspace = finer.filter(|_| scans.iter().all(Option::is_none));
     }
-    Ok(None)
+    Ok(scans)
 }
 
 /// As [`scan`], up to an order that leaves noise alone. A subspace method counts the states that stand out of the noise; where they are
@@ -93,7 +109,8 @@ pub fn scan_to_noise(
     let mut search = Search::new(&lines, clock, settings);
     let tried = orders.iter().copied().max().unwrap_or(0);
     let most = larger.iter().copied().max().unwrap_or(tried);
-    let counted = search.count(1).into_iter().next();
+    let counted = Subspace::new(&lines).filter(|_| settings.weighting.knows_noise());
+    let counted = counted.and_then(|c| c.poles(settings.fixed_integrators()));
     let counted = counted.filter(|poles| (1..=most).contains(&search.order_of(poles)));
     if let Some(poles) = counted.as_ref().filter(|poles| search.order_of(poles) > tried)
         && search.reaches_noise(poles)?
@@ -103,7 +120,7 @@ pub fn scan_to_noise(
     for &order in orders {
         search.add(order, Begin::Data)?;
     }
-    if !search.knows_noise() || search.over() <= SURELY_NOISE {
+    if !settings.weighting.knows_noise() || search.over() <= SURELY_NOISE {
         return search.end();
     }
     if let Some(poles) = counted.filter(|poles| search.order_of(poles) <= tried)
@@ -180,27 +197,10 @@ impl<'a> Search<'a> {
         };
         settings.check()?;
         match fit_lines(self.lines, self.clock, &settings, begin) {
-            Ok(fit) => {
-                let (aic, mdl) = criteria(&fit, settings.weighting);
-                let at = self.entries.partition_point(|e| e.order < order);
-                if let Some(known) = self.entries.get(at).filter(|e| e.order == order) {
-                    if known.fit.account.cost <= fit.account.cost {
-                        return Ok(Some(at));
-                    }
-                    self.entries.remove(at);
-                }
-                let before = at.checked_sub(1).and_then(|i| self.entries.get(i));
-                let stable = stable(&fit, before.map(|e| &e.fit));
-                let entry = ScanEntry {
-                    order,
-                    fit,
-                    aic,
-                    mdl,
-                    stable,
-                };
-                self.entries.insert(at, entry);
-                Ok(Some(at))
-            }
+            Ok(fit) => Ok(Some(put(
+                &mut self.entries,
+                ScanEntry::new(fit, settings.weighting),
+            ))),
             Err(error) => {
                 self.failures.push((order, error));
                 Ok(None)
@@ -217,29 +217,22 @@ impl<'a> Search<'a> {
         })
     }
 
-    fn knows_noise(&self) -> bool {
-        matches!(
-            self.settings.weighting,
-            Weighting::Covariance | Weighting::DiagonalCovariance
-        )
-    }
-
     /// The least cost over its expectation.
     fn over(&self) -> f64 {
         let over = |e: &ScanEntry| e.fit.account.cost / e.fit.account.expected_cost;
         self.entries.iter().map(over).fold(f64::INFINITY, f64::min)
     }
 
-    /// Starts with the poles of the states that a subspace method counts, one of each pair, with so many times the powers that they need.
-    fn count(&self, factor: usize) -> Vec<Vec<Complex<f64>>> {
-        if !self.knows_noise() {
-            return Vec::new();
-        }
+    /// The scan from the first start with the counted states that leaves noise alone.
+    fn of_states(mut self, counted: &Subspace, most: usize) -> Result<Option<Scan>, PoleFitError> {
         let fixed = self.settings.fixed_integrators();
         let channels = self.lines.n_y.min(self.lines.n_u);
-        let subspace = Subspace::new(self.lines, fixed, factor);
-        let starts = subspace.and_then(|s| s.starts(fixed, channels));
-        starts.unwrap_or_default()
+        for poles in counted.starts(fixed, channels).unwrap_or_default() {
+            if (1..=most + fixed).contains(&self.order_of(&poles)) && self.reaches_noise(&poles)? {
+                return self.end().map(Some);
+            }
+        }
+        Ok(None)
     }
 
     /// The order of a fit with these poles, one of each pair.
@@ -325,16 +318,10 @@ impl<'a> Search<'a> {
     }
 
     fn end(self) -> Result<Scan, PoleFitError> {
-        let length = |i: usize| self.entries[i].mdl;
-        let chosen = (0..self.entries.len()).min_by(|&i, &j| length(i).total_cmp(&length(j)));
-        match (chosen, self.failures.first()) {
-            (Some(chosen), _) => Ok(Scan {
-                entries: self.entries,
-                failures: self.failures,
-                chosen,
-            }),
-            (None, Some((_, error))) => Err(error.clone()),
-            (None, None) => Err(PoleFitError::Empty { what: "orders" }),
+        match self.failures.first() {
+            _ if !self.entries.is_empty() => Ok(Scan::of(self.entries, self.failures)),
+            Some((_, error)) => Err(error.clone()),
+            None => Err(PoleFitError::Empty { what: "orders" }),
         }
     }
 }

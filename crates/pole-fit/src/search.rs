@@ -5,7 +5,7 @@ use crate::model::{Point, Reduced, Setup};
 use crate::relocate::{Spread, denominator, inside, most_important, relocate, spread};
 use crate::subspace::Subspace;
 use crate::uncertainty::expected_cost;
-use crate::{PoleFitError, PoleFitSettings, Weighting};
+use crate::{PoleFitError, PoleFitSettings};
 use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use num_complex::Complex;
 
@@ -72,10 +72,7 @@ pub(crate) fn search(
         });
     }
     let (expected, _) = expected_cost(setup, settings.weighting);
-    let known = matches!(
-        settings.weighting,
-        Weighting::Covariance | Weighting::DiagonalCovariance
-    );
+    let known = settings.weighting.knows_noise();
     let enough = |found: &Found| {
         let cost = found.point.cost;
         setup.is_exact(cost) || (known && cost <= AT_NOISE * expected)
@@ -129,8 +126,9 @@ pub(crate) fn search(
     let lines: Start<'_> = &|| relocated(Spread::Lines);
     let decades: Start<'_> = &|| relocated(Spread::Decades);
     let counted: Start<'_> = &|| {
-        let subspace = Subspace::new(setup.lines, settings.fixed_integrators(), 1)?;
-        let poles = most_important(setup, &subspace.at_least(setup.n_a - 1)?, setup.n_a - 1)?;
+        let fixed = settings.fixed_integrators();
+        let poles = Subspace::new(setup.lines)?.at_least(setup.n_a - 1, fixed)?;
+        let poles = most_important(setup, &poles, setup.n_a - 1)?;
         from_poles(setup, &poles).map(Ok)
     };
     // Many poles are found from poles; few, without bias from the noise.

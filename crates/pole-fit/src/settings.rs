@@ -39,6 +39,13 @@ pub enum Weighting {
     Uniform,
 }
 
+impl Weighting {
+    /// Whether the size of the noise is in the weights, so that a cost has an expectation.
+    pub(crate) fn knows_noise(self) -> bool {
+        matches!(self, Self::Covariance | Self::DiagonalCovariance)
+    }
+}
+
 /// How to fit. What takes them checks every field against this table.
 ///
 /// | field | default | meaning | range |

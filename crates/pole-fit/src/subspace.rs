@@ -42,28 +42,23 @@ pub(crate) struct Subspace {
     /// Column space of O, strongest direction first.
     directions: DMatrix<f64>,
     /// Directions that stand out of the noise.
-    pub(crate) states: usize,
+    states: usize,
     outputs: usize,
+    powers: usize,
     /// Of the bilinear variable.
     a: f64,
-    /// Poles nearer to one are taken by fixed integrators: the angle of the lowest line, zero without integrators.
+    /// Angle of the lowest line: poles nearer to one are taken by fixed integrators.
     nearest: f64,
 }
 
 impl Subspace {
-    /// As many powers as the states need, times a factor; none where lines are too few, or too near to each other.
-    pub(crate) fn new(lines: &Lines, fixed_integrators: usize, factor: usize) -> Option<Self> {
-        let (n_y, n_u, n) = (lines.n_y, lines.n_u, lines.len());
-        // Half of the columns stay free of the right side, and twice the rows of the left.
-        let most = (n * n_u / (2 * n_y + n_u)).min(MOST_ROWS / n_y).min(MOST_POWERS);
+    /// With as many powers as the states need; none where lines are too few, or too near to each other.
+    pub(crate) fn new(lines: &Lines) -> Option<Self> {
+        let most = most_powers(lines);
         let mut powers = POWERS.min(most);
         loop {
-            let found = Self::with_powers(lines, fixed_integrators, powers)?;
-            let filled = found.states as f64 > FILLED * (powers * n_y) as f64;
-            if !filled && factor > 1 {
-                let more = factor * powers;
-                return (more <= most).then(|| Self::with_powers(lines, fixed_integrators, more))?;
-            }
+            let found = Self::with_powers(lines, powers)?;
+            let filled = found.states as f64 > FILLED * (powers * lines.n_y) as f64;
             if !filled || powers == most {
                 return (!filled).then_some(found);
             }
@@ -71,7 +66,13 @@ impl Subspace {
         }
     }
 
-    fn with_powers(lines: &Lines, fixed_integrators: usize, powers: usize) -> Option<Self> {
+    /// The same with four times the powers: modes nearer to each other than a few lines stand out there.
+    pub(crate) fn finer(&self, lines: &Lines) -> Option<Self> {
+        let powers = 4 * self.powers;
+        (powers <= most_powers(lines)).then(|| Self::with_powers(lines, powers))?
+    }
+
+    fn with_powers(lines: &Lines, powers: usize) -> Option<Self> {
         let (n_y, n_u, n) = (lines.n_y, lines.n_u, lines.len());
         if powers < 2 {
             return None;
@@ -96,25 +97,25 @@ impl Subspace {
             directions: factor * vectors,
             states: values.iter().take_while(|v| **v > most).count(),
             outputs: n_y,
+            powers,
             a,
-            nearest: if fixed_integrators > 0 { lowest } else { 0.0 },
+            nearest: lowest,
         })
     }
 
-    /// Poles of so many states, one of each pair, inside the unit circle and without those that fixed integrators take.
-    pub(crate) fn poles(&self, states: usize) -> Option<Vec<C64>> {
-        let (_, far) = self.near_and_far(states)?;
-        Some(far)
+    /// Poles of the states that are counted, one of each pair, inside the unit circle and without those that fixed integrators take.
+    pub(crate) fn poles(&self, fixed_integrators: usize) -> Option<Vec<C64>> {
+        Some(self.near_and_far(self.states, fixed_integrators)?.1)
     }
 
-    /// The same of the states that are counted, and then with real poles below the lowest line, which friction makes of integrators: as
-    /// many as there are states left beside the fixed ones, one, and one for each channel.
+    /// The same, and then with real poles below the lowest line, which friction makes of integrators:
+    /// one, and one for each channel, if there are so many states beside the fixed ones.
     pub(crate) fn starts(&self, fixed_integrators: usize, channels: usize) -> Option<Vec<Vec<C64>>> {
-        let (near, far) = self.near_and_far(self.states)?;
+        let (near, far) = self.near_and_far(self.states, fixed_integrators)?;
         let mut distances: Vec<f64> = near.iter().map(|l| (l - 1.0).norm()).collect();
         distances.sort_by(|x, y| y.total_cmp(x));
         let spare = near.len().saturating_sub(fixed_integrators);
-        let mut counts = vec![0, spare.min(channels), 1.min(spare)];
+        let mut counts = vec![0, spare.min(1), spare.min(channels)];
         counts.dedup();
         let with = |count: usize| {
             // Poles at one place have one residue: each stands a tenth nearer than the one before, at least.
@@ -133,7 +134,8 @@ impl Subspace {
 
     /// Poles of so many states inside the unit circle: all of those that are nearer to one than the lowest line where integrators are
     /// fixed, and one of each pair of the others.
-    fn near_and_far(&self, states: usize) -> Option<(Vec<C64>, Vec<C64>)> {
+    fn near_and_far(&self, states: usize, fixed_integrators: usize) -> Option<(Vec<C64>, Vec<C64>)> {
+        let nearest = if fixed_integrators > 0 { self.nearest } else { 0.0 };
         let rows = self.directions.nrows();
         if states == 0 || states + self.outputs > rows {
             return None;
@@ -148,7 +150,7 @@ impl Subspace {
             .into_iter()
             .map(back)
             .filter(|l| l.is_finite());
-        let (near, mut far): (Vec<C64>, Vec<C64>) = all.partition(|l| (l - 1.0).norm() <= self.nearest);
+        let (near, mut far): (Vec<C64>, Vec<C64>) = all.partition(|l| (l - 1.0).norm() <= nearest);
         far.retain(|l| l.im >= 0.0);
         let mut far: Vec<C64> = far.into_iter().map(inside).collect();
         far.sort_by(|x, y| x.arg().total_cmp(&y.arg()).then(x.re.total_cmp(&y.re)));
@@ -156,13 +158,20 @@ impl Subspace {
     }
 
     /// So many poles at least, of the states that are counted and of as many more as it takes.
-    pub(crate) fn at_least(&self, count: usize) -> Option<Vec<C64>> {
+    pub(crate) fn at_least(&self, count: usize, fixed_integrators: usize) -> Option<Vec<C64>> {
         /// States more than poles asked for, which may turn out to be those of integrators.
         const MORE: usize = 16;
         (self.states..=self.states.max(count) + MORE)
-            .map_while(|states| self.poles(states))
+            .map_while(|states| Some(self.near_and_far(states, fixed_integrators)?.1))
             .find(|poles| size(poles) >= count)
     }
+}
+
+/// Half of the columns stay free of the right side, and twice the rows of the left.
+fn most_powers(lines: &Lines) -> usize {
+    let (n_y, n_u) = (lines.n_y, lines.n_u);
+    let by_lines = lines.len() * n_u / (2 * n_y + n_u);
+    by_lines.min(MOST_ROWS / n_y).min(MOST_POWERS)
 }
 
 /// The triangular factor of the left side's rows, as columns, outside the row space of the right side.

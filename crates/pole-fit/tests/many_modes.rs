@@ -143,15 +143,16 @@ fn the_states_in_the_noise_are_counted() {
         let (estimate, clock) = machine(kind, seed);
         let integrators = if masses > 0 { 2 } else { 0 };
         let settings = PoleFitSettings {
-            integrators: if masses > 0 {
-                Integrators::Fixed(2)
-            } else {
-                Integrators::Free
-            },
             numerator: NumeratorDegree::StrictlyProper,
             ..PoleFitSettings::new(2 + integrators)
         };
-        let scan = scan_counted(&estimate, clock, &settings, 1..=98).unwrap();
+        let fixed = if masses > 0 {
+            Integrators::Fixed(2)
+        } else {
+            Integrators::Free
+        };
+        let scans = scan_counted(&estimate, clock, &settings, &[fixed], 96).unwrap();
+        let scan = scans.into_iter().next().unwrap();
         let order = scan
             .as_ref()
             .and_then(|s| s.chosen())

@@ -1,7 +1,9 @@
 //! `lpv fleet` and `lpv merge`: shards, kills, and the table.
 
 use crate::common::Desk;
-use std::process::{Command, Stdio};
+#[cfg(unix)]
+use crate::common::signal;
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 /// Machines that are diagnosed in a second or two, and a folder that is no bundle.
@@ -121,10 +123,7 @@ fn ctrl_c_between_two_bundles_says_that_rows_stay() {
     while !folder_of(&desk, "out", "m1").join("row.json").is_file() {
         std::thread::sleep(Duration::from_millis(2));
     }
-    let sent = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
-        .status();
-    assert!(sent.unwrap().success());
+    signal(&child, "-INT");
     let out = child.wait_with_output().unwrap();
     let message = String::from_utf8(out.stderr).unwrap();
     assert_eq!(out.status.code(), Some(130), "{message}");

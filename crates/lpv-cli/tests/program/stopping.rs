@@ -1,5 +1,7 @@
 //! Whatever ends a run early: nothing is half written, one sentence says so, and the next run into the same place works.
 
+#[cfg(unix)]
+use crate::common::signal;
 use crate::common::{Desk, machine_bundle};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
@@ -45,13 +47,10 @@ fn message(out: &Output, code: i32) -> String {
 #[test]
 #[cfg(unix)]
 fn a_signal_leaves_nothing() {
-    for (signal, word) in [("-INT", "Ctrl-C"), ("-TERM", "a signal")] {
+    for (name, word) in [("-INT", "Ctrl-C"), ("-TERM", "a signal")] {
         let desk = Desk::new();
         let child = running(&desk);
-        let sent = Command::new("kill")
-            .args([signal, &child.id().to_string()])
-            .status();
-        assert!(sent.unwrap().success());
+        signal(&child, name);
         let told = message(&child.wait_with_output().unwrap(), 130);
         assert!(
             told.contains(word) && told.contains("no result was written"),
@@ -101,19 +100,12 @@ fn results_of_an_earlier_run_survive_a_later_one_that_is_stopped() {
     machine_bundle(&desk);
     desk.judged("diagnose bundle -o found");
     let before = desk.files();
-    for signal in ["-INT", "-TERM", "-KILL"] {
+    for name in ["-INT", "-TERM", "-KILL"] {
         let mut child = diagnosing(&desk);
-        let id = child.id().to_string();
-        assert!(
-            Command::new("kill")
-                .args([signal, &id])
-                .status()
-                .unwrap()
-                .success()
-        );
+        signal(&child, name);
         let code = child.wait().unwrap().code();
-        assert_eq!(code, (signal != "-KILL").then_some(130), "{signal}");
-        assert!(before == desk.files(), "{signal}");
+        assert_eq!(code, (name != "-KILL").then_some(130), "{name}");
+        assert!(before == desk.files(), "{name}");
     }
     desk.judged("diagnose bundle -o found");
     assert!(before == desk.files());

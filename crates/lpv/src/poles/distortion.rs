@@ -8,19 +8,17 @@ impl Search<'_> {
     /// The least cost over its expectation that the own integrators, or none and a direct term, leave with the weights as they are: much
     /// below one the relative error in them is too large.
     pub(super) fn least_over(&mut self) -> f64 {
-        let own = (self.integrators, self.settings.numerator);
+        let own = self.structure();
         self.matched = false;
         let mut least = f64::INFINITY;
-        for (count, numerator) in [own, (0, NumeratorDegree::Proper)] {
-            self.integrate(count);
-            self.settings.numerator = numerator;
+        for structure in [own, (0, NumeratorDegree::Proper)] {
+            self.take(structure);
             if let Ok(found) = self.run(&mut Vec::new()) {
                 least = least.min(over_noise(&found.0));
             }
         }
         self.matched = true;
-        self.integrate(own.0);
-        self.settings.numerator = own.1;
+        self.take(own);
         least
     }
 
@@ -32,27 +30,25 @@ impl Search<'_> {
         let mut tried = Vec::new();
         for count in (0..=own.max(2)).rev().filter(|c| *c <= own || near(*c, slope)) {
             for numerator in [NumeratorDegree::StrictlyProper, NumeratorDegree::Proper] {
-                self.integrate(count);
-                self.settings.numerator = numerator;
+                self.take((count, numerator));
                 let mut why = Vec::new();
                 if let Ok(found) = self.run(&mut why)
                     && stable(&found.0)
                 {
-                    tried.push((count, numerator, found, why));
+                    tried.push(((count, numerator), found, why));
                 }
             }
         }
         let best = tried
             .into_iter()
-            .min_by(|a, b| length_of_all(&a.2.0).total_cmp(&length_of_all(&b.2.0)));
-        let Some((count, numerator, found, why)) = best else {
+            .min_by(|a, b| length_of_all(&a.1.0).total_cmp(&length_of_all(&b.1.0)));
+        let Some((structure, found, why)) = best else {
             // No fit has stable poles.
-            self.integrate(0);
-            self.settings.numerator = NumeratorDegree::Proper;
+            self.take((0, NumeratorDegree::Proper));
             return self.run(reasons);
         };
-        self.integrate(count);
-        self.settings.numerator = numerator;
+        self.take(structure);
+        let (count, numerator) = structure;
         if count != own {
             reasons.push(format!(
                 "{} instead: they describe the response most shortly",

@@ -5,7 +5,7 @@ use crate::PipelineError;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Discrete, FrfEstimate};
 use pole_fit::{
-    Integrators, NumeratorDegree, PoleFit, PoleFitError, PoleFitSettings, Scan, fit, fit_from, scan_counted,
+    Integrators, NumeratorDegree, PoleFit, PoleFitError, PoleFitSettings, Scan, fit, fit_from, scan,
     scan_to_noise,
 };
 use rayon::prelude::*;
@@ -23,7 +23,7 @@ const FLEXIBLE_ORDERS_LTI: [usize; 9] = [0, 1, 2, 3, 4, 6, 8, 10, 12];
 const FLEXIBLE_ORDERS_OF_ONE: [usize; 9] = [0, 1, 2, 3, 4, 5, 7, 9, 11];
 
 /// Larger orders, beyond the integrators, that are tried in turn where none of these leaves noise alone.
-const LARGER_ORDERS: [usize; 9] = [16, 20, 26, 32, 40, 50, 64, 80, 96];
+pub(super) const LARGER_ORDERS: [usize; 9] = [16, 20, 26, 32, 40, 50, 64, 80, 96];
 
 pub(super) fn kind(integrators: usize) -> Integrators {
     match integrators {
@@ -93,6 +93,9 @@ const WITHIN_DISTORTION: f64 = 2.0;
 /// The same where several positions must agree.
 const MOST_OF_SEVERAL: usize = 32;
 
+/// Integrators and degree of the numerators.
+pub(super) type Structure = (usize, NumeratorDegree);
+
 /// A fit a position, and the scan at the middle one where the order was not given.
 pub(super) type Fits = (Vec<PoleFit>, Option<Scan>);
 
@@ -132,16 +135,29 @@ impl Search<'_> {
         self.counted = None;
     }
 
-    /// Another number of integrators that leaves noise alone and describes the response more shortly, where the compliance of the
-    /// modes hides the slope of the rigid body at the lowest lines; with a direct term where only that keeps the poles stable. What is
-    /// found stays in the settings.
+    /// Integrators and degree of the numerators.
+    pub(super) fn structure(&self) -> Structure {
+        (self.integrators, self.settings.numerator)
+    }
+
+    /// Takes another structure. At several positions a single integrator is friction, which adds slow poles.
+    pub(super) fn take(&mut self, (count, numerator): Structure) {
+        self.integrate(count);
+        self.settings.numerator = numerator;
+        self.slow_poles = self.estimates.len() > 1 && count == 1;
+    }
+
+    /// Another number of integrators, of these, that leaves noise alone and describes the response more shortly, where the compliance of
+    /// the modes hides the slope of the rigid body at the lowest lines; with a direct term where only that keeps the poles stable. What
+    /// is found stays in the settings.
     pub(super) fn other_integrators(
         &mut self,
         slope: f64,
         found: &[PoleFit],
+        counts: &[usize],
         reasons: &mut Vec<String>,
     ) -> Option<Fits> {
-        let own = (self.integrators, self.settings.numerator);
+        let (own, slow) = (self.structure(), self.slow_poles);
         let missed = missed(found);
         if !doubtful(slope) && !missed {
             return None;
@@ -153,85 +169,50 @@ impl Search<'_> {
         } else {
             &[NumeratorDegree::StrictlyProper]
         };
-        // At several positions a single integrator is friction, which has its own search.
-        let counts = [2, 1, 0].into_iter().filter(|c| one || *c != 1 || *c == own.0);
-        let others: Vec<_> = counts
-            .flat_map(|count| numerators.iter().map(move |n| (count, *n)))
-            .filter(|other| *other != own)
-            .collect();
+        let others = counts
+            .iter()
+            .flat_map(|count| numerators.iter().map(move |n| (*count, *n)))
+            .filter(|other| *other != own);
         // Other integrators do not bring many modes: those of a machine with many stand out of the noise.
         self.small = one && over_noise(found) > DISTORTED;
-        let mut best: Option<(usize, NumeratorDegree, Fits, Vec<String>)> = None;
+        let mut best: Option<(Structure, Fits, Vec<String>)> = None;
         let mut least = if missed {
             f64::INFINITY
         } else {
             length_of_all(found)
         };
-        for (count, numerator) in others {
-            self.integrate(count);
-            self.settings.numerator = numerator;
+        for other in others {
+            self.take(other);
             let mut why = Vec::new();
-            let Ok(other) = self.run(&mut why) else {
+            let Ok(fits) = self.run(&mut why) else {
                 continue;
             };
-            let length = length_of_all(&other.0);
-            let usable = over_noise(&other.0) <= MORE_THAN_NOISE && (stable(&other.0) || !missed);
+            let length = length_of_all(&fits.0);
+            let usable = over_noise(&fits.0) <= MORE_THAN_NOISE && (stable(&fits.0) || !missed);
             if usable && length < least {
                 least = length;
-                best = Some((count, numerator, other, why));
+                best = Some((other, fits, why));
             }
         }
         self.small = false;
-        let Some((count, numerator, other, why)) = best else {
-            self.integrate(own.0);
-            self.settings.numerator = own.1;
+        let Some((structure, fits, why)) = best else {
+            self.take(own);
+            self.slow_poles = slow;
             return None;
         };
-        self.integrate(count);
-        self.settings.numerator = numerator;
-        if count != own.0 {
+        self.take(structure);
+        if structure.0 != own.0 {
             reasons.push(format!(
                 "{} instead: they describe the response more shortly",
-                lpv_core::counted(count, "integrator")
+                lpv_core::counted(structure.0, "integrator")
             ));
         }
-        if numerator == NumeratorDegree::Proper {
+        if structure.1 == NumeratorDegree::Proper {
             reasons
                 .push("with a direct term: without it the noise is not reached with stable poles".to_owned());
         }
         reasons.extend(why);
-        Some(other)
-    }
-
-    /// The number of integrators with which the states that stand out of the noise describe the response of one position most shortly, and
-    /// leave noise alone with stable poles: what is found stays in the settings. The slope at the lowest lines need not show it: friction
-    /// turns an integrator into a slow pole below them, a spring hides both, and sensors away from the actuators have a slope of their own.
-    pub(super) fn count_states(&mut self) -> bool {
-        let [one] = self.estimates else {
-            return false;
-        };
-        if self.order.is_some() {
-            return false;
-        }
-        let few = thinned(one);
-        let described = |count: usize| {
-            let settings = PoleFitSettings {
-                integrators: kind(count),
-                ..self.settings
-            };
-            let larger = LARGER_ORDERS.iter().max().map_or(0, |n| n + count);
-            let scan = scan_counted(&few, self.clock, &settings, 1..=larger).ok()??;
-            let fit = &scan.entries[parsimonious(&scan, 1.0, 0.0)].fit;
-            let length = description_length(fit);
-            stable(std::slice::from_ref(fit)).then_some((length, count, scan))
-        };
-        let found = [2, 1, 0].into_iter().filter_map(described);
-        let Some((_, count, scan)) = found.min_by(|a, b| a.0.total_cmp(&b.0)) else {
-            return false;
-        };
-        self.integrate(count);
-        self.counted = Some(scan);
-        true
+        Some(fits)
     }
 
     /// Orders to try, integrators included.
@@ -295,21 +276,17 @@ impl Search<'_> {
                 let tried = orders.iter().copied().max().unwrap_or(0);
                 let scan_at = |i: usize| {
                     let few = thinned(&self.estimates[i]);
-                    let (counted, larger): (_, &[usize]) = match &self.counted {
-                        Some(scan) if scan.chosen().is_some_and(|f| f.account.order > tried) => {
-                            return Ok(scan.clone());
+                    let found = match &self.counted {
+                        Some(counted) if counted.chosen().is_some_and(|f| f.account.order > tried) => {
+                            Ok(counted.clone())
                         }
-                        Some(scan) => (Some(scan), &[]),
-                        None => (None, &larger),
+                        Some(counted) => Ok(match scan(&few, self.clock, &self.settings, &orders) {
+                            Ok(found) => found.join(counted.clone()),
+                            Err(_) => counted.clone(),
+                        }),
+                        None => scan_to_noise(&few, self.clock, &self.settings, &orders, &larger),
                     };
-                    let scan = scan_to_noise(&few, self.clock, &self.settings, &orders, larger)
-                        .map_err(failed(&self.estimates[i]));
-                    match counted {
-                        Some(counted) => {
-                            Ok(scan.map_or_else(|_| counted.clone(), |s| s.join(counted.clone())))
-                        }
-                        None => scan,
-                    }
+                    found.map_err(failed(&self.estimates[i]))
                 };
                 let scans = indices
                     .par_iter()
@@ -372,7 +349,7 @@ impl Search<'_> {
 /// The order with the least [`description_length`]. Where a model
 /// reaches the noise, this agrees with the scan's own choice; where nonlinear distortion keeps the cost above the
 /// noise, it does not buy order after order to explain it.
-fn parsimonious(scan: &Scan, slack: f64, enough: f64) -> usize {
+pub(super) fn parsimonious(scan: &Scan, slack: f64, enough: f64) -> usize {
     let length = |i: usize| description_length(&scan.entries[i].fit);
     // A flexible machine has stable modes: an order whose fit has a pole outside has found something else.
     let stable = |i: &usize| scan.entries[*i].fit.account.unstable_poles.is_empty();
@@ -394,7 +371,7 @@ fn parsimonious(scan: &Scan, slack: f64, enough: f64) -> usize {
 /// Most lines that the scan over orders uses.
 const SCAN_LINES: usize = 3000;
 
-fn thinned(estimate: &FrfEstimate) -> FrfEstimate {
+pub(super) fn thinned(estimate: &FrfEstimate) -> FrfEstimate {
     let step = estimate.frf().len().div_ceil(SCAN_LINES);
     estimate.select(|k, _| k % step == 0)
 }

@@ -79,9 +79,12 @@ pub(crate) fn measured_responses(
 
 /// What they say against each other.
 pub(crate) fn compare(bundle: &Bundle, measured: &[Measured]) -> Vec<Finding> {
-    let each = measured.iter().map(|m| (m.record.name.as_str(), &m.estimate));
+    let each: Vec<_> = measured
+        .iter()
+        .map(|m| (m.record.name.as_str(), &m.estimate))
+        .collect();
     let channels = &bundle.description().channels;
-    finding::compare_measured(each, &channels.output.columns, &channels.input.columns)
+    finding::compare_measured(&each, &channels.output.columns, &channels.input.columns)
 }
 
 /// Why a response is not taken.

@@ -35,27 +35,55 @@ pub struct ScanEntry {
     pub stable: Vec<bool>,
 }
 
+impl ScanEntry {
+    /// Without what the entry before it says, which [`Scan::of`] adds.
+    pub(super) fn new(fit: PoleFit, weighting: Weighting) -> Self {
+        let (aic, mdl) = criteria(&fit, weighting);
+        Self {
+            order: fit.account.order,
+            fit,
+            aic,
+            mdl,
+            stable: Vec::new(),
+        }
+    }
+}
+
+/// Puts an entry in the order of the others, and says where: of two fits of an order the better one stays.
+pub(super) fn put(entries: &mut Vec<ScanEntry>, entry: ScanEntry) -> usize {
+    let at = entries.partition_point(|e| e.order < entry.order);
+    match entries.get_mut(at).filter(|e| e.order == entry.order) {
+        Some(own) if own.fit.account.cost <= entry.fit.account.cost => {}
+        Some(own) => *own = entry,
+        None => entries.insert(at, entry),
+    }
+    at
+}
+
 impl Scan {
+    /// Of entries with increasing orders, one at least.
+    pub(super) fn of(mut entries: Vec<ScanEntry>, failures: Vec<(usize, PoleFitError)>) -> Self {
+        for i in 0..entries.len() {
+            let before = i.checked_sub(1).map(|i| &entries[i].fit);
+            entries[i].stable = stable(&entries[i].fit, before);
+        }
+        let shorter = |a: &usize, b: &usize| entries[*a].mdl.total_cmp(&entries[*b].mdl);
+        let chosen = (0..entries.len()).min_by(shorter).unwrap_or(0);
+        Self {
+            entries,
+            failures,
+            chosen,
+        }
+    }
+
     /// Both scans together: of two fits of one order the better one.
     #[must_use]
     pub fn join(mut self, other: Self) -> Self {
         for entry in other.entries {
-            let at = self.entries.partition_point(|e| e.order < entry.order);
-            match self.entries.get_mut(at).filter(|e| e.order == entry.order) {
-                Some(own) if own.fit.account.cost <= entry.fit.account.cost => {}
-                Some(own) => *own = entry,
-                None => self.entries.insert(at, entry),
-            }
-        }
-        for i in 0..self.entries.len() {
-            let before = i.checked_sub(1).map(|i| &self.entries[i].fit);
-            self.entries[i].stable = stable(&self.entries[i].fit, before);
+            put(&mut self.entries, entry);
         }
         self.failures.extend(other.failures);
-        let length = |i: &usize| self.entries[*i].mdl;
-        let least = (0..self.entries.len()).min_by(|i, j| length(i).total_cmp(&length(j)));
-        self.chosen = least.unwrap_or(0);
-        self
+        Self::of(self.entries, self.failures)
     }
 
     /// The fit of the chosen order.
@@ -66,7 +94,7 @@ impl Scan {
 }
 
 /// Akaike's criterion and the description length.
-pub(super) fn criteria(fit: &PoleFit, weighting: Weighting) -> (f64, f64) {
+fn criteria(fit: &PoleFit, weighting: Weighting) -> (f64, f64) {
     let account = &fit.account;
     let (n, unknowns) = (account.equations as f64, account.unknowns as f64);
     let likelihood = match weighting {
@@ -80,7 +108,7 @@ pub(super) fn criteria(fit: &PoleFit, weighting: Weighting) -> (f64, f64) {
 }
 
 /// Which poles the fit before has too.
-pub(super) fn stable(fit: &PoleFit, before: Option<&PoleFit>) -> Vec<bool> {
+fn stable(fit: &PoleFit, before: Option<&PoleFit>) -> Vec<bool> {
     let polar = |z: &Complex<f64>| {
         let s = z.ln();
         (s.norm(), -s.re / s.norm())

@@ -11,6 +11,8 @@ use lpv_core::{Discrete, Model, StateSpace};
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
+#[cfg(unix)]
+use std::process::Child;
 use std::process::{Command, Output};
 
 /// A temporary folder in which the program runs, so that relative paths mean files of the test.
@@ -281,4 +283,13 @@ setpoints = { samples = 800, stroke-fraction = 0.19 }
 pub fn machine_bundle(desk: &Desk) {
     desk.write("machine.toml", MACHINE);
     desk.done("simulate --machine machine.toml -o bundle");
+}
+
+/// Sends a signal, such as `-INT`.
+#[cfg(unix)]
+pub fn signal(child: &Child, name: &str) {
+    let sent = Command::new("kill")
+        .args([name, &child.id().to_string()])
+        .status();
+    assert!(sent.unwrap().success(), "{name}");
 }

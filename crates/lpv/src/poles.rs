@@ -1,8 +1,8 @@
 //! Frequency responses in, poles at every position out: order and integrators chosen where they are not given.
 
-mod counted;
 mod distortion;
 mod friction;
+mod integrators;
 mod search;
 
 use crate::PipelineError;
@@ -171,7 +171,7 @@ pub fn fit_poles(
     }
     let mut before = reasons.len();
     let mut found = search.run(&mut reasons)?;
-    let settled = counted && !missed(&found.0);
+    let settled = counted && !missed(&found.0) && !few_equations(&found.0);
     if one
         && given.is_none()
         && !settled
@@ -268,6 +268,14 @@ pub fn fit_poles(
         rigid_body: config.rigid_body,
         reasons,
     })
+}
+
+/// Equations for each unknown below which chance may count states.
+const ENOUGH_EQUATIONS: usize = 5;
+
+fn few_equations(fits: &[PoleFit]) -> bool {
+    let few = |f: &PoleFit| f.account.equations < ENOUGH_EQUATIONS * f.account.unknowns;
+    fits.iter().any(few)
 }
 
 /// Complex degrees of freedom of a covariance from which on it serves as a weight line by line.

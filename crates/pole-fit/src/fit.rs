@@ -84,6 +84,15 @@ impl Account {
     pub fn cost_excess(&self) -> f64 {
         (self.cost - self.expected_cost) / self.expected_cost_deviation
     }
+
+    /// Whether the cost is within this factor of what noise alone leaves, or within four of its standard deviations: that of few equations
+    /// scatters.
+    #[must_use]
+    pub fn is_noise(&self, factor: f64) -> bool {
+        /// Standard deviations.
+        const SCATTER: f64 = 4.0;
+        self.cost <= factor * self.expected_cost || self.cost_excess() <= SCATTER
+    }
 }
 
 /// A pole as an oscillation: `z = exp(s T_s)`, `s = w (-d + j sqrt(1 - d^2))`.

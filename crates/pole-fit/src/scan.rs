@@ -163,8 +163,6 @@ pub const PATIENCE: usize = 6;
 const AT_NOISE: f64 = 1.5;
 /// Costs within this one are.
 const SURELY_NOISE: f64 = 1.1;
-/// Or within so many of its deviations.
-const DEVIATIONS: f64 = 4.0;
 /// Part of the cost that a larger order must take off there.
 const WORTH: f64 = 0.03;
 
@@ -208,13 +206,10 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Whether the fit of this order leaves what noise alone may leave: few equations scatter.
+    /// Whether the fit of this order leaves what noise alone may leave.
     fn is_noise(&self, order: usize) -> bool {
-        self.entries.iter().any(|e| {
-            let (cost, expected) = (e.fit.account.cost, e.fit.account.expected_cost);
-            let deviation = (2.0 / e.fit.account.equations as f64).sqrt();
-            e.order == order && cost <= expected * SURELY_NOISE.max(1.0 + DEVIATIONS * deviation)
-        })
+        let fit = self.entries.iter().find(|e| e.order == order);
+        fit.is_some_and(|e| e.fit.account.is_noise(SURELY_NOISE))
     }
 
     /// The least cost over its expectation.

@@ -1,6 +1,6 @@
 //! One position whose response is distorted: a relative error in the weights, and what describes the rest most shortly.
 
-use super::search::{Fits, Search, length_of_all, near, over_noise, stable};
+use super::search::{Fits, Search, near, over_noise, stable};
 use crate::PipelineError;
 use pole_fit::NumeratorDegree;
 
@@ -41,7 +41,7 @@ impl Search<'_> {
         }
         let best = tried
             .into_iter()
-            .min_by(|a, b| length_of_all(&a.1.0).total_cmp(&length_of_all(&b.1.0)));
+            .min_by(|a, b| self.length_of_all(&a.1.0).total_cmp(&self.length_of_all(&b.1.0)));
         let Some((structure, found, why)) = best else {
             // No fit has stable poles.
             self.take((0, NumeratorDegree::Proper));

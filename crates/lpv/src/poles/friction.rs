@@ -1,6 +1,6 @@
 //! Friction to ground at several positions: one integral an axis, and a slow pole for the other.
 
-use super::search::{Fits, MORE_THAN_NOISE, Search, length_of_all, missed, over_noise, stable};
+use super::search::{Fits, Search, missed};
 use crate::PipelineError;
 use crate::rigid::RigidEvidence;
 use crate::small::MOST_DAMPING;
@@ -40,8 +40,8 @@ impl Search<'_> {
             let mut reasons = Vec::new();
             let fits = self.run(&mut reasons)?;
             let before = best.as_ref().map_or(found, |(_, b)| &b.fits.0);
-            let at_noise = over_noise(&fits.0) <= MORE_THAN_NOISE && stable(&fits.0);
-            let better = length_of_all(&fits.0) < length_of_all(before) || missed(before) && at_noise;
+            let shorter = self.length_of_all(&fits.0) < self.length_of_all(before);
+            let better = shorter || missed(before) && !missed(&fits.0);
             let seen = evidence(self.estimates, self.clock, &fits.0).filter(RigidEvidence::has_friction);
             if let Some(rigid) = seen.filter(|_| better) {
                 let found = WithFriction { fits, rigid, reasons };

@@ -1,6 +1,6 @@
 //! The search for order and integrators at all positions.
 
-use super::DISTORTED;
+use super::LEAST_FLOOR;
 use crate::PipelineError;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Discrete, FrfEstimate};
@@ -43,30 +43,21 @@ pub(super) fn stable(fits: &[PoleFit]) -> bool {
     fits.iter().all(|f| f.account.unstable_poles.is_empty())
 }
 
+/// Whether noise alone is left at every position.
+pub(super) fn at_noise(fits: &[PoleFit]) -> bool {
+    fits.iter().all(|f| f.account.is_noise(MORE_THAN_NOISE))
+}
+
 /// Whether noise is not reached, or not with stable poles.
 pub(super) fn missed(fits: &[PoleFit]) -> bool {
-    over_noise(fits) > MORE_THAN_NOISE || !stable(fits)
-}
-
-/// `N ln(cost / (N - k)) + k ln(N)`: the description length when the size of the noise is not trusted. Few equations leave less than the
-/// noise, as much less as they have unknowns.
-pub(super) fn description_length(fit: &PoleFit) -> f64 {
-    let a = &fit.account;
-    let (n, k) = (a.equations as f64, a.unknowns as f64);
-    let left = (n - k).max(1.0);
-    n * (a.cost.max(f64::MIN_POSITIVE) / left).ln() + k * n.ln()
-}
-
-/// The same of all positions.
-pub(super) fn length_of_all(fits: &[PoleFit]) -> f64 {
-    fits.iter().map(description_length).sum()
+    !at_noise(fits) || !stable(fits)
 }
 
 /// A slope this near to a whole number leaves no doubt about the integrators, where noise is reached.
 const CLEAR_SLOPE: f64 = 0.05;
 
 /// Cost over its expectation beyond which another start is tried.
-pub(super) const MORE_THAN_NOISE: f64 = 1.5;
+const MORE_THAN_NOISE: f64 = 1.5;
 
 /// Whether a slope leaves the number of integrators in doubt.
 pub(super) fn doubtful(slope: f64) -> bool {
@@ -119,6 +110,36 @@ pub(super) struct Search<'a> {
 }
 
 impl Search<'_> {
+    /// Description length when the size of the noise is not known for sure: `N ln(cost / (N - k)) + k ln(N)`, where few equations leave
+    /// less than the noise, as much less as they have unknowns. A noise that was measured counts as `n_0` more equations, which it leaves
+    /// as it should: `(N + n_0) ln((n_0 + r (N - k)) / (n_0 + N - k)) + k ln(N)`, r the cost over its expectation. So few equations
+    /// do not pay for unknowns that only fit their noise, and many are not bound to a wrong measure of it.
+    pub(super) fn length(&self, fit: &PoleFit) -> f64 {
+        /// `n_0`, about as many as 25 lines of a channel have.
+        const WORTH_OF_NOISE: f64 = 50.0;
+        let a = &fit.account;
+        let (n, k) = (a.equations as f64, a.unknowns as f64);
+        let left = (n - k).max(1.0);
+        let cost = a.cost.max(f64::MIN_POSITIVE);
+        if !self.noise_is_measured() {
+            return n * (cost / left).ln() + k * n.ln();
+        }
+        let known = WORTH_OF_NOISE;
+        let per_equation = (known + left * cost / a.expected_cost) / (known + left);
+        (n + known) * per_equation.ln() + k * n.ln()
+    }
+
+    /// The same of all positions.
+    pub(super) fn length_of_all(&self, fits: &[PoleFit]) -> f64 {
+        fits.iter().map(|fit| self.length(fit)).sum()
+    }
+
+    /// Whether the weights are those of the noise alone.
+    fn noise_is_measured(&self) -> bool {
+        let assumed = self.estimates.iter().any(FrfEstimate::covariance_is_assumed);
+        self.settings.relative_floor <= LEAST_FLOOR && !assumed
+    }
+
     /// Cost over its expectation that is enough where distortion limits.
     fn enough(&self) -> f64 {
         if self.estimates.len() == 1 && self.matched {
@@ -147,74 +168,6 @@ impl Search<'_> {
         self.slow_poles = self.estimates.len() > 1 && count == 1;
     }
 
-    /// Another number of integrators, of these, that leaves noise alone and describes the response more shortly, where the compliance of
-    /// the modes hides the slope of the rigid body at the lowest lines; with a direct term where only that keeps the poles stable. What
-    /// is found stays in the settings.
-    pub(super) fn other_integrators(
-        &mut self,
-        slope: f64,
-        found: &[PoleFit],
-        counts: &[usize],
-        reasons: &mut Vec<String>,
-    ) -> Option<Fits> {
-        let (own, slow) = (self.structure(), self.slow_poles);
-        let missed = missed(found);
-        if !doubtful(slope) && !missed {
-            return None;
-        }
-        // Noise that is not reached, or reached with poles outside the unit circle, may want a direct term.
-        let one = self.estimates.len() == 1;
-        let numerators: &[NumeratorDegree] = if missed && one {
-            &[NumeratorDegree::StrictlyProper, NumeratorDegree::Proper]
-        } else {
-            &[NumeratorDegree::StrictlyProper]
-        };
-        let others = counts
-            .iter()
-            .flat_map(|count| numerators.iter().map(move |n| (*count, *n)))
-            .filter(|other| *other != own);
-        // Other integrators do not bring many modes: those of a machine with many stand out of the noise.
-        self.small = one && over_noise(found) > DISTORTED;
-        let mut best: Option<(Structure, Fits, Vec<String>)> = None;
-        let mut least = if missed {
-            f64::INFINITY
-        } else {
-            length_of_all(found)
-        };
-        for other in others {
-            self.take(other);
-            let mut why = Vec::new();
-            let Ok(fits) = self.run(&mut why) else {
-                continue;
-            };
-            let length = length_of_all(&fits.0);
-            let usable = over_noise(&fits.0) <= MORE_THAN_NOISE && (stable(&fits.0) || !missed);
-            if usable && length < least {
-                least = length;
-                best = Some((other, fits, why));
-            }
-        }
-        self.small = false;
-        let Some((structure, fits, why)) = best else {
-            self.take(own);
-            self.slow_poles = slow;
-            return None;
-        };
-        self.take(structure);
-        if structure.0 != own.0 {
-            reasons.push(format!(
-                "{} instead: they describe the response more shortly",
-                lpv_core::counted(structure.0, "integrator")
-            ));
-        }
-        if structure.1 == NumeratorDegree::Proper {
-            reasons
-                .push("with a direct term: without it the noise is not reached with stable poles".to_owned());
-        }
-        reasons.extend(why);
-        Some(fits)
-    }
-
     /// Orders to try, integrators included.
     fn orders(&self) -> Vec<usize> {
         let flexible = match self.estimates.len() {
@@ -236,10 +189,7 @@ impl Search<'_> {
     ) -> Result<PoleFit, PoleFitError> {
         let found = fit(estimate, self.clock, settings)?;
         let account = &found.account;
-        if known.is_empty()
-            || !settings.several_starts
-            || account.cost <= MORE_THAN_NOISE * account.expected_cost
-        {
+        if known.is_empty() || !settings.several_starts || account.is_noise(MORE_THAN_NOISE) {
             return Ok(found);
         }
         match fit_from(estimate, self.clock, settings, known) {
@@ -294,7 +244,7 @@ impl Search<'_> {
                     .collect::<Result<Vec<_>, _>>()?;
                 let each: Vec<usize> = scans
                     .iter()
-                    .map(|s| s.entries[parsimonious(s, self.slack, self.enough())].order)
+                    .map(|s| s.entries[self.parsimonious(s)].order)
                     .collect();
                 let chosen = each.iter().copied().max().unwrap_or(self.integrators + 2);
                 let each: Vec<String> = each.iter().map(ToString::to_string).collect();
@@ -344,28 +294,29 @@ impl Search<'_> {
         }
         Ok((fits, scanned))
     }
-}
 
-/// The order with the least [`description_length`]. Where a model
-/// reaches the noise, this agrees with the scan's own choice; where nonlinear distortion keeps the cost above the
-/// noise, it does not buy order after order to explain it.
-pub(super) fn parsimonious(scan: &Scan, slack: f64, enough: f64) -> usize {
-    let length = |i: usize| description_length(&scan.entries[i].fit);
-    // A flexible machine has stable modes: an order whose fit has a pole outside has found something else.
-    let stable = |i: &usize| scan.entries[*i].fit.account.unstable_poles.is_empty();
-    let some_stable = (0..scan.entries.len()).any(|i| stable(&i));
-    let usable = || (0..scan.entries.len()).filter(|i| !some_stable || stable(i));
-    let cost = |i: usize| scan.entries[i].fit.account.cost;
-    let expected = |i: usize| scan.entries[i].fit.account.expected_cost;
-    let least = usable().map(cost).fold(f64::INFINITY, f64::min);
-    if slack > 1.0 {
-        return usable()
-            .find(|&i| cost(i) <= (slack * least).max(enough * expected(i)))
-            .unwrap_or(scan.chosen);
+    /// The order with the least [`Search::length`]. Where a model
+    /// reaches the noise, this agrees with the scan's own choice; where nonlinear distortion keeps the cost above the
+    /// noise, it does not buy order after order to explain it.
+    pub(super) fn parsimonious(&self, scan: &Scan) -> usize {
+        let (slack, enough) = (self.slack, self.enough());
+        let length = |i: usize| self.length(&scan.entries[i].fit);
+        // A flexible machine has stable modes: an order whose fit has a pole outside has found something else.
+        let stable = |i: &usize| scan.entries[*i].fit.account.unstable_poles.is_empty();
+        let some_stable = (0..scan.entries.len()).any(|i| stable(&i));
+        let usable = || (0..scan.entries.len()).filter(|i| !some_stable || stable(i));
+        let cost = |i: usize| scan.entries[i].fit.account.cost;
+        let expected = |i: usize| scan.entries[i].fit.account.expected_cost;
+        let least = usable().map(cost).fold(f64::INFINITY, f64::min);
+        if slack > 1.0 {
+            return usable()
+                .find(|&i| cost(i) <= (slack * least).max(enough * expected(i)))
+                .unwrap_or(scan.chosen);
+        }
+        usable()
+            .min_by(|&a, &b| length(a).total_cmp(&length(b)))
+            .unwrap_or(scan.chosen)
     }
-    usable()
-        .min_by(|&a, &b| length(a).total_cmp(&length(b)))
-        .unwrap_or(scan.chosen)
 }
 
 /// Most lines that the scan over orders uses.

@@ -39,6 +39,11 @@
 //! friction is `tanh(speed / 0.1 mm/s)` in place of a sign, so that the integration converges: a guide creeps and never
 //! sticks.
 //!
+//! # Servo axes
+//!
+//! [`servo_axis`] has machines of another kind, for diagnoses without a controller: one mass on a guide or on a flexure, motor and load
+//! on a spring, with encoders that round. Their dry friction sticks: a reversal is found inside a step of the integration.
+//!
 //! # A run
 //!
 //! ```
@@ -81,6 +86,7 @@ mod plant;
 mod profile;
 mod robustness;
 mod separation;
+pub mod servo_axis;
 
 pub use controller::{ControllerSettings, DigitalController, Discretisation, design_controller, discretise};
 pub use crest::CrestStop;

@@ -1,0 +1,319 @@
+//! What may be hidden in a servo axis, written from physics: forces on the motor, and what drive and encoders do.
+
+use std::f64::consts::TAU;
+
+/// One effect with its numbers, SI units. Forces act on the motor; positions and speeds are those of the motor.
+#[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs, reason = "the sentence on a variant names its numbers")]
+pub enum AxisEffect {
+    /// Dry friction, N.
+    CoulombFriction { level: f64 },
+    /// Dry friction of `level + breakaway exp(-(v / speed)^2)`.
+    StribeckFriction { level: f64, breakaway: f64, speed: f64 },
+    /// Force over speed, N s/m.
+    ViscousFriction { coefficient: f64 },
+    /// Viscous friction that is so much more forward and so much less backward, N s/m.
+    DirectionDependentFriction { more: f64 },
+    /// `-f v |v|`, N s^2/m^2.
+    QuadraticDrag { factor: f64 },
+    /// A bristle that bends over a distance: `z' = v - |v| z / distance`, force `-level z / distance` (Dahl).
+    Hysteresis { level: f64, distance: f64 },
+    /// Force that is always there, N.
+    ConstantForce { force: f64 },
+    /// `-force sin(2 pi (q - start) / turn)`: an arm in the field of gravity; `turn` is the travel of one revolution.
+    Gravity { force: f64, turn: f64, start: f64 },
+    /// `sum a sin(2 pi q / length + phase)`: smooth over the stroke.
+    PositionForce { waves: Vec<[f64; 3]> },
+    /// `sine sin(2 pi q / pitch) + cosine cos(2 pi q / pitch)`, and a part of it at another order of the pitch.
+    Cogging {
+        sine: f64,
+        cosine: f64,
+        pitch: f64,
+        order: f64,
+        second: f64,
+    },
+    /// `-k q`.
+    CableStiffness { stiffness: f64 },
+    /// `-k q^3`.
+    CubicStiffness { cube: f64 },
+    /// Commands that come late, s.
+    Delay { time: f64 },
+    /// First-order lag of the force, s.
+    ActuatorLag { time_constant: f64 },
+    /// `F = tanh(u sqrt(softness)) / sqrt(softness)`.
+    ActuatorSaturation { softness: f64 },
+    /// Force constant `1 + slope q + curvature q^2`.
+    PositionDependentGain { slope: f64, curvature: f64 },
+    /// Reading `y + sine sin(2 pi y / period) + cosine cos(2 pi y / period)`.
+    SensorCyclicError { sine: f64, cosine: f64, period: f64 },
+    /// Reading `y + drift (1 - exp(-t / time_constant))`.
+    SensorDrift { drift: f64, time_constant: f64 },
+    /// Readings rounded to steps of this size, m.
+    Quantization { step: f64 },
+    /// Force at a fixed frequency, from the start of a record.
+    PeriodicDisturbance { sine: f64, cosine: f64, frequency: f64 },
+    /// A mass more on the motor in one record, kg.
+    Payload { mass: f64, record: usize },
+    /// Play between motor and encoder, m.
+    Backlash { gap: f64 },
+    /// Force from a time of each record on.
+    ForceStep { force: f64, time: f64 },
+    /// Mass more from a time of each record on, added without a change of speed.
+    MassJump { mass: f64, time: f64 },
+    /// Random force, first-order low-pass noise of this deviation, other in each record.
+    RandomForce { deviation: f64, corner: f64, seed: u64 },
+}
+
+/// Where an effect finds the motor.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Moment {
+    pub(super) time: f64,
+    pub(super) position: f64,
+    pub(super) speed: f64,
+    /// Bend of the bristle.
+    pub(super) bend: f64,
+    /// Random force of unit deviation.
+    pub(super) random: f64,
+}
+
+impl AxisEffect {
+    /// Name, as `lpv diagnose` writes it where it knows the effect.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::CoulombFriction { .. } => "coulomb-friction",
+            Self::StribeckFriction { .. } => "stribeck-friction",
+            Self::ViscousFriction { .. } => "viscous-friction",
+            Self::DirectionDependentFriction { .. } => "direction-dependent-friction",
+            Self::QuadraticDrag { .. } => "quadratic-friction",
+            Self::Hysteresis { .. } => "hysteresis",
+            Self::ConstantForce { .. } => "constant-force",
+            Self::Gravity { .. } => "gravity",
+            Self::PositionForce { .. } => "position-force",
+            Self::Cogging { second: 0.0, .. } => "cogging",
+            Self::Cogging { .. } => "cogging-two-orders",
+            Self::CableStiffness { .. } => "cable-stiffness",
+            Self::CubicStiffness { .. } => "cubic-stiffness",
+            Self::Delay { .. } => "delay",
+            Self::ActuatorLag { .. } => "actuator-lag",
+            Self::ActuatorSaturation { .. } => "actuator-saturation",
+            Self::PositionDependentGain { .. } => "position-dependent-gain",
+            Self::SensorCyclicError { .. } => "sensor-cyclic-error",
+            Self::SensorDrift { .. } => "sensor-drift",
+            Self::Quantization { .. } => "quantization",
+            Self::PeriodicDisturbance { .. } => "periodic-disturbance",
+            Self::Payload { .. } => "payload",
+            Self::Backlash { .. } => "backlash",
+            Self::ForceStep { .. } => "force-step",
+            Self::MassJump { .. } => "mass-jump",
+            Self::RandomForce { .. } => "random-force",
+        }
+    }
+
+    /// Its numbers by the names that a diagnosis gives them, forces over motion of the motor.
+    pub fn facts(&self) -> Vec<(&'static str, f64)> {
+        match *self {
+            Self::CoulombFriction { level } => vec![("level", level)],
+            Self::StribeckFriction {
+                level,
+                breakaway,
+                speed,
+            } => {
+                vec![
+                    ("level", level),
+                    ("breakaway", breakaway),
+                    ("stribeck_speed", speed),
+                ]
+            }
+            Self::DirectionDependentFriction { more } => vec![("viscous_forward_more", more)],
+            Self::Hysteresis { level, distance } => vec![("level", level), ("distance", distance)],
+            Self::Cogging {
+                sine,
+                cosine,
+                pitch,
+                second: 0.0,
+                ..
+            } => {
+                vec![("sine", sine), ("cosine", cosine), ("pitch", pitch)]
+            }
+            Self::CableStiffness { stiffness } => vec![("stiffness", stiffness)],
+            Self::CubicStiffness { cube } => vec![("cube", cube), ("cubic", cube)],
+            Self::Delay { time } => vec![("time", time)],
+            Self::ActuatorLag { time_constant } => vec![("time_constant", time_constant)],
+            Self::ActuatorSaturation { softness } => vec![("softness", softness)],
+            Self::PositionDependentGain { slope, curvature } => {
+                vec![("slope", slope), ("curvature", curvature)]
+            }
+            Self::SensorCyclicError { sine, cosine, period } => {
+                vec![("sine", sine), ("cosine", cosine), ("period", period)]
+            }
+            Self::SensorDrift { drift, time_constant } => {
+                vec![("drift", drift), ("time_constant", time_constant)]
+            }
+            Self::Quantization { step } => vec![("step", step)],
+            Self::PeriodicDisturbance {
+                sine,
+                cosine,
+                frequency,
+            } => {
+                vec![("sine", sine), ("cosine", cosine), ("frequency", frequency)]
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// The same shape at so many times its size; pitches, times and the like stay.
+    #[must_use]
+    pub fn times(&self, s: f64) -> Self {
+        let mut other = self.clone();
+        match &mut other {
+            Self::CoulombFriction { level } | Self::Hysteresis { level, .. } => *level *= s,
+            Self::StribeckFriction { level, breakaway, .. } => {
+                *level *= s;
+                *breakaway *= s;
+            }
+            Self::ViscousFriction { coefficient: a }
+            | Self::DirectionDependentFriction { more: a }
+            | Self::QuadraticDrag { factor: a }
+            | Self::ConstantForce { force: a }
+            | Self::Gravity { force: a, .. }
+            | Self::CableStiffness { stiffness: a }
+            | Self::CubicStiffness { cube: a }
+            | Self::Delay { time: a }
+            | Self::ActuatorLag { time_constant: a }
+            | Self::ActuatorSaturation { softness: a }
+            | Self::SensorDrift { drift: a, .. }
+            | Self::Quantization { step: a }
+            | Self::Payload { mass: a, .. }
+            | Self::Backlash { gap: a }
+            | Self::ForceStep { force: a, .. }
+            | Self::MassJump { mass: a, .. }
+            | Self::RandomForce { deviation: a, .. } => *a *= s,
+            Self::PositionForce { waves } => waves.iter_mut().for_each(|w| w[0] *= s),
+            Self::PositionDependentGain {
+                slope: a,
+                curvature: b,
+            }
+            | Self::Cogging {
+                sine: a, cosine: b, ..
+            }
+            | Self::SensorCyclicError {
+                sine: a, cosine: b, ..
+            }
+            | Self::PeriodicDisturbance {
+                sine: a, cosine: b, ..
+            } => {
+                *a *= s;
+                *b *= s;
+            }
+        }
+        other
+    }
+
+    /// Dry friction at a speed, N.
+    pub(super) fn dry(&self, speed: f64) -> f64 {
+        match *self {
+            Self::CoulombFriction { level } => level,
+            Self::StribeckFriction {
+                level,
+                breakaway,
+                speed: fall,
+            } => level + breakaway * (-(speed / fall) * (speed / fall)).exp(),
+            _ => 0.0,
+        }
+    }
+
+    /// Every other force on the motor, N.
+    pub(super) fn force(&self, at: &Moment) -> f64 {
+        let (q, v) = (at.position, at.speed);
+        match self {
+            Self::ViscousFriction { coefficient } => -coefficient * v,
+            Self::DirectionDependentFriction { more } => -more * v.abs(),
+            Self::QuadraticDrag { factor } => -factor * v * v.abs(),
+            Self::Hysteresis { level, distance } => -level * at.bend / distance,
+            Self::ConstantForce { force } => *force,
+            Self::Gravity { force, turn, start } => -force * (TAU * (q - start) / turn).sin(),
+            Self::PositionForce { waves } => {
+                let one = |[a, length, phase]: &[f64; 3]| a * (TAU * q / length + phase).sin();
+                waves.iter().map(one).sum()
+            }
+            Self::Cogging {
+                sine,
+                cosine,
+                pitch,
+                order,
+                second,
+            } => {
+                let wave = |turn: f64| sine * turn.sin() + cosine * turn.cos();
+                wave(TAU * q / pitch) + second * wave(TAU * order * q / pitch)
+            }
+            Self::CableStiffness { stiffness } => -stiffness * q,
+            Self::CubicStiffness { cube } => -cube * q * q * q,
+            Self::PeriodicDisturbance {
+                sine,
+                cosine,
+                frequency,
+            } => {
+                let (s, c) = (TAU * frequency * at.time).sin_cos();
+                sine * s + cosine * c
+            }
+            Self::ForceStep { force, time } if at.time >= *time => *force,
+            Self::RandomForce { deviation, .. } => deviation * at.random,
+            _ => 0.0,
+        }
+    }
+
+    /// What the drive makes of a command.
+    pub(super) fn driven(&self, u: f64, position: f64) -> f64 {
+        match *self {
+            Self::ActuatorSaturation { softness } if softness > 0.0 => {
+                let part = softness.sqrt();
+                (part * u).tanh() / part
+            }
+            Self::PositionDependentGain { slope, curvature } => {
+                u * (1.0 + position * (slope + curvature * position))
+            }
+            _ => u,
+        }
+    }
+
+    /// What an encoder reads before it rounds.
+    pub(super) fn sensed(&self, y: f64, time: f64) -> f64 {
+        match *self {
+            Self::SensorCyclicError { sine, cosine, period } => {
+                let (s, c) = (TAU * y / period).sin_cos();
+                y + sine * s + cosine * c
+            }
+            Self::SensorDrift { drift, time_constant } => y - drift * (-time / time_constant).exp_m1(),
+            _ => y,
+        }
+    }
+
+    /// Mass more on the motor, kg.
+    pub(super) fn mass(&self, time: f64, record: usize) -> f64 {
+        match *self {
+            Self::Payload { mass, record: own } if own == record => mass,
+            Self::MassJump { mass, time: from } if time >= from => mass,
+            _ => 0.0,
+        }
+    }
+
+    /// Highest rate at which the effect changes along a motion of this speed, rad/s.
+    pub(super) fn fastest(&self, speed: f64, mass: f64) -> f64 {
+        match *self {
+            Self::Hysteresis { level, distance } => {
+                (speed / distance).max((level.abs() / (distance * mass)).sqrt())
+            }
+            Self::Cogging {
+                pitch, order, second, ..
+            } => TAU * speed / pitch * if second == 0.0 { 1.0 } else { order.max(1.0) },
+            Self::PeriodicDisturbance { frequency, .. } => TAU * frequency,
+            Self::StribeckFriction {
+                level,
+                breakaway,
+                speed: fall,
+            } => (level + breakaway) / (fall * mass),
+            Self::CableStiffness { stiffness } => (stiffness.abs() / mass).sqrt(),
+            _ => 0.0,
+        }
+    }
+}

@@ -3,6 +3,7 @@
 
 mod page;
 mod score;
+pub(crate) mod servo;
 
 use crate::TaskError;
 use experiment_data::{Bundle, RecordFormat};

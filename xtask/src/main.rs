@@ -104,6 +104,9 @@ pub(crate) struct Blind {
     /// These deviations over the noise only.
     #[arg(long, value_delimiter = ',')]
     severities: Vec<f64>,
+    /// Servo axes without their controller instead of tables, and docs/blind-servo.md.
+    #[arg(long, conflicts_with = "lfr")]
+    servo: bool,
     /// Also with a small LFR as the base, identified from the machine before something was hidden in it.
     #[arg(long)]
     lfr: bool,
@@ -211,6 +214,7 @@ fn main() -> ExitCode {
         Task::Reproduce(options) => reproduce::run(&options),
         Task::Measured(options) => run_measured(&options).map(|()| true),
         Task::Small(options) => run_small(&options).map(|()| true),
+        Task::Blind(options) if options.servo => blind::servo::run(&options),
         Task::Blind(options) => run_blind(&options),
         Task::Trust(options) => trust::run(&options),
         Task::Ordinary(options) => ordinary::run(&options),

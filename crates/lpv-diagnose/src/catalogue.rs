@@ -31,6 +31,7 @@ mod viscous_friction;
 use crate::base::{Base, Pair};
 use crate::effect::{Effect, EffectParameter, Moment, Place, Scale};
 use crate::screen::{Screen, Trial};
+use crate::track::Track;
 use std::slice::from_ref;
 
 /// The effects, kind by kind, each at all places where it may act; of two that a record cannot tell apart, the first is named.
@@ -86,6 +87,25 @@ pub(crate) fn is_rough(effect: &Effect) -> bool {
     position_force::EFFECTS[2..].iter().any(|e| e.is(effect))
 }
 
+/// Whether an effect of a machine is itself with these values along records: a peak of friction that has fallen before the sign of the speed
+/// has reached its value is a form of that sign, by which dry friction that creeps passes for one that sticks.
+pub(crate) fn is_itself(effect: &Effect, values: &[f64], machine: &Base, tracks: &[Track]) -> bool {
+    /// Times the speed that creeps at which the sign is reached: its hyperbolic tangent is 0.96.
+    const REACHED: f64 = 2.0;
+    let [level, breakaway, creep, fall] = *values else {
+        return true;
+    };
+    let is_peak = stribeck_friction::EFFECTS.iter().any(|e| e.is(effect));
+    let part = |t: &Track| t.step / t.fine() as f64;
+    let creep = match (machine, tracks.first()) {
+        (Base::Axis(axis), Some(t)) if t.follows => {
+            creep.max(least_creep(level + breakaway, part(t), axis.mass()))
+        }
+        _ => creep,
+    };
+    !is_peak || fall >= REACHED * creep
+}
+
 /// What presliding friction is called whose distance the records do not show: below what the readings resolve, or without a
 /// motion that turns.
 pub(crate) fn as_seen(
@@ -134,16 +154,21 @@ fn smooth_sign(over_creep: f64) -> f64 {
     1.0 - 2.0 / ((2.0 * over_creep).exp() + 1.0)
 }
 
-/// The speed that creeps under a friction, no less than a part of the integration resolves: of an axis whose friction takes a speed away
-/// in less than that, the rule of Runge and Kutta makes one that grows.
+/// The speed that creeps under a friction, no less than a part of the integration resolves.
 fn resolved(creep: f64, friction: f64, at: &Moment<'_>) -> f64 {
-    /// The rule is stable where a part is at most 2.78 times the time in which a speed dies out.
-    const STABLE: f64 = 0.4;
     match at.machine {
         // Where the controller is known the integration is refined instead.
-        Base::Axis(axis) if at.track.follows => creep.max(STABLE * friction.abs() * at.step / axis.mass()),
+        Base::Axis(axis) if at.track.follows => creep.max(least_creep(friction, at.step, axis.mass())),
         Base::Axis(_) | Base::XyTable(_) | Base::Lpv(_) => creep,
     }
+}
+
+/// Of an axis whose friction takes a lower speed away in less than a part of the integration, the rule of Runge and Kutta makes one that
+/// grows.
+fn least_creep(friction: f64, part: f64, mass: f64) -> f64 {
+    /// The rule is stable where a part is at most 2.78 times the time in which a speed dies out.
+    const STABLE: f64 = 0.4;
+    STABLE * friction.abs() * part / mass
 }
 
 /// Forces of the motors that together do what this input of a channel does in the middle of the range.
@@ -178,4 +203,24 @@ fn pitches(
     let count = ((most / width) as usize).clamp(1, MOST);
     let found = screen.best(count, |i| trials(at(i)));
     found.into_iter().map(|(i, v)| (at(i), v)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Axis;
+
+    #[test]
+    fn a_peak_of_friction_lies_beyond_the_speed_that_creeps() {
+        let machine = Base::Axis(Axis::new(1.0, 0.0, 0.0));
+        let peak = &stribeck_friction::EFFECTS[0];
+        let is = |creep, fall| is_itself(peak, &[1.0, 0.5, creep, fall], &machine, &[]);
+        assert!(is(1e-3, 1e-2) && !is(1e-3, 1.9e-3) && !is(1e-3, 1e-4));
+        assert!(is_itself(
+            &coulomb_friction::EFFECTS[0],
+            &[1.0, 1e-3],
+            &machine,
+            &[]
+        ));
+    }
 }

@@ -4,6 +4,7 @@ use super::bench::Bench;
 use super::refine::{is_worth, refined};
 use super::select::{Final, Selection, select};
 use super::{Added, EQUAL, ITERATIONS, Judged, NOISE, SURE, decibel};
+use crate::catalogue;
 use crate::fit::Fitted;
 use lpv_numerics::statistics::chi_squared_p_value;
 
@@ -139,7 +140,9 @@ impl Chosen {
             let falls = self.judged.cost - judged.cost >= self.least;
             let is_better = falls && is_worth(&judged, &self.judged, without.cost);
             let (at, values) = (&fit.model.effects[i].0, &fit.model.effects[i].1);
-            (is_better && at.allows(values) && bench.lasts(&fit.model, i)).then_some((effect, fit, judged))
+            let exists =
+                at.allows(values) && catalogue::is_itself(at, values, bench.case.base, bench.case.fitted);
+            (is_better && exists && bench.lasts(&fit.model, i)).then_some((effect, fit, judged))
         });
         worth.min_by(|a, b| a.2.cost.total_cmp(&b.2.cost))
     }

@@ -4,6 +4,7 @@ mod account;
 mod axes;
 mod axis;
 mod base;
+mod beginnings;
 mod doubt;
 mod errors;
 mod explanation;
@@ -242,6 +243,9 @@ fn of_axis(
             judged: &judged,
             ..case
         })?;
+    }
+    if is_observed && let Some(begun) = beginnings::look(&Case { noise, ..case }, &found, &told)? {
+        ([fitted, judged], found) = (begun.tracks, begun.found);
     }
     if let Some(hz) = observer_hz
         && !matches!(found.verdict, Verdict::Explained | Verdict::NothingMissing)

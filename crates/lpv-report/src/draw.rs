@@ -2,12 +2,14 @@
 
 use crate::curves::{dashes, symbols};
 use crate::figure::{Account, Figure};
+use crate::hooks::{self, Hooks};
 use crate::layout::{
     FIGURE_TITLE_SIZE, Labels, Layout, NAME_SIZE, Placed, TICK_SIZE, TITLE_SIZE, factor_label,
 };
 use crate::legend::{self, Rows};
-use crate::series::{Place, Style};
-use crate::svg::{Anchor, FINE, FONTS, FRAME, GRID, INK, MUTED, PAPER, Svg, Tone, path, px};
+use crate::marks::{self, halo};
+use crate::series::Style;
+use crate::svg::{Anchor, FINE, FONTS, FRAME, GRID, INK, MUTED, PAPER, Svg, path, px};
 use crate::{ReportError, curves, text};
 
 /// Where the SVG goes.
@@ -17,6 +19,8 @@ pub(crate) enum Mode {
     Standalone,
     /// Part of an HTML page, which may hold other drawings.
     Inline {
+        /// Begins the ids of the drawing.
+        id: &'static str,
         /// Number of the drawing on the page.
         number: usize,
     },
@@ -46,38 +50,45 @@ pub(crate) fn document(layout: &Layout, mode: Mode) -> String {
         &title,
         " font-weight=\"600\"",
     );
-    legend(&mut svg, &layout.legend, layout.legend_at);
+    let hooks = match mode {
+        Mode::Standalone => Hooks::none(),
+        Mode::Inline { .. } => Hooks::of(layout.figure),
+    };
+    legend(&mut svg, &hooks, &layout.legend, layout.legend_at);
     for (index, placed) in layout.panels.iter().enumerate() {
         let id = match mode {
             Mode::Standalone => format!("p{index}"),
-            Mode::Inline { number } => format!("f{number}p{index}"),
+            Mode::Inline { id, number } => format!("{id}{number}p{index}"),
         };
-        panel(&mut svg, placed, &id);
+        panel(&mut svg, &hooks, placed, &id);
     }
     svg.push("</svg>");
     svg.body
 }
 
-fn panel(svg: &mut Svg, placed: &Placed, id: &str) {
+fn panel(svg: &mut Svg, hooks: &Hooks, placed: &Placed, id: &str) {
     let (width, height) = (px(placed.width), px(placed.height));
     svg.push(&format!(
-        "<g transform=\"translate({} {})\">",
+        "<g transform=\"translate({} {})\"{}>",
         px(placed.left),
-        px(placed.top)
+        px(placed.top),
+        hooks.panel(placed)
     ));
-    grid(svg, placed);
+    hooks.group(svg, hooks::AXES, |svg| grid(svg, placed));
     svg.push(&format!(
         "<clipPath id=\"{id}\"><rect width=\"{width}\" height=\"{height}\"/></clipPath><g clip-path=\"url(#{id})\">"
     ));
-    marker_lines(svg, placed);
+    hooks.group(svg, hooks::LINES, |svg| marks::lines(svg, placed));
     for series in &placed.panel.series {
-        curves::series(svg, placed, series);
+        hooks.group(svg, &hooks.series(series), |svg| {
+            curves::series(svg, placed, series)
+        });
     }
     svg.push("</g>");
     svg.furniture(FRAME, 0.8, &format!("M0 0H{width}V{height}H0Z"));
-    ticks(svg, placed);
-    marker_texts(svg, placed);
-    names(svg, placed);
+    hooks.group(svg, hooks::AXES, |svg| ticks(svg, placed));
+    marks::texts(svg, hooks, placed);
+    names(svg, hooks, placed);
     svg.push("</g>");
 }
 
@@ -152,11 +163,11 @@ fn majors(major: &[(f64, String)]) -> Vec<f64> {
 }
 
 /// Title, legend, axis names, factors and the remark on what is not shown.
-fn names(svg: &mut Svg, placed: &Placed) {
+fn names(svg: &mut Svg, hooks: &Hooks, placed: &Placed) {
     let (panel, width, height) = (placed.panel, placed.width, placed.height);
     let factor_row = if placed.has_factor_row { 12.0 } else { 0.0 };
     let legend_top = -3.0 - factor_row - legend::ROW * placed.legend.len() as f64;
-    legend(svg, &placed.legend, (0.0, legend_top));
+    legend(svg, hooks, &placed.legend, (0.0, legend_top));
     let (title, size) = text::fit(&panel.title, TITLE_SIZE, width + 12.0);
     svg.text(
         (0.5 * width, legend_top - 3.0),
@@ -168,14 +179,10 @@ fn names(svg: &mut Svg, placed: &Placed) {
     );
 
     if let (Some(exponent), Labels::Shown) = (placed.y.ticks.factor, placed.y_labels) {
-        svg.text(
-            (0.0, -4.5),
-            Anchor::Start,
-            TICK_SIZE,
-            INK,
-            &factor_label(exponent),
-            "",
-        );
+        hooks.group(svg, hooks::AXES, |svg| {
+            let factor = factor_label(exponent);
+            svg.text((0.0, -4.5), Anchor::Start, TICK_SIZE, INK, &factor, "");
+        });
     }
     if placed.y_labels == Labels::Shown {
         let (name, size) = text::fit(&panel.y.label, NAME_SIZE, height + 20.0);
@@ -189,7 +196,9 @@ fn names(svg: &mut Svg, placed: &Placed) {
         let (name, size) = text::fit(&panel.x.label, NAME_SIZE, width + 20.0 - 2.0 * factor_width);
         svg.text((0.5 * width, height + 30.5), Anchor::Middle, size, INK, &name, "");
         let factor = factor.unwrap_or_default();
-        svg.text((width, height + 30.5), Anchor::End, TICK_SIZE, INK, &factor, "");
+        hooks.group(svg, hooks::AXES, |svg| {
+            svg.text((width, height + 30.5), Anchor::End, TICK_SIZE, INK, &factor, "")
+        });
     }
 
     if placed.ranges.placed == 0 && !panel.series.is_empty() {
@@ -207,126 +216,35 @@ fn names(svg: &mut Svg, placed: &Placed) {
     }
 }
 
-fn marker_lines(svg: &mut Svg, placed: &Placed) {
-    for marker in &placed.panel.markers {
-        let data = match marker.place {
-            Place::Vertical(x) => placed
-                .x
-                .place(x)
-                .map(|u| format!("M{} 0V{}", px(placed.width * u), px(placed.height))),
-            Place::Horizontal(y) => placed
-                .y
-                .place(y)
-                .map(|u| format!("M0 {}H{}", px(placed.height * (1.0 - u)), px(placed.width))),
-            Place::Point(..) => continue,
-        };
-        if let Ok(data) = data {
-            svg.stroke(marker.colour, 1.0, " stroke-dasharray=\"4.5 2.5\"", &data);
-        }
-    }
-}
-
-fn marker_texts(svg: &mut Svg, placed: &Placed) {
-    let within = |u: f64| (0.0..=1.0).contains(&u);
-    let (width, height) = (placed.width, placed.height);
-    let mut taken: Vec<(f64, f64, f64)> = Vec::new();
-    for marker in &placed.panel.markers {
-        let Some(label) = marker.label.as_deref() else {
-            continue;
-        };
-        let length = text::width(label, TICK_SIZE);
-        let (x, mut y, anchor) = match marker.place {
-            Place::Vertical(x) => match placed.x.place(x) {
-                Ok(u) if within(u) && width * u + length + 5.0 > width => {
-                    (width * u - 4.0, 12.0, Anchor::End)
-                }
-                Ok(u) if within(u) => (width * u + 4.0, 12.0, Anchor::Start),
-                _ => continue,
-            },
-            Place::Horizontal(y) => match placed.y.place(y) {
-                Ok(u) if within(u) => {
-                    let line = height * (1.0 - u);
-                    (
-                        width - 5.0,
-                        if line < 16.0 { line + 12.0 } else { line - 4.0 },
-                        Anchor::End,
-                    )
-                }
-                _ => continue,
-            },
-            Place::Point(x, y) => match (placed.x.place(x), placed.y.place(y)) {
-                (Ok(u), Ok(v)) if within(u) && within(v) => {
-                    let right = width * u + 6.0 + length <= width;
-                    let x = if right { width * u + 6.0 } else { width * u - 6.0 };
-                    (
-                        x,
-                        height * (1.0 - v) + 3.5,
-                        if right { Anchor::Start } else { Anchor::End },
-                    )
-                }
-                _ => continue,
-            },
-        };
-        let left = if anchor == Anchor::End { x - length } else { x };
-        // Names of neighbouring vertical lines stand one below the other.
-        while matches!(marker.place, Place::Vertical(_))
-            && y + 12.0 < height
-            && taken
-                .iter()
-                .any(|&(l, r, t)| left < r && left + length > l && (t - y).abs() < 11.0)
-        {
-            y += 12.0;
-        }
-        taken.push((left - 3.0, left + length + 3.0, y));
-        let tone = if matches!(marker.place, Place::Point(..)) {
-            INK
-        } else {
-            MUTED
-        };
-        halo(svg, (x, y), anchor, tone, label);
-    }
-}
-
-/// Text over data: with a rim in the colour of the paper.
-fn halo(svg: &mut Svg, at: (f64, f64), anchor: Anchor, tone: Tone, content: &str) {
-    let Tone(_, paper, _) = PAPER;
-    let rim =
-        format!(" stroke=\"{paper}\" stroke-width=\"3\" stroke-linejoin=\"round\" paint-order=\"stroke\"");
-    svg.text(at, anchor, TICK_SIZE, tone, content, &rim);
-}
-
 /// Samples and names.
-fn legend(svg: &mut Svg, rows: &Rows, at: (f64, f64)) {
+fn legend(svg: &mut Svg, hooks: &Hooks, rows: &Rows, at: (f64, f64)) {
     for (row, entries) in rows.iter().enumerate() {
         let y = at.1 + legend::ROW * (row as f64 + 0.5);
         for entry in entries {
-            let (x, series) = (at.0 + entry.offset, entry.series);
-            let end = x + legend::sample(series);
-            match series.style {
-                Style::Band { .. } => {
-                    let box_of = [(x, y - 4.5), (end, y - 4.5), (end, y + 4.5), (x, y + 4.5)];
-                    svg.fill(series.colour, 0.22, &(path(&box_of) + "z"));
-                }
-                Style::Dots | Style::Circles | Style::Crosses => {
-                    symbols(svg, series, &[(0.5 * (x + end), y)])
-                }
-                _ => svg.stroke(
-                    series.colour,
-                    series.drawn_width(),
-                    dashes(&series.style),
-                    &path(&[(x, y), (end, y)]),
-                ),
-            }
-            svg.text(
-                (end + 5.0, y + 3.7),
-                Anchor::Start,
-                entry.size,
-                INK,
-                &entry.label,
-                "",
-            );
+            let at = (at.0 + entry.offset, y);
+            hooks.group(svg, &hooks.entry(entry, at), |svg| sample(svg, entry, at));
         }
     }
+}
+
+fn sample(svg: &mut Svg, entry: &legend::Entry, (x, y): (f64, f64)) {
+    let series = entry.series;
+    let end = x + legend::sample(series);
+    match series.style {
+        Style::Band { .. } => {
+            let box_of = [(x, y - 4.5), (end, y - 4.5), (end, y + 4.5), (x, y + 4.5)];
+            svg.fill(series.colour, 0.22, &(path(&box_of) + "z"));
+        }
+        Style::Dots | Style::Circles | Style::Crosses => symbols(svg, series, &[(0.5 * (x + end), y)]),
+        _ => svg.stroke(
+            series.colour,
+            series.drawn_width(),
+            dashes(&series.style),
+            &path(&[(x, y), (end, y)]),
+        ),
+    }
+    let (at, label) = ((end + 5.0, y + 3.7), &entry.label);
+    svg.text(at, Anchor::Start, entry.size, INK, label, "");
 }
 
 impl Figure {
@@ -363,8 +281,11 @@ impl Figure {
         })
     }
 
-    /// The drawing for a page; `number` makes its ids unique there.
-    pub(crate) fn to_inline_svg(&self, number: usize) -> Result<String, ReportError> {
-        Ok(document(&Layout::new(self)?, Mode::Inline { number }))
+    /// The drawing for a page, and one for a phone where the panels are not too many; `number` makes their ids unique there.
+    pub(crate) fn to_inline_svg(&self, number: usize) -> Result<(String, Option<String>), ReportError> {
+        let broad = document(&Layout::new(self)?, Mode::Inline { id: "f", number });
+        let phone = self.for_phone();
+        let narrow = Layout::new(&phone).map(|layout| document(&layout, Mode::Inline { id: "n", number }));
+        Ok((broad, narrow.ok()))
     }
 }

@@ -129,6 +129,24 @@ impl Figure {
         self
     }
 
+    /// The same for a phone: panels below each other, or in pairs where they were small.
+    pub(crate) fn for_phone(&self) -> Self {
+        /// Width of a column of text on a phone, px.
+        const WIDTH: f64 = 350.0;
+        let alone = self.panels.len() == 1;
+        let height = self.plot_height.unwrap_or(if alone { 220.0 } else { 130.0 });
+        Self {
+            columns: if self.columns > 2 { 2 } else { 1 },
+            width: Some(WIDTH),
+            plot_height: Some(height.min(260.0)),
+            share: match self.columns {
+                1 => self.share,
+                _ => Share::Nothing,
+            },
+            ..self.clone()
+        }
+    }
+
     pub(crate) fn size_error(&self, what: &'static str, value: f64, lower: f64, upper: f64) -> ReportError {
         ReportError::Size {
             figure: self.title.clone(),

@@ -48,7 +48,8 @@ pub(crate) fn assign(figure: &Figure) -> (Vec<&Series>, Vec<Vec<&Series>>) {
     }
 }
 
-fn distinct<'f>(series: impl Iterator<Item = &'f Series>) -> Vec<&'f Series> {
+/// The named series, one a label, style and colour.
+pub(crate) fn distinct<'f>(series: impl Iterator<Item = &'f Series>) -> Vec<&'f Series> {
     let mut out: Vec<&Series> = Vec::new();
     let same = |a: &Series, b: &Series| {
         let styles = std::mem::discriminant(&a.style) == std::mem::discriminant(&b.style);

@@ -22,10 +22,25 @@
 //!
 //! It never sees a model, a record or a file: no decibels, no statistics, no fits, so that no number on a page can differ
 //! from the one that was computed elsewhere. It never reads the machine's fonts, the clock or the network: the same
-//! input gives the same bytes, a page opens without a connection and holds no script, and a PNG is drawn with an
-//! embedded font. It has no three-dimensional plots, second y axes or interaction; a picture on paper has none either.
+//! input gives the same bytes, a page opens without a connection, and a PNG is drawn with an embedded font. It has no
+//! three-dimensional plots or second y axes.
 //! It writes its few SVG elements itself: a plotting library of general purpose would decide about ticks, legends and
 //! thinning, which is all that there is to decide here.
+//!
+//! # The script of a page
+//!
+//! A page with figures holds one script, `page.js`, which its content policy names by its hash; nothing else runs, and nothing is
+//! loaded. It reads values under the cursor, zooms (panels of one x axis together), and turns series off by their entry in the
+//! legend, by mouse, touch and keyboard. It draws nothing that is not there without it: the figures are whole on paper and where
+//! scripts are off. Every figure is drawn twice, for a wide window and for a phone; the style sheet shows the one that fits.
+//!
+//! | keys, on a panel | |
+//! |---|---|
+//! | left, right | value at the point before, after |
+//! | up, down | next series |
+//! | `+`, `-` | zoom |
+//! | Shift and arrows | move |
+//! | `0`, Escape | as it was |
 //!
 //! # A run
 //!
@@ -52,12 +67,15 @@ mod decimate;
 mod draw;
 mod error;
 mod figure;
+mod hooks;
 mod layout;
 mod legend;
+mod marks;
 mod page;
 mod panel;
 #[cfg(feature = "png")]
 mod png;
+mod policy;
 mod ranges;
 mod series;
 mod style;

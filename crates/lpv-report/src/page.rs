@@ -1,12 +1,13 @@
 //! One page with everything in it.
 
 use crate::cell::{Cell, Verdict};
-use crate::{Figure, ReportError, Table, style, table, text};
+use crate::{Figure, ReportError, Table, policy, style, table, text};
 
 /// Stands near the beginning of every page, so that a page of ours is told from others.
 pub const GENERATOR: &str = "<meta name=\"generator\" content=\"lpv-report\">";
 
-/// A self-contained page: no script, no request, light and dark, for a screen, a phone or paper.
+/// A self-contained page: no request, light and dark, for a screen, a phone or paper. Its script adds values, zoom and a legend
+/// that turns series off; without it the figures stay as they are drawn.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Page {
     /// Title of the document.
@@ -15,6 +16,8 @@ pub struct Page {
     pub subtitle: String,
     /// Name and value of what identifies the run (seed, commit, hash of the data), shown at the end.
     pub facts: Vec<(String, String)>,
+    /// What the page says first: the judgement and the figure that shows it, before contents and sections; may be empty.
+    pub lead: Vec<Block>,
     /// The sections in order; with more than two a table of contents is put before them.
     pub sections: Vec<Section>,
 }
@@ -38,6 +41,8 @@ pub enum Block {
     Paragraph(String),
     /// A paragraph that stands out: a limitation, a warning.
     Note(String),
+    /// A line in small print: the numbers behind a judgement.
+    Aside(String),
     /// The judgement of what follows, in a colour and in words.
     Judgement(Tone, String),
     /// Points of a list.
@@ -192,6 +197,12 @@ impl Page {
         self
     }
 
+    /// Adds to what the page says first.
+    pub fn lead(mut self, blocks: impl IntoIterator<Item = Block>) -> Self {
+        self.lead.extend(blocks);
+        self
+    }
+
     /// Adds a section.
     pub fn section(mut self, section: Section) -> Self {
         self.sections.push(section);
@@ -212,15 +223,12 @@ impl Page {
         out.push_str(GENERATOR);
         out.push_str("\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n");
         out.push_str("<meta name=\"color-scheme\" content=\"light dark\">\n");
-        // The browser is told to load nothing, whatever the text holds.
-        out.push_str(
-            "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n",
-        );
+        let style = style::sheet();
+        out.push_str(&policy::element(&style));
         out.push_str(&format!(
-            "<title>{}</title>\n<style>\n",
+            "<title>{}</title>\n<style>{style}",
             text::escape(&self.title)
         ));
-        out.push_str(&style::sheet());
         out.push_str("</style>\n</head>\n<body>\n<main>\n<header>\n");
         out.push_str(&format!("<h1>{}</h1>\n", text::to_html(&self.title)));
         if !self.subtitle.is_empty() {
@@ -230,8 +238,11 @@ impl Page {
             ));
         }
         out.push_str("</header>\n");
-        self.contents(&mut out);
         let mut figures = 0;
+        for block in &self.lead {
+            self::block(&mut out, block, &mut figures)?;
+        }
+        self.contents(&mut out);
         for (index, section) in self.sections.iter().enumerate() {
             let heading = text::to_html(&section.heading);
             out.push_str(&format!("<section id=\"s{}\">\n<h2>{heading}</h2>\n", index + 1));
@@ -248,7 +259,11 @@ impl Page {
             }
             out.push_str("</dl></footer>\n");
         }
-        out.push_str("</main>\n</body>\n</html>\n");
+        out.push_str("</main>\n");
+        if figures > 0 {
+            out.push_str(&format!("<script>{}</script>\n", policy::SCRIPT));
+        }
+        out.push_str("</body>\n</html>\n");
         Ok(out)
     }
 
@@ -270,6 +285,7 @@ fn block(out: &mut String, block: &Block, figures: &mut usize) -> Result<(), Rep
         Block::Heading(heading) => out.push_str(&format!("<h3>{}</h3>\n", text::to_html(heading))),
         Block::Paragraph(paragraph) => out.push_str(&format!("<p>{}</p>\n", text::to_html(paragraph))),
         Block::Note(note) => out.push_str(&format!("<p class=\"note\">{}</p>\n", text::to_html(note))),
+        Block::Aside(line) => out.push_str(&format!("<p class=\"aside\">{}</p>\n", text::to_html(line))),
         Block::Judgement(tone, words) => out.push_str(&format!(
             "<p class=\"judgement {}\">{}</p>\n",
             tone.class(),
@@ -290,11 +306,15 @@ fn block(out: &mut String, block: &Block, figures: &mut usize) -> Result<(), Rep
         Block::Table(table) => out.push_str(&table.to_html()?),
         Block::Figure(figure) => {
             *figures += 1;
-            let svg = figure.to_inline_svg(*figures)?;
+            let (broad, narrow) = figure.to_inline_svg(*figures)?;
             let width = if figure.columns > 1 { " wide" } else { "" };
-            out.push_str(&format!(
-                "<figure class=\"fig{width}\"><div class=\"scroll\">{svg}</div>\n"
-            ));
+            out.push_str(&format!("<figure class=\"fig{width}\">\n"));
+            match narrow {
+                Some(narrow) => out.push_str(&format!(
+                    "<div class=\"drawing broad\">{broad}</div>\n<div class=\"drawing narrow\">{narrow}</div>\n"
+                )),
+                None => out.push_str(&format!("<div class=\"drawing scroll\">{broad}</div>\n")),
+            }
             let caption = text::to_html(&figure.caption);
             out.push_str(&format!(
                 "<figcaption><b>Figure {figures}.</b> {caption}</figcaption></figure>\n"

@@ -27,10 +27,8 @@ pub(crate) fn sheet() -> String {
         ":root{color-scheme:light;--ground:#fff;--card:#fff;--text:#000;--soft:#444;--rule:#bbb;--link:#000;\
          --good:#00513a;--bad:#8a2f00}\n",
     );
-    out.push_str("body{font-size:10.5pt}main{max-width:none;padding:0}nav{display:none}\n");
+    out.push_str("body{font-size:10.5pt}main{max-width:none;padding:0}nav,.tools,.tip{display:none}\n");
     out.push_str(".fig,.key,tr,pre{break-inside:avoid}h2,h3{break-after:avoid}.fig{border:0;padding:0}\n");
-    out.push_str(
-        ".fig svg,.fig.wide svg{min-width:0}.scroll{overflow:visible}pre{white-space:pre-wrap}\n}\n",
-    );
+    out.push_str(".scroll svg{min-width:0}.scroll{overflow:visible}pre{white-space:pre-wrap}\n}\n");
     out
 }

@@ -93,6 +93,14 @@ pub(crate) fn to_html(text: &str) -> String {
     out
 }
 
+/// The text for an attribute, escaped, without sub- and superscripts.
+pub(crate) fn plain(text: &str) -> String {
+    runs(text)
+        .into_iter()
+        .map(|(level, run)| escape_run(level, run))
+        .collect()
+}
+
 /// The content of an SVG `<text>` of this size, escaped, with shifted `<tspan>`s.
 pub(crate) fn to_tspans(text: &str, size: f64) -> String {
     let mut out = String::new();

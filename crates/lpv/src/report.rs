@@ -2,9 +2,12 @@
 //! responses.
 
 mod band;
+mod beside;
 mod bode;
 mod coefficients;
 mod errors;
+mod lead;
+mod over_p;
 mod poles;
 mod small;
 mod time;
@@ -14,9 +17,10 @@ use crate::progress::Progress;
 use crate::validation::{Evidence, Scope, Validation, validate};
 use crate::verdict::{Verdict, Worth};
 use crate::{AxisSummary, Identification, ModelFile, PipelineError};
+use beside::Row;
 use experiment_data::Bundle;
 use lpv_core::{Discrete, StateSpace};
-use lpv_report::{Cell, Format, KeyFigure, Page, Section, Table, Tone};
+use lpv_report::{Block, Cell, Format, KeyFigure, Page, Section, Table, Tone};
 use lpv_simulate::{Frozen, Machine};
 use std::path::{Path, PathBuf};
 
@@ -50,7 +54,11 @@ impl Subject {
 /// fit. A bundle that a model names and that is gone is noted on the page.
 pub fn page(folder: &Path, bundle: Option<&Path>, progress: Progress<'_>) -> Result<Page, PipelineError> {
     let files = model_files(folder)?;
-    let mut page = Page::new("Identified models").subtitle("written by lpv report");
+    let mut page = Page::new(match files.len() {
+        1 => "Identified model",
+        _ => "Identified models",
+    });
+    let mut rows = Vec::new();
     for file in &files {
         let name = file
             .file_name()
@@ -65,13 +73,30 @@ pub fn page(folder: &Path, bundle: Option<&Path>, progress: Progress<'_>) -> Res
             }
             Err(e) => return Err(e),
         };
-        for section in sections(&name, &subject, note)? {
-            page = page.section(section);
+        let verdict = verdict(&subject);
+        let mut own = sections(&name, &subject, note)?;
+        let lead = lead::of(&subject, verdict)?;
+        if files.len() == 1 {
+            // No figure stands on the page twice.
+            own.iter_mut()
+                .for_each(|section| section.blocks.retain(|block| !lead.contains(block)));
+            page = page.lead(lead);
+        } else {
+            let words = lead
+                .into_iter()
+                .filter(|block| !matches!(block, Block::Figure(_)));
+            own[0].blocks.splice(..0, words);
+            rows.push(Row::of(&name, &subject, verdict));
         }
+        page.sections.append(&mut own);
         if let Some(account) = &subject.file.identification {
             page = page.fact(format!("{name}: bundle"), account.bundle.clone());
             page = page.fact(format!("{name}: seed"), account.config.seed.to_string());
         }
+    }
+    if !rows.is_empty() {
+        page.lead = beside::lead(&rows);
+        page.sections.insert(0, beside::section(&rows));
     }
     Ok(page.fact("lpv", env!("CARGO_PKG_VERSION")))
 }
@@ -221,9 +246,6 @@ fn own_clock(file: &ModelFile) -> Result<Discrete, PipelineError> {
 
 fn sections(name: &str, s: &Subject, note: Option<String>) -> Result<Vec<Section>, PipelineError> {
     let mut head = Section::new(name.to_owned());
-    if let Some(verdict) = verdict(s) {
-        head = head.judgement(tone(verdict.worth), verdict.sentence.clone());
-    }
     head = head.paragraph(format!("{}.", s.file.model.describe()));
     if let Some(note) = note {
         head = head.note(note);
@@ -240,6 +262,7 @@ fn sections(name: &str, s: &Subject, note: Option<String>) -> Result<Vec<Section
     all.push(bode::section(s)?);
     all.push(poles::section(s)?);
     all.extend(coefficients::section(s)?);
+    all.extend(over_p::section(s));
     all.extend(errors::section(s)?);
     all.extend(time::section(s));
     Ok(all)

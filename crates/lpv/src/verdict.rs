@@ -8,8 +8,10 @@ mod words;
 use crate::PipelineError;
 use crate::finding::{self, Finding};
 use crate::small::BetweenPositions;
+pub(crate) use judge::judged_run;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+pub(crate) use words::{number, percent, times};
 
 /// A judgement of a model, with the facts behind it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,7 +1,10 @@
 //! The page of a diagnosis.
 
-use super::{Diagnosed, Diagnosis, ForceErrors, LeftTests, OutputError};
-use lpv_report::{Cell, Format, Page, Section, Table, Tone};
+use super::{Diagnosed, Diagnosis, ForceErrors, LeftTest, LeftTests, OutputError};
+use crate::verdict::{number, percent, times};
+use lpv_report::{
+    Axis, Block, Cell, Colour, Figure, Format, Marker, Page, Panel, Section, Series, Style, Table, Tone,
+};
 
 /// Gain, dB, that stands for a machine that leaves all bounds.
 const LOST_DB: f64 = -299.0;
@@ -11,13 +14,16 @@ impl Diagnosed {
     pub fn page(&self) -> Page {
         let d = &self.diagnosis;
         let mut page = Page::new(format!("Diagnosis of {}", d.bundle))
-            .subtitle(self.summary())
-            .section(Section::new("Verdict").judgement(tone(d), d.verdict_in_words.clone()))
+            .lead([
+                Block::Judgement(tone(d), d.verdict_in_words.clone()),
+                Block::Aside(self.fit()),
+            ])
             .fact("verdict", d.verdict.as_str())
             .fact("base model", d.base_model.clone());
         if !self.axes.is_empty() {
             return self.page_of_axes(page);
         }
+        page = page.lead([Block::Figure(Box::new(self.errors.clone()))]);
         if !d.effects.is_empty() {
             let mut table = Table::new(
                 "Effects that were added, in order. The gain is the fall of the squared error on held-out records.",
@@ -83,11 +89,7 @@ impl Diagnosed {
             ];
             table = table.row(cells.into_iter().take(columns.len()));
         }
-        page = page.section(
-            Section::new("Before and after")
-                .table(table)
-                .figure(self.errors.clone()),
-        );
+        page = page.section(Section::new("Before and after").table(table));
         if let Some(spectrum) = &self.spectrum {
             page = page.section(Section::new("In spectrum").figure(spectrum.clone()));
         }
@@ -137,10 +139,7 @@ impl Diagnosed {
             ["axis", "force before, %", "force after, %", "verdict"],
         );
         for (i, axis) in self.axes.iter().enumerate() {
-            let records = &axis.diagnosis.records;
-            let held_out = records.iter().find(|r| r.purpose == "validation");
-            let force = held_out.and_then(|r| r.force.values().next());
-            let percent = |of: fn(&ForceErrors) -> f64| match force {
+            let percent = |of: fn(&ForceErrors) -> f64| match axis.force_errors() {
                 Some(force) => Cell::number(of(force), Format::Fixed(1)),
                 None => Cell::text("-"),
             };
@@ -151,9 +150,13 @@ impl Diagnosed {
                 Cell::text(axis.diagnosis.verdict_in_words.clone()),
             ]);
         }
+        page = page.lead(self.forces().map(|f| Block::Figure(Box::new(f))));
         page = page.section(Section::new("The axes").table(table));
         for (i, axis) in self.axes.iter().enumerate() {
-            for mut section in axis.page().sections {
+            let own = axis.page();
+            let mut first = Section::new("verdict");
+            first.blocks = own.lead;
+            for mut section in std::iter::once(first).chain(own.sections) {
                 section.heading = format!("Axis {}: {}", i + 1, section.heading);
                 page = page.section(section);
             }
@@ -161,24 +164,65 @@ impl Diagnosed {
         page
     }
 
-    /// Effects, and the error of the worst output.
-    fn summary(&self) -> String {
+    /// Errors of every output and force before and after, in units, over the noise and in percent.
+    fn fit(&self) -> String {
         let d = &self.diagnosis;
-        let names: Vec<&str> = d.effects.iter().map(|e| e.effect.as_str()).collect();
-        let what = match names.as_slice() {
-            [] => "no effect added".to_owned(),
-            some => some.join(", "),
+        let mut parts = Vec::new();
+        for (name, before) in &d.before.validation {
+            let after = &d.after.validation[name];
+            // The panels of the errors are named by output and unit.
+            let mut titles = self.errors.panels.iter().map(|p| &p.title);
+            let unit = titles.find_map(|t| t.strip_prefix(name.as_str())?.strip_prefix(", "));
+            parts.push(format!(
+                "{name}: {:.2e} -> {:.2e}{}, {} -> {} the noise, {} of the error left",
+                before.rms,
+                after.rms,
+                unit.map_or(String::new(), |u| format!(" {u}")),
+                number(before.over_noise),
+                times(after.over_noise),
+                percent(100.0 * after.rms / before.rms)
+            ));
+        }
+        let held_out = d.records.iter().find(|r| r.purpose == "validation");
+        for (input, f) in held_out.iter().flat_map(|r| &r.force) {
+            parts.push(format!(
+                "force of {input}: {} -> {}, {:.2e} -> {:.2e} {}",
+                percent(f.before_percent),
+                percent(f.after_percent),
+                f.before,
+                f.after,
+                f.unit
+            ));
+        }
+        parts.join(" · ").replace("->", "→")
+    }
+
+    /// Error of the force of every axis, before and after; none where no axis has one.
+    fn forces(&self) -> Option<Figure> {
+        let along = |of: fn(&ForceErrors) -> f64| -> Vec<(f64, f64)> {
+            let each = self.axes.iter().enumerate();
+            each.filter_map(|(i, axis)| Some(((i + 1) as f64, of(axis.force_errors()?))))
+                .collect()
         };
-        let errors: Vec<String> = d
-            .before
-            .validation
-            .iter()
-            .map(|(name, before)| {
-                let after = d.after.validation[name].over_noise;
-                format!("{name} {:.2} -> {after:.2} times the noise", before.over_noise)
-            })
-            .collect();
-        format!("{what}; {}", errors.join(", "))
+        let before = along(|f| f.before_percent);
+        let series =
+            |points, label: &str, colour| Series::new(points, Style::Circles).label(label).colour(colour);
+        let panel = Panel::new(
+            Axis::linear("Axis")
+                .range(0.5, self.axes.len() as f64 + 0.5)
+                .step(1.0),
+            Axis::log("Error of the force (%)"),
+        )
+        .series(series(before.clone(), "before", Colour::Reference))
+        .series(series(along(|f| f.after_percent), "after", Colour::Model));
+        let caption = "Error of the inverse dynamics over the size of the force, on the first held-out record of each axis.";
+        (!before.is_empty()).then(|| Figure::new("").panel(panel).caption(caption))
+    }
+
+    /// Of the first force on the first held-out record.
+    fn force_errors(&self) -> Option<&ForceErrors> {
+        let held_out = self.diagnosis.records.iter().find(|r| r.purpose == "validation");
+        held_out?.force.values().next()
     }
 }
 
@@ -201,6 +245,7 @@ fn left(tests: &LeftTests) -> Section {
          hundredth of the noise still shows in long records: the share says how much there is, and from a twentieth on the verdict is \
          that more is missing.",
     );
+    section = section.figure(shares(tests));
     for (when, list) in [("Before", &tests.before), ("After", &tests.after)] {
         let mut table = Table::new(
             format!("{when}: the surest of {} tests.", list.len()),
@@ -225,4 +270,34 @@ fn left(tests: &LeftTests) -> Section {
         section = section.table(table);
     }
     section
+}
+
+/// What every test finds, the surest first: its share of the error beside the bound from which more is missing.
+fn shares(tests: &LeftTests) -> Figure {
+    /// Part of the error from which the verdict is that more is missing, percent.
+    const MISSING_PERCENT: f64 = 5.0;
+    let mut panel = Panel::new(
+        Axis::linear("Test, the surest first"),
+        Axis::log("Share of the error (%)"),
+    )
+    .marker(Marker::horizontal(MISSING_PERCENT).label("more is missing above"));
+    let looks = [
+        ("before", &tests.before, Colour::Reference),
+        ("after", &tests.after, Colour::Model),
+    ];
+    for (label, list, colour) in looks {
+        let at = |(i, test): (usize, &LeftTest)| ((i + 1) as f64, 100.0 * test.share);
+        panel = panel.series(
+            Series::new(list.iter().enumerate().map(at).collect(), Style::Dots)
+                .label(label)
+                .colour(colour),
+        );
+        if let Some(first) = list.first() {
+            let name = format!("{} with {}", first.output, first.signal);
+            panel = panel.marker(Marker::text(1.0, 100.0 * first.share, name));
+        }
+    }
+    Figure::new("").panel(panel).caption(
+        "Part of the square of the error one step ahead that each test explains by the past of a signal, before and after.",
+    )
 }

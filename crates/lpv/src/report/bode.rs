@@ -19,11 +19,7 @@ pub(super) fn section(s: &Subject) -> Result<Section, PipelineError> {
         .iter()
         .map(|m| Ok(m.frequency_response(&frequencies)?))
         .collect::<Result<Vec<Frf>, PipelineError>>()?;
-    let known = s
-        .positions
-        .iter()
-        .map(|p| p.first().map_or(Ok(None), |p| Known::new(s, *p)))
-        .collect::<Result<Vec<_>, _>>()?;
+    let known = known(s)?;
     let lines = if s.evidence.estimates.is_empty() {
         "The model alone: there is no frequency response to compare with."
     } else {
@@ -62,6 +58,12 @@ pub(super) fn section(s: &Subject) -> Result<Section, PipelineError> {
         .figure(magnitude)
         .figure(phase);
     Ok(residual(s, &known).into_iter().fold(section, Section::figure))
+}
+
+/// What is known of the model at the positions that are drawn.
+pub(super) fn known(s: &Subject) -> Result<Vec<Option<Known<'_>>>, PipelineError> {
+    let at = |p: &Vec<f64>| p.first().map_or(Ok(None), |p| Known::new(s, *p));
+    s.positions.iter().map(at).collect()
 }
 
 /// Where the measurement is, else three decades below Nyquist; rounded so that no line lies outside the model's domain.
@@ -172,7 +174,7 @@ pub(super) fn plain(name: &str) -> String {
 }
 
 /// What is left of the responses, beside what is known of them and of the model.
-fn residual(s: &Subject, known: &[Option<Known<'_>>]) -> Option<Figure> {
+pub(super) fn residual(s: &Subject, known: &[Option<Known<'_>>]) -> Option<Figure> {
     let measured = !s.evidence.estimates.is_empty();
     let deviation = known.iter().any(Option::is_some);
     if !measured && !deviation {

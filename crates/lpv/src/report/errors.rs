@@ -48,7 +48,7 @@ pub(super) fn section(s: &Subject) -> Result<Option<Section>, PipelineError> {
         }
         section = section.table(table);
         if v.records.iter().any(|r| !r.whiteness.is_empty()) {
-            section = section.figure(correlations(s));
+            section = section.figure(correlations(s, |_| true));
         }
     }
     for r in v.records.iter().filter(|r| !r.axes.is_empty()) {
@@ -78,15 +78,15 @@ pub(super) fn section(s: &Subject) -> Result<Option<Section>, PipelineError> {
     Ok(Some(section))
 }
 
-/// Autocorrelation of the one-step residuals of the first record, with its bound.
-fn correlations(s: &Subject) -> Figure {
+/// Autocorrelation of the one-step residuals of the first record, of the outputs that are wanted, with its bound.
+pub(super) fn correlations(s: &Subject, wanted: impl Fn(&str) -> bool) -> Figure {
     let mut figure = Figure::new("").columns(2);
     let records = s
         .validation
         .iter()
         .flat_map(|v| v.records.iter().find(|r| !r.whiteness.is_empty()));
     for r in records {
-        for w in &r.whiteness {
+        for w in r.whiteness.iter().filter(|w| wanted(&w.output)) {
             let points = |values: &[f64], first: usize| -> Vec<(f64, f64)> {
                 values
                     .iter()
@@ -100,8 +100,8 @@ fn correlations(s: &Subject) -> Figure {
                     super::bode::plain(&r.name),
                     super::bode::plain(&w.output)
                 ))
-                .marker(Marker::horizontal(w.bound_99).colour(Colour::Bound))
-                .marker(Marker::horizontal(-w.bound_99).colour(Colour::Bound))
+                .marker(Marker::horizontal(w.bound_99).label("99 %"))
+                .marker(Marker::horizontal(-w.bound_99))
                 .series(Series::new(points(&w.autocorrelation, 1), Style::Dots).label("with itself"));
             for (n, c) in r
                 .cross_correlation

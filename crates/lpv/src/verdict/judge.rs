@@ -1,7 +1,7 @@
 //! The rules that turn figures into a judgement.
 
 use super::{BandPlace, Basis, Cause, Run, Stability, Verdict, Worth};
-use crate::validation::{Band, FrozenCheck, OutputCheck, RecordCheck};
+use crate::validation::{Band, ErrorFigure, FrozenCheck, OutputCheck, RecordCheck};
 use lpv_numerics::statistics::median;
 use lpv_simulate::SMALL_INPUT_SHARE;
 
@@ -241,13 +241,17 @@ fn along(record: &RecordCheck, stability: Stability, closed_loop: bool) -> Vec<J
     all
 }
 
-fn output(record: &RecordCheck, o: &OutputCheck, stability: Stability, closed_loop: bool) -> Judged {
-    let stable = stability == Stability::Stable;
-    let (run, figure) = match (&o.closed_loop, &o.one_step) {
+/// The error by which an output is judged.
+pub(crate) fn judged_run(o: &OutputCheck, stability: Stability) -> (Run, &ErrorFigure) {
+    match (&o.closed_loop, &o.one_step) {
         (Some(figure), _) => (Run::ClosedLoop, figure),
-        (None, Some(figure)) if !stable => (Run::OneStep, figure),
+        (None, Some(figure)) if stability != Stability::Stable => (Run::OneStep, figure),
         _ => (Run::OpenLoop, &o.open_loop),
-    };
+    }
+}
+
+fn output(record: &RecordCheck, o: &OutputCheck, stability: Stability, closed_loop: bool) -> Judged {
+    let (run, figure) = judged_run(o, stability);
     let error_percent = 100.0 - figure.fit_percent;
     let fact = Cause::Record {
         record: record.name.clone(),

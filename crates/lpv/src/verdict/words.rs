@@ -180,7 +180,7 @@ impl fmt::Display for Cause {
 }
 
 /// Three digits, whatever the size.
-fn number(x: f64) -> String {
+pub(crate) fn number(x: f64) -> String {
     match x.abs() {
         a if a >= 1e5 || (a < 1e-3 && a > 0.0) => format!("{x:.1e}"),
         a if a >= 100.0 => format!("{x:.0}"),
@@ -190,10 +190,10 @@ fn number(x: f64) -> String {
     }
 }
 
-fn percent(x: f64) -> String {
+pub(crate) fn percent(x: f64) -> String {
     format!("{} %", number(x))
 }
 
-fn times(x: f64) -> String {
+pub(crate) fn times(x: f64) -> String {
     format!("{} times", number(x))
 }

@@ -5,6 +5,7 @@
 
 mod accounts;
 mod bad_input;
+mod browser;
 mod common;
 mod convert;
 mod diagnose;
@@ -19,6 +20,7 @@ mod manners;
 mod memory;
 mod new;
 mod new_files;
+mod pages;
 mod plane;
 mod python;
 mod report;

@@ -26,7 +26,9 @@ fn the_page_has_its_sections_and_needs_nothing_else() {
         assert!(page.contains(part), "{part} is not on the page");
     }
     assert!(
-        !page.contains("<script ") && !page.contains("http-equiv=\"refresh\"") && !page.contains("notes.json")
+        !page.contains("<script ")
+            && !page.contains("http-equiv=\"refresh\"")
+            && !page.contains("notes.json")
     );
     // The same input gives the same bytes.
     desk.done("report result -o other/page.html");

@@ -195,6 +195,24 @@ fn the_response_between_samples_is_taken_as_it_is() {
     }
 }
 
+/// The error of the model and the measured points stand on a page without positions too.
+#[test]
+fn the_page_of_one_position_shows_the_measurement() {
+    let mut random = Noise(9);
+    let machine = Machine::draw(&mut random, 1);
+    let lines: Vec<f64> = (1..240).map(|k| 2.0 * f64::from(k)).collect();
+    let desk = Desk::new();
+    let value = |f: f64| machine.sampled(f, 1000.0);
+    desk.write("b/a.csv", table(&lines, value, 1e-3, true, &mut random));
+    desk.write("b/experiment.toml", head(1000.0, "") + &entry("a.csv", ""));
+    desk.done("identify b -o r/model.json");
+    desk.done("report r");
+    let page = desk.text("r/report.html");
+    assert!(page.contains(">residual<"));
+    // Noise and error of the first figure, magnitude, phase; each also for a narrow screen.
+    assert_eq!(page.matches("data-t=\"dots\"").count(), 8);
+}
+
 /// A mode that moves with p, from five positions: the low-order LFR has its frequency in between.
 #[test]
 fn responses_of_several_positions_give_an_lfr() {

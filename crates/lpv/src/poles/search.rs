@@ -301,10 +301,19 @@ impl Search<'_> {
     pub(super) fn parsimonious(&self, scan: &Scan) -> usize {
         let (slack, enough) = (self.slack, self.enough());
         let length = |i: usize| self.length(&scan.entries[i].fit);
-        // A flexible machine has stable modes: an order whose fit has a pole outside has found something else.
-        let stable = |i: &usize| scan.entries[*i].fit.account.unstable_poles.is_empty();
-        let some_stable = (0..scan.entries.len()).any(|i| stable(&i));
-        let usable = || (0..scan.entries.len()).filter(|i| !some_stable || stable(i));
+        // A flexible machine has stable modes: an order whose fit has a pole outside has found something else. As many unknowns as
+        // equations fit any response.
+        let account = |i: usize| &scan.entries[i].fit.account;
+        let stable = |i: &usize| account(*i).unstable_poles.is_empty();
+        let told =
+            |i: &usize| account(*i).equations as f64 >= EQUATIONS_OF_AN_UNKNOWN * account(*i).unknowns as f64;
+        let all = 0..scan.entries.len();
+        let some_stable = all.clone().any(|i| stable(&i));
+        let some_told = all.clone().any(|i| stable(&i) && told(&i));
+        let usable = || {
+            let all = all.clone();
+            all.filter(|i| (!some_stable || stable(i)) && (!some_told || told(i)))
+        };
         let cost = |i: usize| scan.entries[i].fit.account.cost;
         let expected = |i: usize| scan.entries[i].fit.account.expected_cost;
         let least = usable().map(cost).fold(f64::INFINITY, f64::min);
@@ -318,6 +327,9 @@ impl Search<'_> {
             .unwrap_or(scan.chosen)
     }
 }
+
+/// Equations that tell an unknown from their noise, at least.
+const EQUATIONS_OF_AN_UNKNOWN: f64 = 1.5;
 
 /// Most lines that the scan over orders uses.
 const SCAN_LINES: usize = 3000;

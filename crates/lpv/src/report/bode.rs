@@ -4,7 +4,7 @@ use super::Subject;
 use super::band::Known;
 use crate::PipelineError;
 use lpv_core::num_complex::Complex;
-use lpv_core::{Clock, Frf};
+use lpv_core::{Clock, Frf, FrfEstimate};
 use lpv_report::{Axis, Colour, Figure, Panel, Section, Series, Share, Style};
 
 const FREQUENCY: &str = "Frequency (Hz)";
@@ -87,6 +87,13 @@ fn frequencies(s: &Subject) -> Vec<f64> {
         .collect()
 }
 
+/// Which of the positions that are drawn a response belongs to; a model without scheduling has one, which is that of all.
+fn place_of(s: &Subject, estimate: &FrfEstimate) -> Option<usize> {
+    let own = estimate.position();
+    let here = |p: &Vec<f64>| p.is_empty() || own.is_some_and(|own| **own == *p);
+    s.positions.iter().position(here)
+}
+
 /// What all panels show.
 struct Drawn<'a> {
     subject: &'a Subject,
@@ -132,12 +139,7 @@ impl Drawn<'_> {
                     }
                 }
                 for (n, (p, response)) in s.positions.iter().zip(self.responses).enumerate() {
-                    if let Some(e) = s
-                        .evidence
-                        .estimates
-                        .iter()
-                        .find(|e| e.position().is_some_and(|own| **own == *p))
-                    {
+                    for e in s.evidence.estimates.iter().filter(|e| place_of(s, e) == Some(n)) {
                         panel = panel.series(
                             Series::new(points(e.frf(), i, j), Style::Dots)
                                 .colour(Colour::Index(n))
@@ -228,22 +230,14 @@ fn measured_errors(s: &Subject, panel: Panel) -> Panel {
             .colour(Colour::Bound)
             .width(1.5),
     );
-    for (n, p) in s.positions.iter().enumerate() {
-        let at = s
-            .evidence
-            .estimates
-            .iter()
-            .position(|e| e.position().is_some_and(|own| **own == *p));
-        let Some((e, g)) = at.and_then(|i| Some((&s.evidence.estimates[i], s.evidence.responses.get(i)?)))
-        else {
-            continue;
-        };
+    for (e, g) in s.evidence.estimates.iter().zip(&s.evidence.responses) {
+        let Some(n) = place_of(s, e) else { continue };
         let errors = g.relative_error(e.frf()).unwrap_or_default();
         let points = e.frf().frequencies_hz().iter().copied().zip(errors).collect();
         let series = Series::new(points, Style::Dots)
             .colour(Colour::Index(n))
             .width(2.0);
-        panel = panel.series(match p.first() {
+        panel = panel.series(match s.positions[n].first() {
             Some(p) => series.label(format!("p = {p:.4}")),
             None => series.label("residual"),
         });

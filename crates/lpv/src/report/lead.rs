@@ -8,7 +8,8 @@ use lpv_report::{Block, Figure};
 
 /// Verdict, fit and figure.
 pub(super) fn of(s: &Subject, verdict: Option<&Verdict>) -> Result<Vec<Block>, PipelineError> {
-    let judgement = verdict.map(|v| Block::Judgement(tone(v.worth), v.sentence.clone()));
+    // Marks of code are for the terminal.
+    let judgement = verdict.map(|v| Block::Judgement(tone(v.worth), v.sentence.replace('`', "")));
     let figure = figure(s, verdict)?.map(|figure| Block::Figure(Box::new(figure)));
     let fit = fit(s).map(Block::Aside);
     Ok(judgement.into_iter().chain(fit).chain(figure).collect())

@@ -4,8 +4,9 @@
 mod page;
 mod score;
 pub(crate) mod servo;
+mod work;
 
-use crate::TaskError;
+use crate::{Blind, TaskError};
 use experiment_data::{Bundle, RecordFormat};
 use lpv::diagnose::{Diagnosis, diagnose};
 use lpv::simulate::{CleanMoves, MachineFile, MultisineFile, PositionsFile, simulate};
@@ -16,10 +17,10 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 pub(crate) use score::score;
 use serde::{Deserialize, Serialize};
-use std::io::Write;
 use std::path::Path;
-use std::sync::Mutex;
 use std::time::Instant;
+use work::Seeded;
+pub(crate) use work::{logged, publish};
 use xytable_plant::{HiddenEffect, MachineParameters, VerifiedController, split_seed};
 
 /// Effects that the contract of `diagnosis.json` asks for; whatever else the plant can hide is outside.
@@ -98,7 +99,33 @@ pub(crate) struct Extent {
     pub(crate) identified: bool,
 }
 
+impl Seeded for Case {
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+}
+
+impl Seeded for Outcome {
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+}
+
 impl Extent {
+    /// What the options ask for, with so many clean machines and pairs for each seed.
+    pub(crate) fn of(options: &Blind, [clean, pairs]: [u64; 2]) -> Self {
+        let asked = |kind: &str| options.only.is_empty() || options.only.iter().any(|o| o == kind);
+        Self {
+            seeds: options.seeds,
+            clean: if asked("clean") { clean * options.seeds } else { 0 },
+            pairs: if asked("pairs") { pairs * options.seeds } else { 0 },
+            minutes: options.minutes,
+            only: options.only.clone(),
+            severities: options.severities.clone(),
+            identified: options.lfr,
+        }
+    }
+
     /// A minute: effects that are seen at a glance, and clean machines.
     pub(crate) fn quick() -> Self {
         Self {
@@ -115,11 +142,8 @@ impl Extent {
     }
 }
 
-/// Machines that are worked on at the same time.
-const AT_ONCE: usize = 2;
-
-/// Runs cases in an order that is fair to all effects when the time is short, two at a time; each is appended to `log`. Those
-/// that are `done` are not run again.
+/// Runs cases in an order that is fair to all effects when the time is short; each is appended to `log`. Those that are `done` are not
+/// run again.
 ///
 /// # Errors
 /// Of the file system, and of a plant that refuses its machine.
@@ -129,53 +153,10 @@ pub(crate) fn run(
     log: &Path,
     done: Vec<Outcome>,
 ) -> Result<(Vec<Outcome>, Option<f64>), TaskError> {
-    let start = Instant::now();
     let all = cases(extent, seed);
-    let asked = |o: &Outcome| all.iter().any(|c| c.seed == o.seed);
-    let outcomes: Vec<Outcome> = done.into_iter().filter(asked).collect();
-    let (mut cases, count) = (all.clone(), all.len());
-    cases.retain(|c| outcomes.iter().all(|o| o.seed != c.seed));
-    let mut file = std::fs::File::create(log)?;
-    for outcome in &outcomes {
-        writeln!(file, "{}", serde_json::to_string(outcome)?)?;
-    }
     let seconds = extent.only.is_empty().then(|| longest(&all));
-    let left = Mutex::new(cases.iter());
-    let told = Mutex::new((file, outcomes));
-    let next = || {
-        let mut left = left.lock().ok()?;
-        let late = start.elapsed().as_secs_f64() > 60.0 * extent.minutes;
-        if late { None } else { left.next() }
-    };
-    let work = || -> Result<(), TaskError> {
-        while let Some(case) = next() {
-            match solve(case, extent.identified) {
-                Ok(outcome) => {
-                    println!("{}", score::line(&outcome));
-                    if let Ok(mut told) = told.lock() {
-                        writeln!(told.0, "{}", serde_json::to_string(&outcome)?)?;
-                        told.1.push(outcome);
-                    }
-                }
-                // A severity that the integration cannot hold, say.
-                Err(error) => println!("not simulated: {error}"),
-            }
-        }
-        Ok(())
-    };
-    // Threads of their own: what one leaves of the pool that they share is the other's.
-    std::thread::scope(|scope| {
-        let workers = [(); AT_ONCE].map(|()| scope.spawn(work));
-        workers
-            .into_iter()
-            .try_for_each(|w| w.join().unwrap_or_else(|_| Err("a diagnosis panicked".into())))
-    })?;
-    let mut outcomes = told.into_inner().map_err(|_| "a diagnosis panicked")?.1;
-    // In the order in which they were asked for, whoever was faster.
-    outcomes.sort_by_key(|o| all.iter().position(|c| c.seed == o.seed));
-    if outcomes.len() < count {
-        println!("{} of {count} machines", outcomes.len());
-    }
+    let solve = |case: &Case| solve(case, extent.identified);
+    let outcomes = work::work(&all, (log, extent.minutes), done, solve, score::line)?;
     Ok((outcomes, seconds))
 }
 
@@ -206,21 +187,6 @@ fn longest(all: &[Case]) -> f64 {
         }
     };
     timed.into_iter().map(alone).fold(0.0, f64::max)
-}
-
-/// What an earlier run left in its log; a line that was cut off counts as not run.
-///
-/// # Errors
-/// Of the file system.
-pub(crate) fn logged(log: &Path) -> Result<Vec<Outcome>, TaskError> {
-    let text = match std::fs::read_to_string(log) {
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => String::new(),
-        text => text?,
-    };
-    Ok(text
-        .lines()
-        .filter_map(|l| serde_json::from_str(l).ok())
-        .collect())
 }
 
 /// Machines that an extent asks for.

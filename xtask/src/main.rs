@@ -92,7 +92,8 @@ pub(crate) struct Blind {
     /// About a minute, with bars of its own: fails where they are missed.
     #[arg(long, conflicts_with_all = ["bless", "seeds", "only", "severities", "minutes"])]
     quick: bool,
-    /// Machines by effect and severity; clean machines are twenty times, pairs ten times as many.
+    /// Machines by effect and severity; clean machines are twenty times, pairs ten times as many; of servo axes clean ones are ten times as
+    /// many, and there are no pairs.
     #[arg(long, default_value_t = 10)]
     seeds: u64,
     /// Start no new machine after so many minutes.
@@ -337,16 +338,7 @@ fn run_blind(options: &Blind) -> Result<bool, TaskError> {
     let extent = if options.quick {
         blind::Extent::quick()
     } else {
-        let asked = |kind: &str| options.only.is_empty() || options.only.iter().any(|o| o == kind);
-        blind::Extent {
-            seeds: options.seeds,
-            clean: if asked("clean") { 20 * options.seeds } else { 0 },
-            pairs: if asked("pairs") { 10 * options.seeds } else { 0 },
-            minutes: options.minutes,
-            only: options.only.clone(),
-            severities: options.severities.clone(),
-            identified: options.lfr,
-        }
+        blind::Extent::of(options, [20, 10])
     };
     std::fs::create_dir_all(&options.output)?;
     let log = options.output.join("cases.jsonl");
@@ -365,14 +357,7 @@ fn run_blind(options: &Blind) -> Result<bool, TaskError> {
     );
     let asked = blind::count(&extent, options.seed);
     let page = blind::page(&metrics, &all, (&command, asked));
-    reproduce::write_json(&options.output.join("metrics.json"), &metrics)?;
-    std::fs::write(options.output.join("blind.md"), &page)?;
-    if options.bless {
-        let docs = root().join("docs");
-        reproduce::write_json(&docs.join("metrics/blind.json"), &metrics)?;
-        std::fs::write(docs.join("blind.md"), &page)?;
-    }
-    println!("{}", serde_json::to_string_pretty(&metrics)?);
+    blind::publish((&options.output, "blind"), &metrics, &page, options.bless)?;
     Ok(!options.quick || metrics.meets_quick_bars())
 }
 

@@ -156,5 +156,7 @@ pub use servo_axis::{axis_in_band, servo_axis};
 pub use simulate::Response;
 pub use skew::{Skew, skew};
 pub use steady::steady_forces;
-pub use trace::{Added, Case, Judged, Trace, Tried, Verdict, sensor_noise, trace, trace_in_band};
+pub use trace::{
+    Added, Case, Judged, MISSING_SHARE, Trace, Tried, Verdict, sensor_noise, trace, trace_in_band,
+};
 pub use track::{Track, roughness};

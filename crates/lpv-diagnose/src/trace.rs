@@ -18,6 +18,7 @@ use crate::whiten::{SHORT, Whitening};
 pub use account::{Added, Judged, Trace, Tried, Verdict};
 use bench::{Aim, Bench};
 use chosen::Chosen;
+pub use conclude::MISSING_SHARE;
 pub use in_band::trace_in_band;
 use lpv_core::ControllerState;
 use lpv_numerics::statistics::power_db;

@@ -17,6 +17,7 @@ use crate::progress::Progress;
 use crate::validation::{Evidence, Scope, Validation, validate};
 use crate::verdict::{Verdict, Worth};
 use crate::{AxisSummary, Identification, ModelFile, PipelineError};
+use band::Known;
 use beside::Row;
 use experiment_data::Bundle;
 use lpv_core::{Discrete, StateSpace};
@@ -74,17 +75,19 @@ pub fn page(folder: &Path, bundle: Option<&Path>, progress: Progress<'_>) -> Res
             Err(e) => return Err(e),
         };
         let verdict = verdict(&subject);
-        let mut own = sections(&name, &subject, note)?;
-        let lead = lead::of(&subject, verdict)?;
+        let known = bode::known(&subject)?;
+        let words = lead::words(&subject, verdict);
+        let mut own = sections(&name, &subject, note, &known)?;
         if files.len() == 1 {
-            // No figure stands on the page twice.
-            own.iter_mut()
-                .for_each(|section| section.blocks.retain(|block| !lead.contains(block)));
-            page = page.lead(lead);
+            page = page.lead(words);
+            if let Some(figure) = lead::figure(&subject, &known, verdict) {
+                let figure = Block::Figure(Box::new(figure));
+                // No figure stands on the page twice.
+                own.iter_mut()
+                    .for_each(|section| section.blocks.retain(|block| *block != figure));
+                page = page.lead([figure]);
+            }
         } else {
-            let words = lead
-                .into_iter()
-                .filter(|block| !matches!(block, Block::Figure(_)));
             own[0].blocks.splice(..0, words);
             rows.push(Row::of(&name, &subject, verdict));
         }
@@ -244,7 +247,12 @@ fn own_clock(file: &ModelFile) -> Result<Discrete, PipelineError> {
     })
 }
 
-fn sections(name: &str, s: &Subject, note: Option<String>) -> Result<Vec<Section>, PipelineError> {
+fn sections(
+    name: &str,
+    s: &Subject,
+    note: Option<String>,
+    known: &[Option<Known<'_>>],
+) -> Result<Vec<Section>, PipelineError> {
     let mut head = Section::new(name.to_owned());
     head = head.paragraph(format!("{}.", s.file.model.describe()));
     if let Some(note) = note {
@@ -259,7 +267,7 @@ fn sections(name: &str, s: &Subject, note: Option<String>) -> Result<Vec<Section
     }
     let mut all = vec![head];
     all.extend(small::section(s));
-    all.push(bode::section(s)?);
+    all.push(bode::section(s, known)?);
     all.push(poles::section(s)?);
     all.extend(coefficients::section(s)?);
     all.extend(over_p::section(s));

@@ -27,6 +27,26 @@ const BARS: [(&str, f64, bool); 9] = [
     ),
 ];
 
+/// How many machines of those asked for a command has worked on, and the head of the table of their figures.
+pub(super) fn machines(worked_on: usize, asked: usize, command: &str) -> String {
+    let of = if worked_on < asked {
+        format!(" of the {asked}")
+    } else {
+        String::new()
+    };
+    format!("{worked_on}{of} machines of `{command}`.\n\n| | bar | found |\n|---|---|---|\n")
+}
+
+/// Names with how often each was said.
+pub(super) fn counted(said: impl Iterator<Item = String>) -> String {
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for what in said {
+        *counts.entry(what).or_default() += 1;
+    }
+    let parts = counts.into_iter().map(|(name, n)| format!("{name} {n}"));
+    parts.collect::<Vec<_>>().join(", ")
+}
+
 /// The page, with the command that makes it and how many machines that asks for.
 pub(crate) fn page(metrics: &Metrics, all: &[Outcome], (command, asked): (&str, usize)) -> String {
     let figures = [
@@ -47,13 +67,7 @@ pub(crate) fn page(metrics: &Metrics, all: &[Outcome], (command, asked): (&str, 
          written as a bundle, and `lpv diagnose` sees nothing else. The code that hides effects (crate `xytable-plant`) and the code \
          that finds them (crate `lpv-diagnose`) share nothing.\n\n",
     );
-    let of = if all.len() < asked {
-        format!(" of the {asked}")
-    } else {
-        String::new()
-    };
-    let _ = writeln!(text, "{}{of} machines of `{command}`.\n", all.len());
-    let _ = writeln!(text, "| | bar | found |\n|---|---|---|");
+    text += &machines(all.len(), asked, command);
     for ((what, bar, least), figure) in BARS.iter().zip(figures) {
         let percent = |v: f64| {
             if *what == BARS[8].0 {
@@ -98,7 +112,11 @@ pub(crate) fn page(metrics: &Metrics, all: &[Outcome], (command, asked): (&str, 
             let right = here.iter().filter(|o| is_named(o)).count();
             let _ = write!(text, " {right}/{} |", here.len());
         }
-        let _ = writeln!(text, " {} |", others(&own));
+        let _ = writeln!(
+            text,
+            " {} |",
+            counted(own.iter().filter(|o| !is_named(o)).map(|o| said(o)))
+        );
     }
     text += &others_that_do(all);
     text += &identified(all);
@@ -220,16 +238,4 @@ fn said(o: &Outcome) -> String {
         Ok(d) if d.effects.is_empty() => d.verdict.to_owned(),
         Ok(_) => names(o).join(" + "),
     }
-}
-
-fn others(own: &[&Outcome]) -> String {
-    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
-    for o in own.iter().filter(|o| !is_named(o)) {
-        *counts.entry(said(o)).or_default() += 1;
-    }
-    let parts: Vec<String> = counts
-        .into_iter()
-        .map(|(name, n)| format!("{name} {n}"))
-        .collect();
-    parts.join(", ")
 }

@@ -6,16 +6,15 @@ mod page;
 mod score;
 
 use super::Extent;
-use crate::{Blind, TaskError, reproduce, root};
+use super::work::{Seeded, logged, publish, work};
+use crate::{Blind, TaskError};
 use draw::{Drawn, Machine, RECORDS};
 use experiment_data::{Bundle, BundleWriter, Description, RecordFormat};
 use lpv::diagnose::{Diagnosis, diagnose};
 use lpv::silent;
 use lpv_core::{Purpose, Record, RecordKind, Signals};
 use serde::{Deserialize, Serialize};
-use std::io::Write;
 use std::path::Path;
-use std::sync::Mutex;
 use std::time::Instant;
 use xytable_plant::servo_axis::{AxisEffect, AxisRun, Known, deviation};
 use xytable_plant::split_seed;
@@ -93,43 +92,39 @@ pub(super) struct Outcome {
     pub(super) seconds: f64,
 }
 
+impl Seeded for Case {
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+}
+
+impl Seeded for Outcome {
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+}
+
 /// The bench, its page and its figures.
 pub(crate) fn run(options: &Blind) -> Result<bool, TaskError> {
-    let extent = if options.quick { quick() } else { extent(options) };
+    let extent = if options.quick {
+        quick()
+    } else {
+        Extent::of(options, [10, 0])
+    };
     let folder = options.output.join("servo");
     std::fs::create_dir_all(&folder)?;
     let log = folder.join("cases.jsonl");
     let done = if options.resume { logged(&log)? } else { Vec::new() };
     let cases = cases(&extent, options.seed);
-    let all = work(&cases, &log, done, extent.minutes)?;
+    let all = work(&cases, (&log, extent.minutes), done, solve, score::line)?;
     let metrics = score::score(&all);
     let command = format!(
         "cargo xtask blind --servo --seeds {} --seed {}",
         options.seeds, options.seed
     );
     let page = page::page(&metrics, &all, (&command, cases.len()));
-    reproduce::write_json(&folder.join("metrics.json"), &metrics)?;
-    std::fs::write(folder.join("blind-servo.md"), &page)?;
-    if options.bless {
-        let docs = root().join("docs");
-        reproduce::write_json(&docs.join("metrics/blind-servo.json"), &metrics)?;
-        std::fs::write(docs.join("blind-servo.md"), &page)?;
-    }
-    println!("{}", serde_json::to_string_pretty(&metrics)?);
+    publish((&folder, "blind-servo"), &metrics, &page, options.bless)?;
     Ok(!options.quick || metrics.meets_quick_bars())
-}
-
-fn extent(options: &Blind) -> Extent {
-    let asked = |kind: &str| options.only.is_empty() || options.only.iter().any(|o| o == kind);
-    Extent {
-        seeds: options.seeds,
-        clean: if asked("clean") { 10 * options.seeds } else { 0 },
-        pairs: 0,
-        minutes: options.minutes,
-        only: options.only.clone(),
-        severities: options.severities.clone(),
-        identified: false,
-    }
 }
 
 /// Effects that are named on the machines of the first round, and a clean one: the run fails where they no longer are.
@@ -179,63 +174,6 @@ fn cases(extent: &Extent, seed: u64) -> Vec<Case> {
         }
     }
     all
-}
-
-/// Two at a time; each outcome is appended to the log.
-fn work(cases: &[Case], log: &Path, done: Vec<Outcome>, minutes: f64) -> Result<Vec<Outcome>, TaskError> {
-    const AT_ONCE: usize = 2;
-    let start = Instant::now();
-    let place = |seed: u64| cases.iter().position(|c| c.seed == seed);
-    let done: Vec<Outcome> = done.into_iter().filter(|o| place(o.seed).is_some()).collect();
-    let mut file = std::fs::File::create(log)?;
-    for outcome in &done {
-        writeln!(file, "{}", serde_json::to_string(outcome)?)?;
-    }
-    let left: Vec<&Case> = cases
-        .iter()
-        .filter(|c| done.iter().all(|o| o.seed != c.seed))
-        .collect();
-    let left = Mutex::new(left.into_iter());
-    let told = Mutex::new((file, done));
-    let one = || -> Result<(), TaskError> {
-        while start.elapsed().as_secs_f64() < 60.0 * minutes {
-            let Some(case) = left.lock().map_err(|_| "a diagnosis panicked")?.next() else {
-                break;
-            };
-            match solve(case) {
-                Ok(outcome) => {
-                    println!("{}", score::line(&outcome));
-                    let mut told = told.lock().map_err(|_| "a diagnosis panicked")?;
-                    writeln!(told.0, "{}", serde_json::to_string(&outcome)?)?;
-                    told.1.push(outcome);
-                }
-                // A severity that the loop does not hold, say.
-                Err(error) => println!("not simulated: {case:?}: {error}"),
-            }
-        }
-        Ok(())
-    };
-    std::thread::scope(|scope| {
-        let workers = [(); AT_ONCE].map(|()| scope.spawn(one));
-        workers
-            .into_iter()
-            .try_for_each(|w| w.join().unwrap_or_else(|_| Err("a diagnosis panicked".into())))
-    })?;
-    let mut outcomes = told.into_inner().map_err(|_| "a diagnosis panicked")?.1;
-    outcomes.sort_by_key(|o| place(o.seed));
-    Ok(outcomes)
-}
-
-fn logged(log: &Path) -> Result<Vec<Outcome>, TaskError> {
-    let text = match std::fs::read_to_string(log) {
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => String::new(),
-        text => text?,
-    };
-    // A line that was cut off counts as not run.
-    Ok(text
-        .lines()
-        .filter_map(|l| serde_json::from_str(l).ok())
-        .collect())
 }
 
 fn solve(case: &Case) -> Result<Outcome, TaskError> {

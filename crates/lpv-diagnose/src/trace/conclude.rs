@@ -22,9 +22,10 @@ const STILL: f64 = 0.1;
 const SEEN: f64 = 0.2;
 const TAKEN: f64 = 0.5;
 
-/// Probability by chance below which a test is sure, and the part of the squared white error from which what it sees matters.
+/// Probability by chance below which a test is sure.
 const CHANCE: f64 = 1e-3;
-const PART: f64 = 0.05;
+/// Part of the squared white error from which what a sure test sees is missing in the model.
+pub const MISSING_SHARE: f64 = 0.05;
 
 /// Iterations of a fit that is nearly there.
 const FEW: usize = 4;
@@ -128,7 +129,9 @@ impl Contest {
     /// and no test is sure of a part that matters.
     fn verdict(&self, tests: &[Left]) -> Verdict {
         let left = (self.after.cost - 1.0).max(0.0) / (self.before.cost - 1.0).max(1e-9);
-        let seen = tests.iter().any(|t| t.adjusted < CHANCE && t.share > PART);
+        let seen = tests
+            .iter()
+            .any(|t| t.adjusted < CHANCE && t.share > MISSING_SHARE);
         match (self.added.is_empty(), self.after.cost <= NOISE && !seen) {
             (true, true) => Verdict::NothingMissing,
             (false, true) if !self.is_seen_to_fall() => Verdict::Unexplained,

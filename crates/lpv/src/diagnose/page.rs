@@ -2,6 +2,7 @@
 
 use super::{Diagnosed, Diagnosis, ForceErrors, LeftTest, LeftTests, OutputError};
 use crate::verdict::{number, percent, times};
+use lpv_diagnose::MISSING_SHARE;
 use lpv_report::{
     Axis, Block, Cell, Colour, Figure, Format, Marker, Page, Panel, Section, Series, Style, Table, Tone,
 };
@@ -183,8 +184,7 @@ impl Diagnosed {
                 percent(100.0 * after.rms / before.rms)
             ));
         }
-        let held_out = d.records.iter().find(|r| r.purpose == "validation");
-        for (input, f) in held_out.iter().flat_map(|r| &r.force) {
+        for (input, f) in self.forces_held_out() {
             parts.push(format!(
                 "force of {input}: {} -> {}, {:.2e} -> {:.2e} {}",
                 percent(f.before_percent),
@@ -219,10 +219,16 @@ impl Diagnosed {
         (!before.is_empty()).then(|| Figure::new("").panel(panel).caption(caption))
     }
 
-    /// Of the first force on the first held-out record.
+    /// Errors of the forces on the first held-out record, by input.
+    fn forces_held_out(&self) -> impl Iterator<Item = (&String, &ForceErrors)> {
+        let mut records = self.diagnosis.records.iter();
+        let held_out = records.find(|r| r.purpose == "validation");
+        held_out.into_iter().flat_map(|r| &r.force)
+    }
+
+    /// The first of these.
     fn force_errors(&self) -> Option<&ForceErrors> {
-        let held_out = self.diagnosis.records.iter().find(|r| r.purpose == "validation");
-        held_out?.force.values().next()
+        Some(self.forces_held_out().next()?.1)
     }
 }
 
@@ -274,13 +280,11 @@ fn left(tests: &LeftTests) -> Section {
 
 /// What every test finds, the surest first: its share of the error beside the bound from which more is missing.
 fn shares(tests: &LeftTests) -> Figure {
-    /// Part of the error from which the verdict is that more is missing, percent.
-    const MISSING_PERCENT: f64 = 5.0;
     let mut panel = Panel::new(
         Axis::linear("Test, the surest first"),
         Axis::log("Share of the error (%)"),
     )
-    .marker(Marker::horizontal(MISSING_PERCENT).label("more is missing above"));
+    .marker(Marker::horizontal(100.0 * MISSING_SHARE).label("more is missing above"));
     let looks = [
         ("before", &tests.before, Colour::Reference),
         ("after", &tests.after, Colour::Model),

@@ -12,14 +12,13 @@ const FREQUENCY: &str = "Frequency (Hz)";
 /// Points of a model's curve.
 const POINTS: usize = 600;
 
-pub(super) fn section(s: &Subject) -> Result<Section, PipelineError> {
+pub(super) fn section(s: &Subject, known: &[Option<Known<'_>>]) -> Result<Section, PipelineError> {
     let frequencies = frequencies(s);
     let responses = s
         .frozen()?
         .iter()
         .map(|m| Ok(m.frequency_response(&frequencies)?))
         .collect::<Result<Vec<Frf>, PipelineError>>()?;
-    let known = known(s)?;
     let lines = if s.evidence.estimates.is_empty() {
         "The model alone: there is no frequency response to compare with."
     } else {
@@ -34,7 +33,7 @@ pub(super) fn section(s: &Subject) -> Result<Section, PipelineError> {
     let drawn = Drawn {
         subject: s,
         responses: &responses,
-        known: &known,
+        known,
     };
     let magnitude = drawn
         .figure(
@@ -57,7 +56,7 @@ pub(super) fn section(s: &Subject) -> Result<Section, PipelineError> {
     let section = Section::new("Frequency responses")
         .figure(magnitude)
         .figure(phase);
-    Ok(residual(s, &known).into_iter().fold(section, Section::figure))
+    Ok(residual(s, known).into_iter().fold(section, Section::figure))
 }
 
 /// What is known of the model at the positions that are drawn.

@@ -1,22 +1,20 @@
 //! What the page says first of a model: the verdict, the fit by channel, and the figure that shows what the verdict says.
 
+use super::band::Known;
 use super::{Subject, bode, errors, time, tone};
-use crate::PipelineError;
 use crate::validation::{ErrorFigure, OutputCheck};
 use crate::verdict::{Cause, Run, Verdict, judged_run, percent, times};
 use lpv_report::{Block, Figure};
 
-/// Verdict, fit and figure.
-pub(super) fn of(s: &Subject, verdict: Option<&Verdict>) -> Result<Vec<Block>, PipelineError> {
+/// Verdict and fit.
+pub(super) fn words(s: &Subject, verdict: Option<&Verdict>) -> Vec<Block> {
     // Marks of code are for the terminal.
     let judgement = verdict.map(|v| Block::Judgement(tone(v.worth), v.sentence.replace('`', "")));
-    let figure = figure(s, verdict)?.map(|figure| Block::Figure(Box::new(figure)));
-    let fit = fit(s).map(Block::Aside);
-    Ok(judgement.into_iter().chain(fit).chain(figure).collect())
+    judgement.into_iter().chain(fit(s).map(Block::Aside)).collect()
 }
 
 /// What speaks most against the model, else the residual of the frequency responses, else the first record.
-fn figure(s: &Subject, verdict: Option<&Verdict>) -> Result<Option<Figure>, PipelineError> {
+pub(super) fn figure(s: &Subject, known: &[Option<Known<'_>>], verdict: Option<&Verdict>) -> Option<Figure> {
     let along = match verdict.and_then(|v| v.causes.first()) {
         Some(
             Cause::Record {
@@ -30,14 +28,11 @@ fn figure(s: &Subject, verdict: Option<&Verdict>) -> Result<Option<Figure>, Pipe
         Some(Cause::Force { record, .. }) => in_time(s, record, None),
         _ => None,
     };
-    if let Some(figure) = along.filter(|f| !f.panels.is_empty()) {
-        return Ok(Some(figure));
-    }
-    if let Some(residual) = bode::residual(s, &bode::known(s)?) {
-        return Ok(Some(residual));
-    }
-    let first = s.evidence.runs.first();
-    Ok(first.and_then(|(record, ..)| in_time(s, &record.name, None)))
+    let first = || in_time(s, &s.evidence.runs.first()?.0.name, None);
+    along
+        .filter(|f| !f.panels.is_empty())
+        .or_else(|| bode::residual(s, known))
+        .or_else(first)
 }
 
 /// One output of a record with its error, the first one without a name.
@@ -77,8 +72,12 @@ fn fit(s: &Subject) -> Option<String> {
         }
         told.join(separator)
     };
-    let response =
-        (!responses.is_empty()).then(|| format!("Error of the response: {}", line(responses, ", ")));
+    let response = (!responses.is_empty()).then(|| {
+        format!(
+            "Error of the response, all lines together: {}",
+            line(responses, ", ")
+        )
+    });
     let along = (!along.is_empty()).then(|| line(along, " · "));
     let parts: Vec<String> = response.into_iter().chain(along).collect();
     (!parts.is_empty()).then(|| parts.join(" · "))

@@ -2,6 +2,7 @@
 
 use super::score::{Metrics, Said, Share, is_catalogue, is_clean, is_outside, reached, said, share, within};
 use super::{CATALOGUE, OUTSIDE, Outcome, SEVERITIES};
+use crate::blind::page::{counted, machines};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -30,13 +31,7 @@ which takes slow differences away: of a slow effect at 10 times the least visibl
 
 pub(super) fn page(metrics: &Metrics, all: &[Outcome], (command, asked): (&str, usize)) -> String {
     let mut text = HEAD.to_owned();
-    let of = if all.len() < asked {
-        format!(" of the {asked}")
-    } else {
-        String::new()
-    };
-    let _ = writeln!(text, "{}{of} machines of `{command}`.\n", all.len());
-    let _ = writeln!(text, "| | bar | found |\n|---|---|---|");
+    text += &machines(all.len(), asked, command);
     let at_least = |share: Share, bar: f64| found(share, share.value().is_none_or(|v| v >= bar));
     let at_most = |share: Share, bar: f64| found(share, share.value().is_none_or(|v| v <= bar));
     let rows = [
@@ -150,7 +145,12 @@ fn by_effect(all: &[Outcome]) -> String {
             let _ = write!(text, " {right} | {} |", count(wrong));
         }
         let right = own.iter().filter(|o| said(o) == Said::Right).copied();
-        let _ = writeln!(text, " {} | {} |", count(within(right)), others(&own));
+        let _ = writeln!(
+            text,
+            " {} | {} |",
+            count(within(right)),
+            counted(own.iter().filter_map(|o| instead(o)))
+        );
     }
     let short = all.iter().filter(|o| !reached(o)).count();
     if short > 0 {
@@ -162,23 +162,15 @@ fn by_effect(all: &[Outcome]) -> String {
     text
 }
 
-fn others(own: &[&Outcome]) -> String {
-    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
-    for o in own {
-        let what = match said(o) {
-            Said::Right => continue,
-            Said::Nothing => match &o.diagnosis {
-                Ok(d) => d.verdict.clone(),
-                Err(_) => continue,
-            },
-            Said::Wrong(names) => names.join(" + "),
-            Said::Equal(name) => format!("{name} (told as equal)"),
-            Said::Refused => "error".to_owned(),
-        };
-        *counts.entry(what).or_default() += 1;
+/// What was said of a machine in the place of what is right, if that can be told.
+fn instead(o: &Outcome) -> Option<String> {
+    match said(o) {
+        Said::Right => None,
+        Said::Nothing => o.diagnosis.as_ref().ok().map(|d| d.verdict.clone()),
+        Said::Wrong(names) => Some(names.join(" + ")),
+        Said::Equal(name) => Some(format!("{name} (told as equal)")),
+        Said::Refused => Some("error".to_owned()),
     }
-    let parts = counts.into_iter().map(|(name, n)| format!("{name} {n}"));
-    parts.collect::<Vec<_>>().join(", ")
 }
 
 fn by_machine(all: &[Outcome]) -> String {

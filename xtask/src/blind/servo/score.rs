@@ -83,39 +83,18 @@ pub(super) fn reached(o: &Outcome) -> bool {
     is_clean(o) || (o.deviation > 0.5 * o.wanted && o.deviation < 2.0 * o.wanted)
 }
 
-/// Names that tell of a hidden effect: the catalogue of the program has more than one form of some forces of position.
-pub(super) fn accepted(hidden: &str) -> &[&str] {
-    match hidden {
+/// Whether a name tells of a hidden effect: the catalogue of the program has more than one form of some forces of position.
+fn tells_of(hidden: &str, name: &str) -> bool {
+    let other_forms: &[&str] = match hidden {
         // On a flexure such a force is told as what its spring has beside a straight line.
-        "gravity" => &[
-            "gravity",
-            "position-force",
-            "cogging",
-            "cable-stiffness",
-            "cubic-stiffness",
-        ],
-        "position-force" => &["position-force", "cogging", "cable-stiffness", "cubic-stiffness"],
+        "gravity" => &["position-force", "cogging", "cable-stiffness", "cubic-stiffness"],
+        "position-force" => &["cogging", "cable-stiffness", "cubic-stiffness"],
         "cogging-two-orders" => &["cogging"],
-        "cable-stiffness" => &["cable-stiffness", "position-force"],
-        "cubic-stiffness" => &["cubic-stiffness", "cable-stiffness", "position-force"],
-        "coulomb-friction" => &["coulomb-friction"],
-        "stribeck-friction" => &["stribeck-friction"],
-        "viscous-friction" => &["viscous-friction"],
-        "direction-dependent-friction" => &["direction-dependent-friction"],
-        "hysteresis" => &["hysteresis"],
-        "constant-force" => &["constant-force"],
-        "cogging" => &["cogging"],
-        "delay" => &["delay"],
-        "actuator-lag" => &["actuator-lag"],
-        "actuator-saturation" => &["actuator-saturation"],
-        "position-dependent-gain" => &["position-dependent-gain"],
-        "sensor-cyclic-error" => &["sensor-cyclic-error"],
-        "sensor-drift" => &["sensor-drift"],
-        "quantization" => &["quantization"],
-        "periodic-disturbance" => &["periodic-disturbance"],
-        "payload" => &["payload"],
+        "cable-stiffness" => &["position-force"],
+        "cubic-stiffness" => &["cable-stiffness", "position-force"],
         _ => &[],
-    }
+    };
+    name == hidden && CATALOGUE.contains(&hidden) || other_forms.contains(&name)
 }
 
 /// Whether a name tells of the machine and not of what was hidden: readings are rounded on every machine, a load on a spring is a mode
@@ -131,13 +110,13 @@ fn is_of_the_machine(o: &Outcome, d: &Diagnosis, e: &FoundEffect) -> bool {
 }
 
 /// Effects that are named, those of the machine left out, with whether each is the hidden one.
-pub(super) fn named<'a>(o: &'a Outcome, d: &'a Diagnosis) -> Vec<(&'a FoundEffect, bool)> {
+fn named<'a>(o: &'a Outcome, d: &'a Diagnosis) -> Vec<(&'a FoundEffect, bool)> {
     let hidden = o.hidden.as_deref().unwrap_or("");
     let here = |e: &FoundEffect| o.axes == 1 || e.place.as_ref().is_none_or(|p| p.index == o.axis);
     let all = d
         .effects
         .iter()
-        .map(|e| (e, accepted(hidden).contains(&e.effect.as_str()) && here(e)));
+        .map(|e| (e, tells_of(hidden, &e.effect) && here(e)));
     all.filter(|(e, right)| *right || !is_of_the_machine(o, d, e))
         .collect()
 }
@@ -152,9 +131,9 @@ pub(super) fn said(o: &Outcome) -> Said {
         .collect();
     let is_of_the_axis = o.hidden.as_deref().is_none_or(|h| OF_THE_AXIS.contains(&h));
     let is_equal = |e: &FoundEffect| {
-        let hidden = accepted(o.hidden.as_deref().unwrap_or(""));
+        let hidden = o.hidden.as_deref().unwrap_or("");
         let other = e.evidence.runner_up.as_deref();
-        other.is_some_and(|r| hidden.contains(&r))
+        other.is_some_and(|r| tells_of(hidden, r))
             && e.evidence.runner_up_margin_db.is_some_and(|m| m < EQUAL_DB)
     };
     if let [(only, false)] = all[..]
@@ -170,12 +149,12 @@ pub(super) fn said(o: &Outcome) -> Said {
     }
 }
 
-pub(super) fn has_nothing_left(d: &Diagnosis) -> bool {
+fn has_nothing_left(d: &Diagnosis) -> bool {
     ["nothing-missing", "explained"].contains(&d.verdict.as_str())
 }
 
 /// True values of a named effect with those found and their deviations.
-pub(super) fn parameters(o: &Outcome) -> Vec<(String, f64, f64, f64)> {
+fn parameters(o: &Outcome) -> Vec<(String, f64, f64, f64)> {
     let Ok(d) = &o.diagnosis else { return Vec::new() };
     let hidden = o.hidden.as_deref().unwrap_or("");
     let mut all = Vec::new();

@@ -4,7 +4,7 @@ mod axis;
 mod lpv;
 mod xy_table;
 
-pub use axis::Axis;
+pub use axis::{Axis, Load};
 pub use lpv::Lpv;
 pub use xy_table::XyTable;
 
@@ -108,7 +108,7 @@ impl Base {
     pub fn states(&self) -> usize {
         match self {
             Self::XyTable(_) => 8,
-            Self::Axis(_) => 2,
+            Self::Axis(b) => b.states(),
             Self::Lpv(b) => b.states(),
         }
     }
@@ -124,7 +124,7 @@ impl Base {
     pub fn parts(&self, step: f64) -> usize {
         match self {
             Self::XyTable(_) => 6,
-            Self::Axis(_) => 2,
+            Self::Axis(b) => b.parts(step),
             Self::Lpv(b) => b.parts(step),
         }
     }
@@ -132,6 +132,7 @@ impl Base {
     pub fn name(&self) -> &str {
         match self {
             Self::XyTable(_) => "xy-table from first principles",
+            Self::Axis(b) if b.load().is_some() => "motor and load on a spring",
             Self::Axis(b) if b.stiffness().is_some() => "axis on a spring to ground",
             Self::Axis(_) => "servo axis",
             Self::Lpv(b) => b.name(),
@@ -219,6 +220,10 @@ impl Base {
     /// Whether it is the table with its couplings.
     pub(crate) fn is_table(&self) -> bool {
         matches!(self, Self::XyTable(_))
+    }
+    /// Whether it is an axis with a load on a spring.
+    pub fn has_load(&self) -> bool {
+        matches!(self, Self::Axis(axis) if axis.load().is_some())
     }
     /// Whether a spring holds it to the ground.
     pub(crate) fn is_on_spring(&self) -> bool {

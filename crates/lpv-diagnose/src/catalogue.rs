@@ -99,7 +99,7 @@ pub(crate) fn is_itself(effect: &Effect, values: &[f64], machine: &Base, tracks:
     let part = |t: &Track| t.step / t.fine() as f64;
     let creep = match (machine, tracks.first()) {
         (Base::Axis(axis), Some(t)) if t.follows => {
-            creep.max(least_creep(level + breakaway, part(t), axis.mass()))
+            creep.max(least_creep(level + breakaway, part(t), axis.motor_mass()))
         }
         _ => creep,
     };
@@ -158,7 +158,7 @@ fn smooth_sign(over_creep: f64) -> f64 {
 fn resolved(creep: f64, friction: f64, at: &Moment<'_>) -> f64 {
     match at.machine {
         // Where the controller is known the integration is refined instead.
-        Base::Axis(axis) if at.track.follows => creep.max(least_creep(friction, at.step, axis.mass())),
+        Base::Axis(axis) if at.track.follows => creep.max(least_creep(friction, at.step, axis.motor_mass())),
         Base::Axis(_) | Base::XyTable(_) | Base::Lpv(_) => creep,
     }
 }

@@ -110,6 +110,7 @@
 //!     noise: [1e-5, 0.0],
 //!     fitted: &fitted,
 //!     judged: &judged,
+//!     seeks_load: false,
 //!     on_fit: &|_, _| {},
 //! })?;
 //! assert_eq!(found.added[0].effect.name, "coulomb-friction");
@@ -140,7 +141,7 @@ mod track;
 mod whiten;
 
 pub use axes::{AxisChannels, axes};
-pub use base::{Axis, Base, BaseParameter, Forces, Lpv, Motion, Pair, XyTable, table_from_geometry};
+pub use base::{Axis, Base, BaseParameter, Forces, Load, Lpv, Motion, Pair, XyTable, table_from_geometry};
 pub use character::{Character, characterise};
 pub use error::TraceError;
 pub use fit::{Explained, Prior};

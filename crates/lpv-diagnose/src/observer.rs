@@ -41,10 +41,10 @@ impl Observer {
     /// # Errors
     /// [`TraceError::NoController`] for any other base.
     pub fn new(base: &Base, records: &[Record], clock: Discrete) -> Result<Self, TraceError> {
-        let Base::Axis(_) = base else {
+        let Base::Axis(axis) = base else {
             return Err(TraceError::NoController);
         };
-        let inertia = base.parameters()[0].value.abs();
+        let inertia = axis.mass().abs();
         let h = clock.sample_time();
         let longest = records.iter().map(Record::len).max().unwrap_or(0) as f64 * h;
         let slowest = PERIODS / longest.max(h);
@@ -180,13 +180,18 @@ pub fn settled(model: &Explained, controller: &ControllerState, tracks: &[Track]
 
 /// A likelier beginning than that of `track`, if there is one; the first samples tell that of `told`.
 fn better(model: &Explained, controller: &ControllerState, told: &Track, track: &Track) -> Option<Track> {
+    /// Deviations of what swings over those of the noise of its readings.
+    const ROUGHLY: f64 = 100.0;
     let errors = |track: &Track| -> Option<Vec<f64>> {
         let run = model.closed_loop(controller, track)?;
         Some(run.error(track).iter().map(|e| e[0]).collect())
     };
     let now = errors(track)?;
     let size = (now.iter().map(|e| e * e).sum::<f64>() / now.len() as f64).sqrt();
-    let (first, deviations, at) = (told.beginning(), told.beginning_deviations(), track.beginning());
+    // Of what swings on a spring the first samples tell the beginning roughly.
+    let doubt = if model.base.has_load() { ROUGHLY } else { 1.0 };
+    let deviations = told.beginning_deviations().map(|d| doubt * d);
+    let (first, at) = (told.beginning(), track.beginning());
     if !(size > 0.0 && deviations.iter().all(|d| d.is_finite() && *d > 0.0)) {
         return None;
     }

@@ -192,8 +192,8 @@ impl Run<'_> {
         let delay = sum(&mut blocks.iter().map(|b| b.delay()));
         let is_late = delay.iter().any(|d| *d > 0.0);
         let lag = sum(&mut blocks.iter().map(|b| b.lag())).map(|lag| Lag::new(lag, self.part));
-        // Before the first sample there was no command, or the first one where the machine moves already.
-        let before = if track.moving.is_some() {
+        // Before the first sample there was no command, or the first one where the machine moves already or was held at rest by it.
+        let before = if track.moving.is_some() || track.follows {
             track.inputs[0]
         } else {
             [0.0; 2]

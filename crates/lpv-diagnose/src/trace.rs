@@ -5,6 +5,7 @@ mod bench;
 mod chosen;
 mod conclude;
 mod in_band;
+mod load;
 mod noise;
 mod refine;
 mod select;
@@ -20,6 +21,7 @@ use bench::{Aim, Bench};
 use chosen::Chosen;
 pub use conclude::MISSING_SHARE;
 pub use in_band::trace_in_band;
+use load::WithLoad;
 use lpv_core::ControllerState;
 use lpv_numerics::statistics::power_db;
 use noise::loop_noise;
@@ -42,6 +44,8 @@ pub struct Case<'a> {
     pub fitted: &'a [Track],
     /// Records to judge by.
     pub judged: &'a [Track],
+    /// Whether a load on a spring is looked for in the place of a rigid axis.
+    pub seeks_load: bool,
     /// Hears of every fit of an effect together with the machine, which takes most of the time: how many are done in this look at the
     /// catalogue, and at most how many there are. How many looks there will be, nobody knows before.
     pub on_fit: &'a (dyn Fn(usize, usize) + Sync),
@@ -102,9 +106,21 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
         }
         _ => None,
     };
-    let mut found = match free {
-        Some((free, bare)) => compete(&free, Aim::Noise, bare).conclude(&free)?,
-        None => strict.conclude(&case)?,
+    let loaded = match case.seeks_load && !strict.is_noise() {
+        true => WithLoad::sought(&case, &strict),
+        false => None,
+    };
+    let loaded = match &loaded {
+        Some(loaded) => loaded.contest(&case, &strict)?.map(|contest| (loaded, contest)),
+        None => None,
+    };
+    let mut found = match (free, loaded) {
+        (Some((free, bare)), _) => compete(&free, Aim::Noise, bare).conclude(&free)?,
+        (None, Some((loaded, contest))) => Trace {
+            rigid: Some(strict.before),
+            ..contest.conclude(&loaded.case(&case))?
+        },
+        (None, None) => strict.conclude(&case)?,
     };
     // What tests see in errors that are no larger than the rounding is the rounding: it goes with what is rounded.
     let rounding = found.added.is_empty() && found.after.cost <= NOISE;
@@ -132,7 +148,7 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
                 accepted: true,
             },
         );
-        if rounding {
+        if rounding || found.after.cost <= NOISE {
             found.verdict = Verdict::Explained;
         }
     }

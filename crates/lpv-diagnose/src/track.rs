@@ -180,10 +180,18 @@ impl Track {
         [self.start.position[0], self.start.speed[0]]
     }
 
-    /// Deviations with which the first samples tell them: of a parabola at least, since a machine may accelerate.
+    /// Deviations with which the first samples tell them: of a parabola at least, since a machine may accelerate. Readings on a grid may not
+    /// change there at all, and the machine is anywhere within a step.
     pub fn beginning_deviations(&self) -> [f64; 2] {
         let y: Vec<f64> = self.outputs.iter().take(Self::LEAST).map(|y| y[0]).collect();
-        let noise = roughness(y.windows(4).map(|w| [w[0], w[1], w[2], w[3]]));
+        let changes = self.outputs.windows(2).map(|w| (w[1][0] - w[0][0]).abs());
+        let step = changes.filter(|c| *c > 0.0).fold(f64::INFINITY, f64::min);
+        let rounding = if step.is_finite() {
+            step / 12.0_f64.sqrt()
+        } else {
+            0.0
+        };
+        let noise = roughness(y.windows(4).map(|w| [w[0], w[1], w[2], w[3]])).max(rounding);
         // Rows 1, k, k^2 of the first samples; the covariance of value and rate at the first of them.
         let rows = DMatrix::from_fn(BEGINNING, 3, |k, j| (k as f64).powi(j as i32));
         let inverse = rows.tr_mul(&rows).try_inverse();
@@ -238,7 +246,8 @@ impl Track {
     }
 
     /// The same record with so many parts of a sample.
-    pub(crate) fn followed(&self, substeps: usize) -> Self {
+    #[must_use]
+    pub fn followed(&self, substeps: usize) -> Self {
         let p: Vec<f64> = (0..self.samples).map(|k| self.scheduling(k)[0]).collect();
         Self {
             path: between(&p, self.step, substeps),

@@ -223,6 +223,7 @@ fn of_axis(
         noise,
         fitted: &[],
         judged: &[],
+        seeks_load: true,
         on_fit: &on_fit,
     };
     let mut found = trace(&Case {
@@ -241,10 +242,21 @@ fn of_axis(
             noise,
             fitted: &fitted,
             judged: &judged,
+            seeks_load: found.rigid.is_some(),
             ..case
         })?;
     }
-    if is_observed && let Some(begun) = beginnings::look(&Case { noise, ..case }, &found, &told)? {
+    if is_observed
+        && let Some(begun) = beginnings::look(
+            &Case {
+                noise,
+                seeks_load: found.rigid.is_some(),
+                ..case
+            },
+            &found,
+            &told,
+        )?
+    {
         ([fitted, judged], found) = (begun.tracks, begun.found);
     }
     if let Some(hz) = observer_hz
@@ -257,6 +269,11 @@ fn of_axis(
             [fitted, judged] = in_band.tracks;
             found = in_band.found;
         }
+    }
+    if let Some(line) = axis::with_load(&found, bundle) {
+        reasons.push(line);
+        let parts = found.model.base.parts(clock.sample_time());
+        [fitted, judged] = [fitted, judged].map(|tracks| tracks.iter().map(|t| t.followed(parts)).collect());
     }
     reasons.extend(doubt::doubts(&found, bundle));
     let steady = match found.verdict {

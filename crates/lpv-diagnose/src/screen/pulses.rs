@@ -2,8 +2,8 @@
 
 use crate::base::{Base, Pair};
 use crate::whiten::Whitening;
-use lpv_core::{ControllerState, Discrete, StateSpace};
-use nalgebra::DVector;
+use lpv_core::{Continuous, ControllerState, Discrete, StateSpace};
+use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64 as C64;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use std::sync::Arc;
@@ -168,17 +168,23 @@ impl Quick {
             position: [0.0; 2],
             speed: [0.0; 2],
         };
-        match base {
-            Base::XyTable(_) => rigid(1.0),
-            Base::Axis(axis) => rigid(1.0 / axis.mass()),
-            Base::Lpv(lpv) => match Discrete::new(step).and_then(|clock| lpv.sampled(clock)) {
-                Ok(model) => Self::Sampled {
-                    state: DVector::zeros(model.states()),
-                    model,
-                },
-                // Numbers of a base are finite.
-                Err(_) => rigid(1.0),
+        let model = match base {
+            Base::XyTable(_) => return rigid(1.0),
+            Base::Axis(axis) if axis.load().is_none() => return rigid(1.0 / axis.mass()),
+            Base::Axis(_) => Discrete::new(step).and_then(|clock| {
+                let [a, b, c] = base.frozen(0.0)?;
+                let direct = DMatrix::zeros(c.nrows(), b.ncols());
+                StateSpace::new(a, b, c, direct, Continuous)?.zero_order_hold(clock)
+            }),
+            Base::Lpv(lpv) => Discrete::new(step).and_then(|clock| lpv.sampled(clock)),
+        };
+        match model {
+            Ok(model) => Self::Sampled {
+                state: DVector::zeros(model.states()),
+                model,
             },
+            // Numbers of a base are finite.
+            Err(_) => rigid(1.0),
         }
     }
 

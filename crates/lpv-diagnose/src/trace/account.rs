@@ -10,6 +10,8 @@ use crate::left::Left;
 pub struct Trace {
     /// Verdict.
     pub verdict: Verdict,
+    /// Of an axis whose load turned out not to be rigid: the rigid axis, refitted, without effects.
+    pub rigid: Option<Judged>,
     /// The machine, refitted, without effects.
     pub before: Judged,
     /// With the effects that were added.

@@ -111,6 +111,7 @@ impl Contest {
         let without = bench.told(&self.bare.model, &noise);
         Ok(Trace {
             verdict,
+            rigid: None,
             before: self.before,
             after: bench.judge(&model),
             deviations: machine,

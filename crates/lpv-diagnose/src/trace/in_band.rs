@@ -161,6 +161,7 @@ impl Contest {
         }
         Ok(Some(Trace {
             verdict: Verdict::PartlyExplained,
+            rigid: None,
             before: told.judge(&self.bare.model),
             after: told.judge(&model),
             deviations,

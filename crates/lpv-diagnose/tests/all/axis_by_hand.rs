@@ -66,6 +66,7 @@ fn find(controller: &Controller, damping: f64, force: impl Fn(f64, f64) -> f64) 
         noise: [NOISE, 0.0],
         fitted: &[record("slow", 0.7), record("faster", 1.9)],
         judged: &[record("between", 1.3)],
+        seeks_load: false,
         on_fit: &|_, _| {},
     })
     .unwrap()

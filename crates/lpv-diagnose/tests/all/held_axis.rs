@@ -76,6 +76,7 @@ fn find(
             noise: [step / 12_f64.sqrt(), 0.0],
             fitted: &fitted,
             judged: &judged,
+            seeks_load: false,
             on_fit: &|_, _| {},
         })
     };

@@ -7,4 +7,5 @@ mod axis_by_hand;
 mod common;
 mod held_axis;
 mod in_band;
+mod motor_and_load;
 mod two_axes_by_hand;

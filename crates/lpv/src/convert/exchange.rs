@@ -127,7 +127,11 @@ impl Exchange {
             match explanation.base {
                 BaseKind::Identified =>
                     "those that were identified: multiply A by the factor of the frequencies, and B by the gains over it",
-                BaseKind::XyTable | BaseKind::ServoAxis | BaseKind::SpringAxis => "the linear part",
+                BaseKind::XyTable
+                | BaseKind::ServoAxis
+                | BaseKind::SpringAxis
+                | BaseKind::MotorAndLoad
+                | BaseKind::MotorAndMeasuredLoad => "the linear part",
             },
             explanation.lines().join("; ")
         );

@@ -2,6 +2,7 @@
 
 use crate::PipelineError;
 use crate::validation::{AxisCheck, check_axis};
+use experiment_data::Bundle;
 use lpv_core::{AxisOutput, ControllerState, Discrete, Record};
 use lpv_diagnose::{Base, Explained, Motion, Trace, Track};
 use schemars::JsonSchema;
@@ -65,6 +66,36 @@ pub(super) fn errors(
     Ok(all)
 }
 
+/// Why motor and load took the place of a rigid axis, where they did.
+pub(super) fn with_load(found: &Trace, bundle: &Bundle) -> Option<String> {
+    let Base::Axis(axis) = &found.model.base else {
+        return None;
+    };
+    let load = axis.load()?;
+    let channels = &bundle.description().channels;
+    let (output, unit) = (channels.output.columns.first()?, channels.output.units.first());
+    let unit = unit.map_or(String::new(), |u| format!(" {u}"));
+    let before = found
+        .rigid
+        .as_ref()
+        .map_or(f64::NAN, |rigid| rigid.closed_loop[0]);
+    Some(format!(
+        "base: motor and load on a spring leave {:.3e}{unit} of {output} on held-out records, a rigid axis {before:.3e}{unit}; they swing \
+         against each other at {:.4} Hz (damping {:.3}); {}",
+        found.before.closed_loop[0],
+        load.hz,
+        load.ratio,
+        match load.is_measured {
+            // Its part of the mass has no effect on its motion.
+            true => "the encoder is on the load".to_owned(),
+            false => format!(
+                "the encoder is on the motor, and the load has {:.1} % of the mass",
+                100.0 * load.part
+            ),
+        }
+    ))
+}
+
 fn check(
     model: &Explained,
     controller: &ControllerState,
@@ -77,9 +108,9 @@ fn check(
         return Ok(None);
     };
     let closed = model.closed_loop(controller, track);
-    let parameters = model.base.parameters();
-    let [mass, viscous, offset, stiffness] =
-        std::array::from_fn(|i| parameters.get(i).map_or(0.0, |p| p.value));
+    let Base::Axis(axis) = &model.base else {
+        return Ok(None);
+    };
     let force = |m: &lti_ident::rigid_body::Motion| -> Vec<f64> {
         let motions: Vec<Motion> = m
             .position
@@ -94,12 +125,11 @@ fn check(
             })
             .collect();
         let effects = model.forces_along(track, &motions);
-        m.velocity
-            .iter()
-            .zip(&m.acceleration)
+        let forces = axis.force_along([&m.position, &m.velocity, &m.acceleration], track.step);
+        forces
+            .into_iter()
             .zip(&effects)
-            .zip(&m.position)
-            .map(|(((v, a), f), q)| mass * a + viscous * v + stiffness * q + offset - f[0])
+            .map(|(force, f)| force - f[0])
             .collect()
     };
     let closed = closed.map(|run| (first(run.outputs), first(run.inputs)));

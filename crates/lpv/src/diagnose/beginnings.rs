@@ -41,7 +41,8 @@ fn without_drift(model: &Explained) -> Option<Explained> {
     let is_drift = |name: &str| name == DRIFT;
     let counts = |name: &str| !is_drift(name) && name != "quantization";
     let names = || model.effects.iter().map(|(e, _)| e.name);
-    if !(names().any(is_drift) && names().any(counts)) {
+    // The beginnings of an axis whose load was found were told by a rigid one.
+    if !(names().any(is_drift) && (model.base.has_load() || names().any(counts))) {
         return None;
     }
     let mut model = model.clone();
@@ -54,5 +55,5 @@ fn does_without(again: &Trace, found: &Trace) -> bool {
     /// Factor between squared errors that are as large.
     const AS_MUCH: f64 = 1.1;
     let drifts = again.added.iter().any(|a| a.effect.name == DRIFT);
-    !again.added.is_empty() && !drifts && again.after.cost <= AS_MUCH * found.after.cost
+    !drifts && again.after.cost <= AS_MUCH * found.after.cost
 }

@@ -8,7 +8,7 @@ use experiment_data::Bundle;
 use lpv_core::Model;
 use lpv_diagnose::catalogue;
 use lpv_diagnose::effect::Effect;
-use lpv_diagnose::{Axis, Base, Explained, table_from_geometry};
+use lpv_diagnose::{Axis, Base, Explained, Load, table_from_geometry};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -36,6 +36,10 @@ pub enum BaseKind {
     ServoAxis,
     /// One axis on a spring to ground.
     SpringAxis,
+    /// Motor and load on a spring, with the encoder on the motor.
+    MotorAndLoad,
+    /// The same with the encoder on the load.
+    MotorAndMeasuredLoad,
     /// The model of the file.
     Identified,
 }
@@ -44,8 +48,12 @@ impl BaseKind {
     pub(super) fn of(base: &Base) -> Self {
         match base {
             Base::XyTable(_) => Self::XyTable,
-            Base::Axis(axis) if axis.stiffness().is_some() => Self::SpringAxis,
-            Base::Axis(_) => Self::ServoAxis,
+            Base::Axis(axis) => match axis.load() {
+                Some(load) if load.is_measured => Self::MotorAndMeasuredLoad,
+                Some(_) => Self::MotorAndLoad,
+                None if axis.stiffness().is_some() => Self::SpringAxis,
+                None => Self::ServoAxis,
+            },
             Base::Lpv(_) => Self::Identified,
         }
     }
@@ -83,6 +91,14 @@ impl Explanation {
             BaseKind::ServoAxis => axis_of(model)?,
             // All that it has is among its parameters.
             BaseKind::SpringAxis => Base::Axis(Axis::new(1.0, 0.0, 0.0).on_spring(1.0)),
+            BaseKind::MotorAndLoad | BaseKind::MotorAndMeasuredLoad => {
+                Base::Axis(Axis::new(1.0, 0.0, 0.0).with_load(Load {
+                    part: 0.5,
+                    hz: 1.0,
+                    ratio: 0.05,
+                    is_measured: self.base == BaseKind::MotorAndMeasuredLoad,
+                }))
+            }
             BaseKind::Identified => Base::Lpv(lpv(model, bundle)?),
         };
         let base = base.with_values(|name| self.base_parameters.get(name).map(|v| v.value));

@@ -23,7 +23,7 @@ pub(super) fn saved(
     let parameters = base.parameters();
     match base {
         Base::XyTable(table) => Ok(Model::ContinuousLpv(table.to_lpv(range_of(positions)?)?)),
-        Base::Axis(axis) if axis.stiffness().is_some() => {
+        Base::Axis(axis) if axis.stiffness().is_some() || axis.load().is_some() => {
             let [a, b, c] = base.frozen(0.0)?;
             let d = DMatrix::zeros(c.nrows(), b.ncols());
             Ok(Model::ContinuousStateSpace(StateSpace::new(

@@ -1,0 +1,204 @@
+//! A load on a spring in the place of a rigid axis.
+//!
+//! Friction and a second mass hide each other: without the one, the other lowers no error. So the load is not one more effect of the
+//! competition: it is sought alone and beside the effects that the rigid axis was given, and where it earns its place there, the
+//! competition is held again, with motor and load as the base.
+
+use super::bench::{Aim, Bench};
+use super::{Case, Contest, EQUAL, alone, compete};
+use crate::TraceError;
+use crate::base::{Axis, Base, Load, Pair};
+use crate::catalogue;
+use crate::effect::{Effect, Place};
+use crate::fit::{Explained, Fitted, squares};
+use crate::track::Track;
+use rayon::prelude::*;
+
+/// The effect that is the same machine where the encoder is on the motor.
+const SAME: &str = "extra-mode";
+/// Starts: part of the mass that the load has, and its damping ratio.
+const PART: f64 = 0.3;
+const RATIO: f64 = 0.05;
+/// Resonances that are tried in a factor of e.
+const DENSITY: f64 = 3.0;
+/// The lowest shows so many periods in a record; the highest has so many samples in one.
+const PERIODS: f64 = 6.0;
+const SAMPLES: f64 = 4.0;
+/// Iterations of every start, then of how many of the likeliest, and of how many of those a whole fit.
+const FIRST: usize = 3;
+const SECOND: usize = 4;
+const LIKELY: usize = 12;
+const LEADERS: usize = 4;
+const LAST: usize = 20;
+
+/// A case with motor and load as its base.
+pub(super) struct WithLoad {
+    base: Base,
+    fitted: Vec<Track>,
+    judged: Vec<Track>,
+}
+
+impl WithLoad {
+    /// Motor and load where they describe the fitted records in fewer words than a contest without the load. None for another base than a
+    /// free axis.
+    pub(super) fn sought(case: &Case<'_>, strict: &Contest) -> Option<Self> {
+        let Base::Axis(axis) = case.base else {
+            return None;
+        };
+        if axis.load().is_some() || axis.stiffness().is_some() {
+            return None;
+        }
+        let parts = 2 * case.fitted.first()?.fine();
+        let followed = |tracks: &[Track]| tracks.iter().map(|t| t.followed(parts)).collect::<Vec<Track>>();
+        let worst = followed(&case.fitted[worst(case, strict)?..][..1]);
+        let narrow = Case {
+            fitted: &worst,
+            ..*case
+        };
+        let bench = Bench {
+            whitening: strict.whitening.clone(),
+            case: &narrow,
+            aim: Aim::Noise,
+        };
+        let without = bench.problem().fit(&strict.now.model, SECOND, None).ok()?;
+        let found = best(&bench, strict)?;
+        (found.length() <= strict.most(without.length())).then(|| Self {
+            base: found.model.base,
+            fitted: followed(case.fitted),
+            judged: followed(case.judged),
+        })
+    }
+
+    pub(super) fn case<'a>(&'a self, like: &Case<'a>) -> Case<'a> {
+        Case {
+            base: &self.base,
+            prior: None,
+            free: None,
+            fitted: &self.fitted,
+            judged: &self.judged,
+            ..*like
+        }
+    }
+
+    /// The contest with the load, where it ends in fewer words than that without, and with no larger error on the judged records.
+    pub(super) fn contest(&self, case: &Case<'_>, strict: &Contest) -> Result<Option<Contest>, TraceError> {
+        /// Factor between errors that are as large.
+        const AS_LARGE: f64 = 1.05;
+        let case = self.case(case);
+        let found = compete(&case, Aim::Noise, alone(&case)?);
+        let is_better = found.now.length() <= strict.most(strict.now.length())
+            && found.after.cost <= AS_LARGE * strict.after.cost
+            && is_one(&found.now.model.base, &case);
+        Ok(is_better.then_some(found))
+    }
+}
+
+impl Contest {
+    /// Longest description with a load that is better than one without of this length: one that names the load as an effect is as good.
+    fn most(&self, length: f64) -> f64 {
+        let is_same = self.added.iter().any(|a| a.effect.name == SAME);
+        length + if is_same { EQUAL } else { -EQUAL }
+    }
+}
+
+/// The fitted record of which a contest leaves the most.
+fn worst(case: &Case<'_>, strict: &Contest) -> Option<usize> {
+    let bench = Bench {
+        whitening: strict.whitening.clone(),
+        case,
+        aim: Aim::Noise,
+    };
+    let errors = bench.problem().errors(&strict.now.model)?;
+    let size = |error: &Vec<Pair>| {
+        let mut white = Vec::new();
+        bench.whitening.apply(error, &mut white);
+        squares(&white) / error.len() as f64
+    };
+    let sizes: Vec<f64> = errors.iter().map(size).collect();
+    (0..sizes.len()).max_by(|a, b| sizes[*a].total_cmp(&sizes[*b]))
+}
+
+/// The likeliest load, beside the effects of a contest; where that has none, alone or beside dry friction.
+fn best(bench: &Bench<'_>, strict: &Contest) -> Option<Fitted> {
+    let case = bench.case;
+    let mut with = strict.now.model.clone();
+    with.effects.retain(|(e, _)| e.name != SAME);
+    let mut beside = vec![with];
+    if beside[0].effects.is_empty() {
+        let mut dry = strict.bare.model.clone();
+        dry.effects.extend(dry_friction(bench, &strict.bare));
+        beside.push(dry);
+    }
+    let starts: Vec<Explained> = beside.iter().flat_map(|model| starts(case, model)).collect();
+    let mut found: Vec<Fitted> = starts
+        .par_iter()
+        .filter_map(|start| bench.problem().fit(start, FIRST, None).ok())
+        .collect();
+    for (iterations, most) in [(SECOND, LIKELY), (LAST, LEADERS)] {
+        found.sort_by(|a, b| a.length().total_cmp(&b.length()));
+        found.truncate(most);
+        found = found
+            .par_iter()
+            .filter_map(|f| bench.problem().fit(&f.model, iterations, Some(f)).ok())
+            .collect();
+    }
+    found.retain(|f| is_one(&f.model.base, case));
+    found.into_iter().min_by(|a, b| a.length().total_cmp(&b.length()))
+}
+
+/// Dry friction with the values at which it starts.
+fn dry_friction(bench: &Bench<'_>, bare: &Fitted) -> Option<(&'static Effect, Vec<f64>)> {
+    let effect = catalogue::all().find(|e| e.name == "coulomb-friction" && e.place == Place::Motor(0))?;
+    let narrow = bench.problem().fit(&bare.model, 0, None).ok()?;
+    let screen = bench.look(&bare.model.base, &narrow)?;
+    let values = (effect.starts)(&screen, effect.place).into_iter().next()?;
+    Some((effect, values))
+}
+
+/// A model with loads of all resonances that records can show, with the encoder at either end.
+fn starts(case: &Case<'_>, model: &Explained) -> Vec<Explained> {
+    let Base::Axis(axis) = &model.base else {
+        return Vec::new();
+    };
+    let [low, high] = band(case);
+    let count = (DENSITY * (high / low).ln()).ceil().max(1.0) as usize;
+    let at = |i: usize| low * (high / low).powf(i as f64 / count as f64);
+    let with = |axis: Axis| Explained {
+        base: Base::Axis(axis),
+        effects: model.effects.clone(),
+    };
+    (0..=count)
+        .flat_map(|i| [false, true].map(|is_measured| (at(i), is_measured)))
+        .map(|(hz, is_measured)| {
+            with(axis.clone().with_load(Load {
+                part: PART,
+                hz,
+                ratio: RATIO,
+                is_measured,
+            }))
+        })
+        .collect()
+}
+
+/// Resonances that the records can show.
+fn band(case: &Case<'_>) -> [f64; 2] {
+    let step = case.fitted.first().map_or(1.0, |t| t.step);
+    let high = 1.0 / (SAMPLES * step);
+    [(PERIODS / Track::longest(case.fitted)).min(0.5 * high), high]
+}
+
+/// Whether motor and load are two bodies that swing within what the records show.
+fn is_one(base: &Base, case: &Case<'_>) -> bool {
+    /// Least part of the mass on either side of the spring.
+    const LEAST: f64 = 0.02;
+    const MOST: f64 = 1.0 - LEAST;
+    const MOST_RATIO: f64 = 1.0;
+    let Base::Axis(axis) = base else { return false };
+    let Some(load) = axis.load() else { return false };
+    let [low, high] = band(case);
+    load.part > LEAST
+        && load.part < MOST
+        && load.ratio < MOST_RATIO
+        && load.hz > 0.5 * low
+        && load.hz < 2.0 * high
+}

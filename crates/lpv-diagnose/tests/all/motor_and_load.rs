@@ -1,0 +1,182 @@
+//! A motor with a load on a spring, simulated by hand, whose controller nobody knows: the load is the base and no effect; dry friction
+//! beside it is found; and where the load is rigid none is.
+
+use crate::common;
+use lpv_diagnose::lpv_core::{Discrete, Record};
+use lpv_diagnose::observer::{self, Observer};
+use lpv_diagnose::{Base, Case, Explained, Load, Trace, Track, servo_axis, trace};
+
+const RATE: f64 = 500.0;
+
+/// What is simulated, per unit of mass.
+#[derive(Clone, Copy)]
+struct Machine {
+    mass: f64,
+    /// Part of the load, natural frequency in Hz, damping ratio; none for a rigid axis.
+    load: Option<[f64; 3]>,
+    on_load: bool,
+    friction: f64,
+    step: f64,
+}
+
+fn record(number: usize, machine: Machine) -> Record {
+    const FINE: usize = 100;
+    let h = 1.0 / (RATE * FINE as f64);
+    let [part, hz, ratio] = machine.load.unwrap_or([0.5, 0.0, 0.0]);
+    let w = std::f64::consts::TAU * hz;
+    let reduced = part * (1.0 - part);
+    let mut x = [0.0_f64; 4];
+    let mut read = 0.0_f64;
+    let (mut outputs, mut inputs) = (Vec::new(), Vec::new());
+    for k in 0..2500 {
+        let t = k as f64 / RATE;
+        let turn = 1.0 + 0.17 * number as f64;
+        let wanted =
+            0.4 * (3.1 * turn * t).sin() + 0.25 * (1.2 * turn * t).sin() - 0.3 * (4.0 * turn * t).sin();
+        let seen = x[usize::from(machine.on_load)];
+        let last = std::mem::replace(&mut read, (seen / machine.step).round() * machine.step);
+        outputs.push(read);
+        let force = 900.0 * (wanted - read) - 42.0 * (read - last) * RATE + 0.3;
+        inputs.push(machine.mass * force);
+        // Rates of motor and load: speeds, then accelerations.
+        let rates = |[q, load, v, load_speed]: [f64; 4]| {
+            let dry = machine.friction * (v / 1e-3).tanh();
+            let own = force - 0.3 - 0.8 * v - dry;
+            let [a, load_a] = match machine.load {
+                None => [own; 2],
+                Some(_) => {
+                    let pull = reduced * (w * w * (q - load) + 2.0 * ratio * w * (v - load_speed));
+                    [(own - pull) / (1.0 - part), pull / part]
+                }
+            };
+            [v, load_speed, a, load_a]
+        };
+        for _ in 0..FINE {
+            let moved = |k: [f64; 4], h: f64| -> [f64; 4] { std::array::from_fn(|i| x[i] + h * k[i]) };
+            let k1 = rates(x);
+            let k2 = rates(moved(k1, 0.5 * h));
+            let k3 = rates(moved(k2, 0.5 * h));
+            let k4 = rates(moved(k3, h));
+            x = std::array::from_fn(|i| x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]));
+        }
+    }
+    observer::followed(common::record(&number.to_string(), vec![outputs], vec![inputs]))
+}
+
+fn find(machine: Machine) -> Result<Trace, Box<dyn std::error::Error>> {
+    let clock = Discrete::from_rate(RATE)?;
+    let records: Vec<Record> = (0..3).map(|i| record(i, machine)).collect();
+    let base = servo_axis(&records[..2], clock, &mut Vec::new())?;
+    let start = Observer::new(&base, &records[..2], clock)?.controller.start()?;
+    let tracks = |records: &[Record]| -> Result<Vec<Track>, lpv_diagnose::TraceError> {
+        let one = |r: &Record| Track::new(r, 1.0 / RATE, 2, Some(&start));
+        records.iter().map(one).collect()
+    };
+    let (fitted, judged) = (tracks(&records[..2])?, tracks(&records[2..])?);
+    let look = |model: &Explained| {
+        let [fitted, judged] = [&fitted, &judged].map(|t| observer::settled(model, &start, t));
+        trace(&Case {
+            base: &base,
+            prior: None,
+            free: None,
+            controller: &start,
+            noise: [machine.step / 12_f64.sqrt(), 0.0],
+            fitted: &fitted,
+            judged: &judged,
+            seeks_load: true,
+            on_fit: &|_, _| {},
+        })
+    };
+    let first = look(&Explained {
+        base: base.clone(),
+        effects: Vec::new(),
+    })?;
+    Ok(look(&first.model)?)
+}
+
+fn load(found: &Trace) -> Option<Load> {
+    match &found.model.base {
+        Base::Axis(axis) => axis.load(),
+        _ => None,
+    }
+}
+
+/// What is named beside the rounding.
+fn named(found: &Trace) -> Vec<&'static str> {
+    let all = found.added.iter().map(|a| a.effect.name);
+    all.filter(|name| *name != "quantization").collect()
+}
+
+/// Masses over five decades, soft and stiff springs, either end of the spring measured.
+#[test]
+fn the_load_is_the_base() -> Result<(), Box<dyn std::error::Error>> {
+    for (mass, load_is, on_load) in [
+        (1e-2, [0.4, 22.0, 0.03], false),
+        (1e3, [0.65, 60.0, 0.06], false),
+        (1.0, [0.25, 35.0, 0.05], true),
+    ] {
+        let found = find(Machine {
+            mass,
+            load: Some(load_is),
+            on_load,
+            friction: 0.0,
+            step: 1e-6,
+        })?;
+        let load = load(&found).ok_or("no load")?;
+        assert_eq!(named(&found), Vec::<&str>::new(), "{load_is:?}");
+        assert_eq!(load.is_measured, on_load);
+        assert!(
+            (load.hz / load_is[1] - 1.0).abs() < 0.02,
+            "{load:?} of {load_is:?}"
+        );
+        let part_is_told = on_load || (load.part / load_is[0] - 1.0).abs() < 0.05;
+        assert!(part_is_told, "{load:?} of {load_is:?}");
+        let values = found.model.base.parameters();
+        assert!(
+            (values[0].value / mass - 1.0).abs() < 0.01,
+            "{} of {mass}",
+            values[0].value
+        );
+    }
+    Ok(())
+}
+
+/// Dry friction and a load hide each other.
+#[test]
+fn dry_friction_beside_the_load() -> Result<(), Box<dyn std::error::Error>> {
+    let found = find(Machine {
+        mass: 0.2,
+        load: Some([0.45, 24.0, 0.04]),
+        on_load: false,
+        friction: 1.5,
+        step: 1e-5,
+    })?;
+    let load = load(&found).ok_or("no load")?;
+    assert!((load.hz / 24.0 - 1.0).abs() < 0.02, "{load:?}");
+    let is_dry = |name: &str| name.ends_with("friction") || name == "hysteresis";
+    let dry = found
+        .added
+        .iter()
+        .find(|a| is_dry(a.effect.name))
+        .ok_or("no friction")?;
+    let level = dry.values[0].0 / 0.2;
+    assert!((level / 1.5 - 1.0).abs() < 0.03, "{level}: {:?}", named(&found));
+    assert!(named(&found).len() == 1, "{:?}", named(&found));
+    Ok(())
+}
+
+/// A rigid axis with dry friction stays one.
+#[test]
+fn no_load_where_there_is_none() -> Result<(), Box<dyn std::error::Error>> {
+    for friction in [0.0, 1.5] {
+        let found = find(Machine {
+            mass: 3.0,
+            load: None,
+            on_load: false,
+            friction,
+            step: 1e-5,
+        })?;
+        assert_eq!(load(&found), None, "friction {friction}: {:?}", named(&found));
+    }
+    Ok(())
+}

@@ -57,6 +57,14 @@ impl Discrete {
     pub fn sample_time(self) -> f64 {
         self.sample_time
     }
+
+    /// Response `(1 - e^-sT) / (sT)` of a hold of zero order at `s = j 2 pi f`, f in Hz: the mean of what is held over the sample before.
+    pub fn hold_response(self, frequency_hz: f64) -> Complex<f64> {
+        // sin(x) / x with half a sample of delay, which keeps its digits at low frequencies.
+        let x = std::f64::consts::PI * frequency_hz * self.sample_time;
+        let size = if x.abs() < 1e-8 { 1.0 } else { x.sin() / x };
+        Complex::from_polar(size, -x)
+    }
 }
 
 impl TryFrom<f64> for Discrete {

@@ -1,9 +1,10 @@
 //! Frequency response functions, with and without their covariance.
 
 mod averaged;
+mod held;
 
 use crate::linalg::dimension;
-use crate::{CoreError, Position};
+use crate::{CoreError, Discrete, Position};
 use nalgebra::{DMatrix, DMatrixView};
 use num_complex::Complex;
 
@@ -210,6 +211,8 @@ pub struct FrfEstimate {
     degrees_of_freedom: f64,
     position: Option<Position>,
     is_assumed: bool,
+    /// The clock of the hold by which a response of continuous time was multiplied.
+    held: Option<Discrete>,
 }
 
 impl FrfEstimate {
@@ -264,6 +267,7 @@ impl FrfEstimate {
             degrees_of_freedom,
             position,
             is_assumed: false,
+            held: None,
         })
     }
 
@@ -384,6 +388,7 @@ impl FrfEstimate {
             degrees_of_freedom: self.degrees_of_freedom,
             position: self.position.clone(),
             is_assumed: self.is_assumed,
+            held: self.held,
         }
     }
 }

@@ -140,7 +140,12 @@ fn judged(
         Err(error) => (Verdict::unjudged(&error), f64::INFINITY),
     };
     let between = outcome.summary.between();
-    let verdict = verdict.with_expected(between);
+    let undetermined = outcome
+        .summary
+        .frequency
+        .as_ref()
+        .and_then(|f| f.undetermined.as_ref());
+    let verdict = verdict.with_expected(between).with_open(undetermined);
     outcome.summary.verdict = Some(verdict.in_view_of(&outcome.summary.findings));
     Ok(Judged { outcome, open_loop })
 }
@@ -164,7 +169,7 @@ fn in_frequency(
     config: &IdentifyConfig,
     progress: Progress<'_>,
 ) -> Result<Judged, PipelineError> {
-    let responses = estimate_bundle(bundle, config.skip_periods, progress)?;
+    let mut responses = estimate_bundle(bundle, config.skip_periods, progress)?;
     let positions = responses.estimates.len();
     if structure == Some(Structure::Lpv) && !places::is_scheduled(bundle) {
         return Err(PipelineError::Structure {
@@ -198,6 +203,7 @@ fn in_frequency(
         _ => Moves::none("the exact LFR does not use them"),
     };
     let identified = identify(&responses.estimates, responses.clock, &moves, config, progress)?;
+    responses.estimates = identified.compared(responses.estimates);
     let mut summary = Summary::of_responses(&identified, &responses.estimates, responses.clock)?;
     if responses.estimates.iter().any(FrfEstimate::covariance_is_assumed) {
         // What the stages call noise is here what was assumed.

@@ -84,7 +84,7 @@ pub use model_file::{Identification, ModelFile, relative_folder};
 pub use moves::Moves;
 pub use output::write_whole;
 pub use pipeline::{Identified, LpvStage, LtiStage, identify, regress_on};
-pub use poles::{PoleStage, RigidTerms, fit_poles};
+pub use poles::{PoleStage, RigidTerms, Undetermined, fit_poles};
 pub use progress::{Progress, silent};
 pub use responses::{
     Responses, estimate_bundle, estimate_local, estimate_part, load_records, records_by_place,

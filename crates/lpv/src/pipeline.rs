@@ -9,7 +9,7 @@ use crate::basis::{BasisStage, choose_basis};
 use crate::config::{IdentifyConfig, LfrKind};
 use crate::modes::modal;
 use crate::moves::Moves;
-use crate::poles::{PoleStage, RigidTerms, fit_poles};
+use crate::poles::{PoleStage, RigidTerms, Undetermined, fit_poles};
 use crate::progress::{Progress, begin};
 use crate::small::{SmallStage, small_lfr};
 use lfr_realize::{Realization, realize};
@@ -52,6 +52,8 @@ pub struct LtiStage {
     pub modal: Option<ModalFit>,
     /// State space: that of the modal model, else of the common denominator.
     pub model: StateSpace<Discrete>,
+    /// What the lines leave open, where another fit describes them about as shortly.
+    pub undetermined: Option<Undetermined>,
 }
 
 /// What identification delivers.
@@ -102,6 +104,25 @@ impl Identified {
         })
     }
 
+    /// What the samples of a machine with the direct term of this model have responded, which is what it is held against.
+    pub(crate) fn compared(&self, estimates: Vec<FrfEstimate>) -> Vec<FrfEstimate> {
+        match self {
+            Self::Lti(stage) => estimates
+                .iter()
+                .map(|e| e.beside_direct(stage.model.d()))
+                .collect(),
+            Self::Lpv(_) => estimates,
+        }
+    }
+
+    /// What the lines of one position leave open, where that matters.
+    pub fn undetermined(&self) -> Option<&Undetermined> {
+        match self {
+            Self::Lti(stage) => stage.undetermined.as_ref().filter(|u| u.matters()),
+            Self::Lpv(_) => None,
+        }
+    }
+
     /// The poles at every position.
     pub fn poles(&self) -> &PoleStage {
         match self {
@@ -144,12 +165,19 @@ pub fn identify(
     }
     if estimates.len() == 1 {
         begin(progress, "modes");
-        let modal = modal(&estimates[0], clock, &mut poles);
+        let direct = poles.fits[0].state_space()?.d().clone();
+        let modal = modal(&estimates[0].beside_direct(&direct), clock, &mut poles);
         let model = match &modal {
             Some(modal) => modal.model.clone(),
             None => poles.fits[0].state_space()?,
         };
-        return Ok(Identified::Lti(Box::new(LtiStage { poles, modal, model })));
+        let undetermined = poles.undetermined(&model, estimates[0].frf().frequencies_hz())?;
+        return Ok(Identified::Lti(Box::new(LtiStage {
+            poles,
+            modal,
+            model,
+            undetermined,
+        })));
     }
     if let Some(rigid) = &poles.rigid {
         poles

@@ -1,5 +1,8 @@
 //! Frequency responses in, poles at every position out: order and integrators chosen where they are not given.
 
+mod candidates;
+mod contest;
+mod direct;
 mod distortion;
 mod friction;
 mod integrators;
@@ -8,6 +11,7 @@ mod search;
 use crate::PipelineError;
 use crate::config::{IdentifyConfig, RigidBody};
 use crate::rigid::RigidEvidence;
+pub use candidates::Undetermined;
 use friction::evidence;
 use lpv_core::{Discrete, FrfEstimate};
 use pole_fit::{NumeratorDegree, PoleFit, PoleFitSettings, Scan, Weighting};
@@ -37,6 +41,8 @@ pub struct PoleStage {
     pub rigid: Option<RigidEvidence>,
     /// What the gain of the rigid body is taken for, where that was given.
     pub rigid_body: Option<RigidBody>,
+    /// Other fits of one position that describe its lines about as shortly, or lines that chance might have given.
+    pub candidates: Vec<PoleFit>,
     /// Why this order and these integrators.
     pub reasons: Vec<String>,
 }
@@ -161,6 +167,7 @@ pub fn fit_poles(
         small: false,
         matched: true,
         counted: None,
+        candidates: Vec::new(),
     };
     let counted = given.is_none() && search.count_states();
     if counted && search.integrators != count {
@@ -221,6 +228,7 @@ pub fn fit_poles(
         reasons.truncate(before);
         search.settings.relative_floor = floor;
         search.counted = None;
+        search.candidates.clear();
         search.slack = DISTORTION_SLACK;
         // At one position distortion would buy a lower cost with poles outside; at several, other minima at each.
         search.settings.keep_stable = one;
@@ -234,6 +242,7 @@ pub fn fit_poles(
             floor = (floor * over.sqrt()).max(LEAST_FLOOR);
             search.settings.relative_floor = floor;
         }
+        search.candidates.clear();
         let digits = if floor < 0.01 { 3 } else { 1 };
         let left = match estimates.iter().any(FrfEstimate::covariance_is_assumed) {
             true => "more is left than the assumed error".to_owned(),
@@ -249,8 +258,23 @@ pub fn fit_poles(
             search.run(&mut reasons)?
         };
     }
+    if given.is_none()
+        && let [taken] = found.0.as_slice()
+        && let Some(other) = search.contest(taken)
+    {
+        reasons.push(format!(
+            "{}, order {} instead: fits that begin at the poles of each other describe so few lines more shortly",
+            lpv_core::counted(search.integrators, "integrator"),
+            other.account.order
+        ));
+        found.0 = vec![other];
+    }
     let (fits, scan) = found;
     let order = fits[0].account.order;
+    let candidates = match (one, given, config.order) {
+        (true, None, None) => [search.about_as_short(&fits[0]), search.resampled(&fits[0])].concat(),
+        _ => Vec::new(),
+    };
     Ok(PoleStage {
         order,
         integrators: search.integrators,
@@ -266,6 +290,7 @@ pub fn fit_poles(
         scan,
         rigid,
         rigid_body: config.rigid_body,
+        candidates,
         reasons,
     })
 }

@@ -1,14 +1,17 @@
 //! What a person and a program are told about an identification.
 
+mod modes;
 mod time;
 
 use crate::finding::{self, Finding};
+use crate::poles::Undetermined;
 use crate::signal::finite;
 use crate::validation::{FrozenError, frozen_error};
 use crate::verdict::Verdict;
 use crate::{BetweenPositions, Identified, MovingStage, PipelineError, SizeRow};
 use lpv_core::{Discrete, Frf, FrfEstimate, Model, Position, counted};
 use lpv_numerics::statistics::{amplitude_db, median};
+use modes::{modal_modes, mode_lines, pole_modes};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 pub use time::{AxisSummary, HeldOut, OrderRow, TimeSummary};
@@ -76,6 +79,9 @@ pub struct FrequencySummary {
     pub error_over_noise: Option<f64>,
     /// Median noise of the FRF in decibels, to set beside `frozen.median_db`.
     pub frf_noise_db: f64,
+    /// What the lines of one position leave open, where another model explains them as well and acts otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub undetermined: Option<Undetermined>,
     /// What the LPV stages found; none for one position.
     pub lpv: Option<LpvSummary>,
 }
@@ -227,6 +233,7 @@ impl Summary {
             frozen: frozen_error(&model, &truth)?,
             relative_rms_percent: relative_rms_percent(&model, &truth),
             cost_over_expected: finite(cost),
+            undetermined: identified.undetermined().cloned(),
             lpv: match identified {
                 Identified::Lti(_) => None,
                 Identified::Lpv(stage) => Some(LpvSummary {
@@ -309,25 +316,6 @@ impl Summary {
         parts.extend(self.axes.iter().map(AxisSummary::text));
         parts.join("\n")
     }
-}
-
-fn pole_modes(fit: &pole_fit::PoleFit) -> Vec<[f64; 2]> {
-    fit.modes().iter().map(|m| [m.frequency_hz, m.damping]).collect()
-}
-
-fn modal_modes(fit: &modal_fit::ModalFit) -> Vec<[f64; 2]> {
-    fit.modes.iter().map(|m| [m.frequency_hz, m.damping]).collect()
-}
-
-fn mode_lines(modes: &[[f64; 2]]) -> String {
-    if modes.is_empty() {
-        return "  none: all poles are real".to_owned();
-    }
-    let lines: Vec<String> = modes
-        .iter()
-        .map(|[f, d]| format!("  {f:.5} Hz, damping {d:.4}"))
-        .collect();
-    lines.join("\n")
 }
 
 fn percents(values: &[f64]) -> String {

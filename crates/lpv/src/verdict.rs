@@ -7,6 +7,7 @@ mod words;
 
 use crate::PipelineError;
 use crate::finding::{self, Finding};
+use crate::poles::Undetermined;
 use crate::small::BetweenPositions;
 pub(crate) use judge::judged_run;
 use schemars::JsonSchema;
@@ -110,6 +111,12 @@ pub enum Cause {
         error_percent: f64,
         /// The same in multiples of the noise at the positions.
         over_noise: f64,
+    },
+    /// Another model explains the lines of one position as well, and acts otherwise beyond them.
+    Undetermined {
+        /// What they leave open.
+        #[serde(flatten)]
+        what: Undetermined,
     },
     /// The measured response is mostly noise, so that a wrong model would not show.
     NoisyResponse {
@@ -266,6 +273,19 @@ impl Verdict {
                 over_noise: between.over_noise,
             },
         );
+        Self::new(Worth::Approximate, self.basis, &[], self.causes)
+    }
+
+    /// The same in view of what the lines of one position leave open: a model that was judged on them alone is no better than that.
+    pub(crate) fn with_open(mut self, undetermined: Option<&Undetermined>) -> Self {
+        let Some(undetermined) = undetermined.filter(|u| u.matters()) else {
+            return self;
+        };
+        if !self.worth.is_good() || self.basis == Basis::HeldOut {
+            return self;
+        }
+        let what = undetermined.clone();
+        self.causes.insert(0, Cause::Undetermined { what });
         Self::new(Worth::Approximate, self.basis, &[], self.causes)
     }
 

@@ -9,9 +9,9 @@ pub enum PoleFitError {
     /// A refusal of the core types: a frequency above Nyquist, a dimension, a number that is not finite.
     #[error(transparent)]
     Core(#[from] CoreError),
-    /// The order leaves no room for the fixed integrators, is zero, or is too high to be meant.
+    /// The order leaves no room for the fixed integrators, is zero and strictly proper, or is too high to be meant.
     #[error(
-        "order {order} with {integrators} fixed integrators: give max(1, integrators) <= order <= {limit}"
+        "order {order} with {integrators} fixed integrators: give integrators <= order <= {limit}, above 0 if strictly proper"
     )]
     Order {
         /// Degree of the denominator asked for.

@@ -50,7 +50,7 @@ impl Weighting {
 ///
 /// | field | default | meaning | range |
 /// |---|---|---|---|
-/// | `order` | none | degree of the denominator, fixed integrators included | `max(1, k)` to 100 |
+/// | `order` | none | degree of the denominator, fixed integrators included | k, at least 1 if strictly proper, to 100 |
 /// | `integrators` | `Free` | known poles at `z = 1` | `Free`, `Fixed(k)` |
 /// | `numerator` | `Proper` | degree of the numerators | |
 /// | `band` | `None` | lines used, Hz, both limits included | `0 <= lower < upper` |
@@ -133,7 +133,12 @@ impl PoleFitSettings {
             Integrators::Free => 0,
             Integrators::Fixed(k) => k,
         };
-        if self.order < integrators.max(1) || self.order > ORDER_LIMIT {
+        let least = match self.numerator {
+            // A constant.
+            NumeratorDegree::Proper => integrators,
+            NumeratorDegree::StrictlyProper => integrators.max(1),
+        };
+        if self.order < least || self.order > ORDER_LIMIT {
             return Err(PoleFitError::Order {
                 order: self.order,
                 integrators,

@@ -20,16 +20,17 @@ impl Search<'_> {
         const COUNTS: [usize; 3] = [2, 1, 0];
         let most = LARGER_ORDERS.iter().copied().max().unwrap_or(0);
         let scans = scan_counted(&thinned(one), self.clock, &self.settings, &COUNTS.map(kind), most);
+        let scans = scans.unwrap_or_default();
+        for (count, scan) in COUNTS.into_iter().zip(&scans) {
+            scan.iter().for_each(|scan| self.keep(count, scan));
+        }
         let described = |(count, scan): (usize, Option<Scan>)| {
             let scan = scan?;
             let fit = &scan.entries[self.parsimonious(&scan)].fit;
             let length = self.length(fit);
             stable(std::slice::from_ref(fit)).then_some((length, count, scan))
         };
-        let found = COUNTS
-            .into_iter()
-            .zip(scans.unwrap_or_default())
-            .filter_map(described);
+        let found = COUNTS.into_iter().zip(scans).filter_map(described);
         let Some((_, count, scan)) = found.min_by(|a, b| a.0.total_cmp(&b.0)) else {
             return false;
         };

@@ -1,6 +1,7 @@
 //! The search for order and integrators at all positions.
 
 use super::LEAST_FLOOR;
+use super::candidates::Candidate;
 use crate::PipelineError;
 use lpv_core::num_complex::Complex;
 use lpv_core::{Discrete, FrfEstimate};
@@ -41,6 +42,11 @@ pub(super) fn over_noise(fits: &[PoleFit]) -> f64 {
 /// Whether no estimated pole lies outside the unit circle.
 pub(super) fn stable(fits: &[PoleFit]) -> bool {
     fits.iter().all(|f| f.account.unstable_poles.is_empty())
+}
+
+/// Real poles, one of each pair, below zero that are estimated: a machine in continuous time has no such samples, `e^(pT) > 0`.
+pub(super) fn alternates(fit: &PoleFit) -> bool {
+    fit.poles.iter().any(|l| l.im == 0.0 && l.re < 0.0)
 }
 
 /// Whether noise alone is left at every position.
@@ -107,6 +113,8 @@ pub(super) struct Search<'a> {
     pub(super) matched: bool,
     /// The scan of the states that stand out of the noise, for the integrators as they are.
     pub(super) counted: Option<Scan>,
+    /// Every fit of one position with the present weights that was compared with the one taken.
+    pub(super) candidates: Vec<Candidate>,
 }
 
 impl Search<'_> {
@@ -168,6 +176,26 @@ impl Search<'_> {
         self.slow_poles = self.estimates.len() > 1 && count == 1;
     }
 
+    /// Keeps the fits of a scan of one position to all lines beside the others.
+    pub(super) fn keep(&mut self, integrators: usize, scan: &Scan) {
+        if let [one] = self.estimates
+            && one.frf().len() <= SCAN_LINES
+        {
+            let structure = (integrators, self.settings.numerator);
+            let fits = scan.entries.iter().map(|e| e.fit.clone());
+            self.candidates.extend(fits.map(|fit| Candidate {
+                structure,
+                fit,
+                is_descended: false,
+            }));
+        }
+    }
+
+    /// Whether there are enough equations to tell the unknowns from their noise.
+    pub(super) fn told(&self, fit: &PoleFit) -> bool {
+        fit.account.equations as f64 >= EQUATIONS_OF_AN_UNKNOWN * fit.account.unknowns as f64
+    }
+
     /// Orders to try, integrators included.
     fn orders(&self) -> Vec<usize> {
         let flexible = match self.estimates.len() {
@@ -198,7 +226,7 @@ impl Search<'_> {
         }
     }
 
-    pub(super) fn run(&self, reasons: &mut Vec<String>) -> Result<Fits, PipelineError> {
+    pub(super) fn run_as_measured(&mut self, reasons: &mut Vec<String>) -> Result<Fits, PipelineError> {
         let failed = |e: &FrfEstimate| {
             let place = e
                 .position()
@@ -242,6 +270,7 @@ impl Search<'_> {
                     .par_iter()
                     .map(|&i| scan_at(i))
                     .collect::<Result<Vec<_>, _>>()?;
+                scans.iter().for_each(|s| self.keep(self.integrators, s));
                 let each: Vec<usize> = scans
                     .iter()
                     .map(|s| s.entries[self.parsimonious(s)].order)
@@ -305,8 +334,7 @@ impl Search<'_> {
         // equations fit any response.
         let account = |i: usize| &scan.entries[i].fit.account;
         let stable = |i: &usize| account(*i).unstable_poles.is_empty();
-        let told =
-            |i: &usize| account(*i).equations as f64 >= EQUATIONS_OF_AN_UNKNOWN * account(*i).unknowns as f64;
+        let told = |i: &usize| self.told(&scan.entries[*i].fit);
         let all = 0..scan.entries.len();
         let some_stable = all.clone().any(|i| stable(&i));
         let some_told = all.clone().any(|i| stable(&i) && told(&i));

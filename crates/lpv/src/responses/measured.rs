@@ -1,16 +1,16 @@
 //! Frequency responses that were measured elsewhere, as estimates of their positions.
 //!
 //! What enters the pole fit is the response of the outputs, as the description has them, to samples of the inputs that are held until
-//! the next. A response over a force is one of continuous time: it is multiplied by that of the hold, `(1 - e^-sT) / (sT)`. One of
-//! another derivative than the output is multiplied by a power of `s = j 2 pi f`. Both leave out what folds back from beyond the
-//! Nyquist frequency, and so ask for a sample rate well above the highest line.
+//! the next. A response over a force is one of continuous time: it is multiplied by that of the hold, `(1 - e^-sT) / (sT)`, and marked, since
+//! a direct term is not late by that hold. One of another derivative than the output is multiplied by a power of `s = j 2 pi f`. Both leave
+//! out what folds back from beyond the Nyquist frequency, and so ask for a sample rate well above the highest line.
 
 use crate::PipelineError;
 use crate::error::ResponseProblem;
 use crate::finding::{self, Finding};
 use crate::progress::{Counter, Progress};
 use crate::signal::finite;
-use experiment_data::{Bundle, MeasuredResponse, Quantity, Spread};
+use experiment_data::{Bundle, MeasuredResponse, Quantity, ResponseQuantity, Spread};
 use frf_estimation::{
     Nearest, scatter, variance_of_coherence, with_assumed_error, with_covariance, with_variance,
 };
@@ -171,9 +171,13 @@ fn as_estimate(record: MeasuredResponse, bundle: &Bundle, clock: Discrete) -> Re
             with_assumed_error(frf, part, position).map_err(failed)?
         }
     };
+    let of_force = record.quantity.is_some_and(ResponseQuantity::is_of_force);
     Ok(Measured {
+        estimate: match of_force {
+            true => estimate.of_held_input(clock),
+            false => estimate,
+        },
         record,
-        estimate,
         reasons,
     })
 }
@@ -190,9 +194,7 @@ fn factors(
     let highest_hz = lines.last().copied().unwrap_or(0.0);
     let mut powers = vec![0; outputs.len()];
     let mut reasons = Vec::new();
-    let is_of_force = record
-        .quantity
-        .is_some_and(experiment_data::ResponseQuantity::is_of_force);
+    let is_of_force = record.quantity.is_some_and(ResponseQuantity::is_of_force);
     if let Some(quantity) = record.quantity {
         for (i, power) in powers.iter_mut().enumerate() {
             let output = outputs.quantity_of(i);
@@ -224,9 +226,7 @@ fn factors(
     let folds = is_of_force || powers.iter().any(|p| *p != 0);
     if folds && BELOW_RATE * highest_hz > rate_hz * (1.0 + 1e-9) {
         return Err(ResponseProblem::SlowClock {
-            quantity: record
-                .quantity
-                .map_or("", experiment_data::ResponseQuantity::name),
+            quantity: record.quantity.map_or("", ResponseQuantity::name),
             highest_hz,
             rate_hz,
             needed_hz: BELOW_RATE * highest_hz,
@@ -249,21 +249,12 @@ fn factors(
     let factors = lines.iter().flat_map(|f| {
         let s = Complex::new(0.0, TAU * f);
         let hold = match is_of_force {
-            true => held(s, clock),
+            true => clock.hold_response(*f),
             false => Complex::from(1.0),
         };
         powers.iter().map(move |power| s.powi(*power) * hold)
     });
     Ok((factors.collect(), reasons))
-}
-
-/// `(1 - e^-sT) / (sT)`.
-fn held(s: Complex<f64>, clock: Discrete) -> Complex<f64> {
-    let half = s * clock.sample_time() / 2.0;
-    // sin(x) / x with half a sample of delay, which keeps its digits at low frequencies.
-    let x = half.im;
-    let size = if x.abs() < 1e-8 { 1.0 } else { x.sin() / x };
-    (-half).exp() * size
 }
 
 /// Measured responses beside those of the periodic records, in order of position.
@@ -326,7 +317,7 @@ mod tests {
         let sampled = sampled.frequency_response(&lines).unwrap();
         let continuous = machine.frequency_response(&lines).unwrap();
         for (k, f) in lines.iter().enumerate() {
-            let own = continuous.line(k)[(0, 0)] * held(Complex::new(0.0, TAU * f), clock);
+            let own = continuous.line(k)[(0, 0)] * clock.hold_response(*f);
             let off = (own / sampled.line(k)[(0, 0)] - 1.0).norm();
             assert!(off < 3e-4, "{f} Hz: {off:e}");
         }

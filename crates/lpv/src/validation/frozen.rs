@@ -87,6 +87,16 @@ pub(super) fn frozen_check(
             ..Against::default()
         });
     }
+    let estimates = estimates
+        .into_iter()
+        .map(|e| match (traced, e.is_of_held_input()) {
+            (None, true) => {
+                let p: Vec<f64> = e.position().map_or(Vec::new(), |p| p.to_vec());
+                Ok(e.beside_direct(machine.at(&p)?.d()))
+            }
+            _ => Ok(e),
+        })
+        .collect::<Result<Vec<FrfEstimate>, PipelineError>>()?;
     let model = estimates
         .iter()
         .map(|e| {

@@ -62,6 +62,9 @@ fn remedy(cause: &Cause) -> Option<&'static str> {
             "check input and output and their quantities, or ask for fewer states with `order`"
         }
         Cause::Between { .. } => "measure there too, and see whether the response of one position is wrong",
+        Cause::Undetermined { .. } => {
+            "measure at lower frequencies, or say how many integrators the machine has with `integrators`"
+        }
         Cause::NoisyResponse { .. } => "check `period`, or excite more or longer",
         _ => return None,
     })
@@ -111,6 +114,23 @@ impl fmt::Display for Cause {
                 percent(*error_percent),
                 times(*over_noise)
             ),
+            Self::Undetermined { what } => {
+                let [own, other] = what.integrators;
+                let difference = percent(what.difference_percent);
+                let (low, high) = (what.lowest_hz, what.highest_hz);
+                match own == other {
+                    true => write!(
+                        f,
+                        "not determined outside {low:.4} to {high:.4} Hz: another model explains the lines as well, and its response to a step differs by {difference} within {} s",
+                        number(1.0 / low)
+                    ),
+                    false => write!(
+                        f,
+                        "not determined below {low:.4} Hz: {own} and {other} integrators explain the lines as well, and their responses to a step differ by {difference} within {} s",
+                        number(1.0 / low)
+                    ),
+                }
+            }
             Self::NoisyResponse { noise_percent } => {
                 write!(
                     f,

@@ -110,15 +110,16 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
         true => WithLoad::sought(&case, &strict),
         false => None,
     };
-    let loaded = match &loaded {
-        Some(loaded) => loaded.contest(&case, &strict)?.map(|contest| (loaded, contest)),
-        None => None,
-    };
+    let loaded = loaded.and_then(|loaded| {
+        let contest = loaded.contest(&case, &strict)?;
+        // A load that lets the loop diverge is none.
+        contest.conclude(&loaded.case(&case)).ok()
+    });
     let mut found = match (free, loaded) {
         (Some((free, bare)), _) => compete(&free, Aim::Noise, bare).conclude(&free)?,
-        (None, Some((loaded, contest))) => Trace {
+        (None, Some(loaded)) => Trace {
             rigid: Some(strict.before),
-            ..contest.conclude(&loaded.case(&case))?
+            ..loaded
         },
         (None, None) => strict.conclude(&case)?,
     };

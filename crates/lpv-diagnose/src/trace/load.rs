@@ -6,7 +6,6 @@
 
 use super::bench::{Aim, Bench};
 use super::{Case, Contest, EQUAL, alone, compete};
-use crate::TraceError;
 use crate::base::{Axis, Base, Load, Pair};
 use crate::catalogue;
 use crate::effect::{Effect, Place};
@@ -81,15 +80,15 @@ impl WithLoad {
     }
 
     /// The contest with the load, where it ends in fewer words than that without, and with no larger error on the judged records.
-    pub(super) fn contest(&self, case: &Case<'_>, strict: &Contest) -> Result<Option<Contest>, TraceError> {
+    pub(super) fn contest(&self, case: &Case<'_>, strict: &Contest) -> Option<Contest> {
         /// Factor between errors that are as large.
         const AS_LARGE: f64 = 1.05;
         let case = self.case(case);
-        let found = compete(&case, Aim::Noise, alone(&case)?);
+        let found = compete(&case, Aim::Noise, alone(&case).ok()?);
         let is_better = found.now.length() <= strict.most(strict.now.length())
             && found.after.cost <= AS_LARGE * strict.after.cost
             && is_one(&found.now.model.base, &case);
-        Ok(is_better.then_some(found))
+        is_better.then_some(found)
     }
 }
 

@@ -34,17 +34,13 @@ use base::Start;
 pub(crate) use base::table;
 pub use doubt::EQUAL_DB;
 pub use errors::{Errors, OutputError};
-use experiment_data::{Bundle, Description};
+use experiment_data::Bundle;
 pub use explanation::{BaseKind, Explanation};
-use figures::Along;
 pub use files::ResultFiles;
 pub use left::{Characterisation, LeftTest, LeftTests};
-use lpv_core::ControllerState;
 use lpv_core::{FrfEstimate, Model, Record};
 use lpv_diagnose::observer::{self, Observer};
-use lpv_diagnose::{
-    Case, Explained, Trace, TraceError, Track, Verdict, equivalent_force, sensor_noise, trace,
-};
+use lpv_diagnose::{Case, Explained, TraceError, Track, Verdict, sensor_noise, trace};
 use lpv_report::Figure;
 pub use noise::NoiseSource;
 use noise::{roughness, unrepeated};
@@ -323,7 +319,7 @@ fn of_axis(
         diagnosis,
         model,
         explanation,
-        force: force_figures(&found, &start, &judged[0], noise, description),
+        force: figures::of_force(&found, &start, &judged[0], noise, description),
         errors: figures::in_time(&outputs, step, [first(0), first(1)]),
         spectrum: Some(figures::in_spectrum(&outputs, step, &found.errors)),
         frozen: figures::frozen(&found.model.base, &responses, clock).unwrap_or_default(),
@@ -364,50 +360,4 @@ impl Diagnosed {
         };
         ModelFile::of(outcome, bundle, IdentifyConfig::default(), output)
     }
-}
-
-/// The equivalent force along a record, before and after.
-fn force_figures(
-    found: &Trace,
-    controller: &ControllerState,
-    track: &Track,
-    noise: [f64; 2],
-    description: &Description,
-) -> Vec<Figure> {
-    let force = |model: &Explained| equivalent_force(model, controller, track, noise).ok();
-    // A base that was fitted without the effects is bent by them; that of the model shows them as they are.
-    let plain = Explained {
-        base: found.model.base.clone(),
-        effects: Vec::new(),
-    };
-    // A machine without what holds it may diverge: then there is no picture.
-    let motions = found.model.motions(controller, track);
-    let (Some(before), Some(after), Some(motions)) = (force(&plain), force(&found.model), motions) else {
-        return Vec::new();
-    };
-    let channels = &description.channels;
-    let inputs = figures::with_units(&channels.input.columns, &channels.input.units);
-    let effects = found.model.forces_along(track, &motions);
-    let along = |motor: usize| Along {
-        motor,
-        position: motions.iter().map(|m| m.motor_position[motor]).collect(),
-        speed: motions.iter().map(|m| m.motor_speed[motor]).collect(),
-        effects: effects.iter().map(|f| f[motor]).collect(),
-        unit: channels.output.units.get(motor).or(channels.output.units.first()),
-    };
-    // The motors that effects act on; of those that are coupled the first tells enough.
-    let acts = |motor: &usize| effects.iter().any(|f| f[*motor] != 0.0);
-    let most = if found.model.base.has_motors_of_their_own() {
-        2
-    } else {
-        1
-    };
-    let mut drawn: Vec<Along> = (0..most).filter(acts).map(along).collect();
-    if drawn.is_empty() {
-        drawn.push(along(0));
-    }
-    vec![
-        figures::over_motion(&drawn, &before),
-        figures::force_in_time(&inputs, track.step, [&before, &after]),
-    ]
 }

@@ -1,9 +1,10 @@
 //! Pictures of a diagnosis.
 
 use crate::PipelineError;
+use experiment_data::Description;
 use lpv_core::nalgebra::DMatrix;
-use lpv_core::{Continuous, Discrete, FrfEstimate, StateSpace};
-use lpv_diagnose::{Base, EquivalentForce};
+use lpv_core::{Continuous, ControllerState, Discrete, FrfEstimate, StateSpace};
+use lpv_diagnose::{Base, EquivalentForce, Explained, Trace, Track, equivalent_force};
 use lpv_report::{Axis, Colour, Figure, Marker, Panel, Series, Style};
 use realfft::RealFftPlanner;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
@@ -27,6 +28,52 @@ pub(super) struct Along<'a> {
     pub(super) effects: Vec<f64>,
     /// Of the position.
     pub(super) unit: Option<&'a String>,
+}
+
+/// The equivalent force along a record, before and after.
+pub(super) fn of_force(
+    found: &Trace,
+    controller: &ControllerState,
+    track: &Track,
+    noise: [f64; 2],
+    description: &Description,
+) -> Vec<Figure> {
+    let force = |model: &Explained| equivalent_force(model, controller, track, noise).ok();
+    // A base that was fitted without the effects is bent by them; that of the model shows them as they are.
+    let plain = Explained {
+        base: found.model.base.clone(),
+        effects: Vec::new(),
+    };
+    // A machine without what holds it may diverge: then there is no picture.
+    let motions = found.model.motions(controller, track);
+    let (Some(before), Some(after), Some(motions)) = (force(&plain), force(&found.model), motions) else {
+        return Vec::new();
+    };
+    let channels = &description.channels;
+    let inputs = with_units(&channels.input.columns, &channels.input.units);
+    let effects = found.model.forces_along(track, &motions);
+    let along = |motor: usize| Along {
+        motor,
+        position: motions.iter().map(|m| m.motor_position[motor]).collect(),
+        speed: motions.iter().map(|m| m.motor_speed[motor]).collect(),
+        effects: effects.iter().map(|f| f[motor]).collect(),
+        unit: channels.output.units.get(motor).or(channels.output.units.first()),
+    };
+    // The motors that effects act on; of those that are coupled the first tells enough.
+    let acts = |motor: &usize| effects.iter().any(|f| f[*motor] != 0.0);
+    let most = if found.model.base.has_motors_of_their_own() {
+        2
+    } else {
+        1
+    };
+    let mut drawn: Vec<Along> = (0..most).filter(acts).map(along).collect();
+    if drawn.is_empty() {
+        drawn.push(along(0));
+    }
+    vec![
+        over_motion(&drawn, &before),
+        force_in_time(&inputs, track.step, [&before, &after]),
+    ]
 }
 
 /// The force that the model lacks over speed and over position, motor by motor, with what the effects add.

@@ -124,7 +124,7 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
         (None, None) => strict.conclude(&case)?,
     };
     // What tests see in errors that are no larger than the rounding is the rounding: it goes with what is rounded.
-    let rounding = found.added.is_empty() && found.after.cost <= NOISE;
+    let rounding = found.after.cost <= NOISE;
     if coarse.contains(&true) && (rounding || found.verdict != Verdict::Unexplained) {
         let values = [0, 1].map(|i: usize| if coarse[i] { steps[i] } else { (0.0, f64::INFINITY) });
         found.added.insert(
@@ -149,7 +149,7 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
                 accepted: true,
             },
         );
-        if rounding || found.after.cost <= NOISE {
+        if rounding {
             found.verdict = Verdict::Explained;
         }
     }

@@ -242,23 +242,17 @@ fn of_axis(
             ..case
         })?;
     }
-    if is_observed
-        && let Some(begun) = beginnings::look(
-            &Case {
-                noise,
-                seeks_load: found.rigid.is_some(),
-                ..case
-            },
-            &found,
-            &told,
-        )?
-    {
+    let case = Case {
+        noise,
+        seeks_load: found.rigid.is_some(),
+        ..case
+    };
+    if is_observed && let Some(begun) = beginnings::look(&case, &found, &told)? {
         ([fitted, judged], found) = (begun.tracks, begun.found);
     }
     if let Some(hz) = observer_hz
         && !matches!(found.verdict, Verdict::Explained | Verdict::NothingMissing)
     {
-        let case = Case { noise, ..case };
         let records = [&fit_records[..], &judge_records[..]];
         if let Some(in_band) = in_band::look(&case, (hz, clock), &found, records, &told)? {
             start = in_band.controller;

@@ -570,6 +570,10 @@ fn a_spring_to_ground_is_the_base_and_its_hardening_an_effect() {
             "{cube} for {}",
             guide.spring[1]
         );
+        // Its model is a base too.
+        let again = desk.json("diagnose . --model found/model.json -o again --json");
+        assert_eq!(again["base_model"], found["base_model"]);
+        assert_eq!(again["effects"][0]["effect"], "cubic-stiffness");
         // What held it at its records is no part of the file.
         let said = desk.done("validate found/model.json .");
         assert!(

@@ -44,7 +44,6 @@ struct Bodies {
     load: f64,
     stiffness: f64,
     damping: f64,
-    is_measured: bool,
 }
 
 impl Load {
@@ -56,7 +55,6 @@ impl Load {
             load: self.part * mass,
             stiffness: reduced * w * w,
             damping: 2.0 * self.ratio * w * reduced,
-            is_measured: self.is_measured,
         }
     }
 }
@@ -163,7 +161,7 @@ impl Axis {
     /// measured; where it is measured itself, the motor counts as rigidly joined to it, which holds far below the resonance.
     pub fn force_along(&self, [q, v, a]: [&[f64]; 3], step: f64) -> Vec<f64> {
         let pulls = match self.load {
-            Some((_, bodies)) if !bodies.is_measured => bodies.pulls([q, v], step),
+            Some((load, bodies)) if !load.is_measured => bodies.pulls([q, v], step),
             Some((_, bodies)) => a.iter().map(|a| bodies.load * a).collect(),
             None => vec![0.0; q.len()],
         };
@@ -197,7 +195,7 @@ impl Axis {
 
     pub(super) fn frozen(&self) -> [DMatrix<f64>; 3] {
         let (m, v, k) = (self.motor_mass(), self.viscous, self.stiffness.unwrap_or(0.0));
-        let Some((_, bodies)) = self.load else {
+        let Some((load, bodies)) = self.load else {
             return [
                 dmatrix![0.0, 1.0; -k / m, -v / m],
                 dmatrix![0.0; 1.0 / m],
@@ -214,7 +212,7 @@ impl Axis {
                 on_load[0], on_load[1], -on_load[0], -on_load[1]
             ],
             dmatrix![0.0; 1.0 / m; 0.0; 0.0],
-            match bodies.is_measured {
+            match load.is_measured {
                 true => dmatrix![0.0, 0.0, 1.0, 0.0],
                 false => dmatrix![1.0, 0.0, 0.0, 0.0],
             },

@@ -1,6 +1,58 @@
 //! What the tests share.
 
-use lpv_diagnose::lpv_core::{Purpose, Record, RecordKind, Signals};
+use lpv_diagnose::lpv_core::{ControllerState, Discrete, Purpose, Record, RecordKind, Signals};
+use lpv_diagnose::observer::{self, Observer};
+use lpv_diagnose::{Base, Case, Explained, Trace, TraceError, Track, trace};
+
+/// Records that an observer holds an axis at: two to fit, the others to judge by.
+pub(crate) struct Held {
+    base: Base,
+    observer: ControllerState,
+    tracks: [Vec<Track>; 2],
+}
+
+impl Held {
+    pub(crate) fn new(base: Base, records: &[Record], clock: Discrete) -> Result<Self, TraceError> {
+        let (fitted, judged) = records.split_at(2);
+        let observer = Observer::new(&base, fitted, clock)?.controller.start()?;
+        let tracks = |records: &[Record]| -> Result<Vec<Track>, TraceError> {
+            let one = |r: &Record| Track::new(r, clock.sample_time(), 2, Some(&observer));
+            records.iter().map(one).collect()
+        };
+        Ok(Self {
+            tracks: [tracks(fitted)?, tracks(judged)?],
+            base,
+            observer,
+        })
+    }
+
+    /// The base without effects.
+    pub(crate) fn bare(&self) -> Explained {
+        Explained {
+            base: self.base.clone(),
+            effects: Vec::new(),
+        }
+    }
+
+    /// What is found of readings on a grid of this step; where a record begins, the model tells better than its first readings.
+    pub(crate) fn look(&self, model: &Explained, step: f64, seeks_load: bool) -> Result<Trace, TraceError> {
+        let [fitted, judged] = self
+            .tracks
+            .each_ref()
+            .map(|t| observer::settled(model, &self.observer, t));
+        trace(&Case {
+            base: &self.base,
+            prior: None,
+            free: None,
+            controller: &self.observer,
+            noise: [step / 12_f64.sqrt(), 0.0],
+            fitted: &fitted,
+            judged: &judged,
+            seeks_load,
+            on_fit: &|_, _| {},
+        })
+    }
+}
 
 /// A record of outputs y0, y1, ... and inputs u0, u1, ...
 pub(crate) fn record(name: &str, outputs: Vec<Vec<f64>>, inputs: Vec<Vec<f64>>) -> Record {

@@ -1,9 +1,9 @@
 //! An axis whose controller nobody knows, simulated by hand: dry friction and gravity over less than a turn; and nothing.
 
-use crate::common::{self, middle_step};
+use crate::common::{self, Held, middle_step};
 use lpv_diagnose::lpv_core::{Discrete, Record};
 use lpv_diagnose::observer::{self, Observer};
-use lpv_diagnose::{Axis, Base, Case, Explained, Trace, Track, Verdict, servo_axis, steady_forces, trace};
+use lpv_diagnose::{Axis, Base, Explained, Trace, Track, Verdict, servo_axis, steady_forces};
 
 const RATE: f64 = 250.0;
 
@@ -59,35 +59,11 @@ fn find(
         Base::Axis(axis) if axis.stiffness().is_some() => Base::Axis(Axis::new(inertia, 0.0, 0.0)),
         other => other,
     };
-    let start = Observer::new(&base, &records[..2], clock)?.controller.start()?;
-    let tracks = |records: &[Record]| -> Result<Vec<Track>, lpv_diagnose::TraceError> {
-        let one = |r: &Record| Track::new(r, 1.0 / RATE, 2, Some(&start));
-        records.iter().map(one).collect()
-    };
-    let (fitted, judged) = (tracks(&records[..2])?, tracks(&records[2..])?);
-    let look = |model: &Explained| {
-        // Where a record begins, the model tells better than its first readings.
-        let [fitted, judged] = [&fitted, &judged].map(|t| observer::settled(model, &start, t));
-        trace(&Case {
-            base: &base,
-            prior: None,
-            free: None,
-            controller: &start,
-            noise: [step / 12_f64.sqrt(), 0.0],
-            fitted: &fitted,
-            judged: &judged,
-            seeks_load: false,
-            on_fit: &|_, _| {},
-        })
-    };
-    let effects = Vec::new();
-    let first = look(&Explained {
-        base: base.clone(),
-        effects,
-    })?;
+    let held = Held::new(base, &records, clock)?;
+    let first = held.look(&held.bare(), step, false)?;
     Ok(match first.verdict {
         Verdict::NothingMissing => first,
-        _ => look(&first.model)?,
+        _ => held.look(&first.model, step, false)?,
     })
 }
 

@@ -1,10 +1,10 @@
 //! A motor with a load on a spring, simulated by hand, whose controller nobody knows: the load is the base and no effect; dry friction
 //! beside it is found; and where the load is rigid none is.
 
-use crate::common;
+use crate::common::{self, Held};
 use lpv_diagnose::lpv_core::{Discrete, Record};
-use lpv_diagnose::observer::{self, Observer};
-use lpv_diagnose::{Base, Case, Explained, Load, Trace, Track, servo_axis, trace};
+use lpv_diagnose::observer;
+use lpv_diagnose::{Base, Load, Trace, servo_axis};
 
 const RATE: f64 = 500.0;
 
@@ -67,36 +67,13 @@ fn find(machine: Machine) -> Result<Trace, Box<dyn std::error::Error>> {
     let clock = Discrete::from_rate(RATE)?;
     let records: Vec<Record> = (0..3).map(|i| record(i, machine)).collect();
     let base = servo_axis(&records[..2], clock, &mut Vec::new())?;
-    let start = Observer::new(&base, &records[..2], clock)?.controller.start()?;
-    let tracks = |records: &[Record]| -> Result<Vec<Track>, lpv_diagnose::TraceError> {
-        let one = |r: &Record| Track::new(r, 1.0 / RATE, 2, Some(&start));
-        records.iter().map(one).collect()
-    };
-    let (fitted, judged) = (tracks(&records[..2])?, tracks(&records[2..])?);
-    let look = |model: &Explained| {
-        let [fitted, judged] = [&fitted, &judged].map(|t| observer::settled(model, &start, t));
-        trace(&Case {
-            base: &base,
-            prior: None,
-            free: None,
-            controller: &start,
-            noise: [machine.step / 12_f64.sqrt(), 0.0],
-            fitted: &fitted,
-            judged: &judged,
-            seeks_load: true,
-            on_fit: &|_, _| {},
-        })
-    };
-    let first = look(&Explained {
-        base: base.clone(),
-        effects: Vec::new(),
-    })?;
+    let held = Held::new(base, &records, clock)?;
+    let mut found = held.look(&held.bare(), machine.step, true)?;
     // A beginning that a rigid axis told is wrong by what dies out, as a drift of the sensor does.
-    let mut found = first;
     for _ in 0..2 {
         let mut model = found.model;
         model.effects.retain(|(e, _)| e.name != "sensor-drift");
-        found = look(&model)?;
+        found = held.look(&model, machine.step, true)?;
     }
     Ok(found)
 }

@@ -75,10 +75,7 @@ pub(super) fn with_load(found: &Trace, bundle: &Bundle) -> Option<String> {
     let channels = &bundle.description().channels;
     let (output, unit) = (channels.output.columns.first()?, channels.output.units.first());
     let unit = unit.map_or(String::new(), |u| format!(" {u}"));
-    let before = found
-        .rigid
-        .as_ref()
-        .map_or(f64::NAN, |rigid| rigid.closed_loop[0]);
+    let before = found.rigid.as_ref()?.closed_loop[0];
     Some(format!(
         "base: motor and load on a spring leave {:.3e}{unit} of {output} on held-out records, a rigid axis {before:.3e}{unit}; they swing \
          against each other at {:.4} Hz (damping {:.3}); {}",

@@ -42,13 +42,6 @@ pub(super) fn start(
 ) -> Result<Start, PipelineError> {
     let records: Vec<&Record> = fitted.iter().chain(judged).collect();
     let description = bundle.description();
-    let plain = |base| Start {
-        base,
-        prior: None,
-        free: None,
-        model: None,
-        responses: Vec::new(),
-    };
     if let Some(file) = model {
         return told(file, bundle, &records, reasons);
     }
@@ -98,9 +91,17 @@ fn told(
         ));
     }
     let base = explanation.machine(&file.model, bundle)?.base;
-    if explanation.base != BaseKind::XyTable {
-        let start = given(&file.model, bundle, records)?;
-        return Ok(Start { base, ..start });
+    match explanation.base {
+        BaseKind::XyTable => {}
+        BaseKind::Identified => {
+            let start = given(&file.model, bundle, records)?;
+            return Ok(Start { base, ..start });
+        }
+        // An axis is its parameters: the model of the file is what they make of it.
+        BaseKind::ServoAxis
+        | BaseKind::SpringAxis
+        | BaseKind::MotorAndLoad
+        | BaseKind::MotorAndMeasuredLoad => return of_one_axis(base, bundle),
     }
     // Deviations are told of the parameters that were fitted; of the others nothing better is known.
     let deviation = |p: BaseParameter| {
@@ -139,25 +140,34 @@ pub(super) fn axis_of(model: &Model) -> Result<Base, PipelineError> {
     }
 }
 
+/// One axis, of which nothing else is known, for a bundle of one.
+fn of_one_axis(base: Base, bundle: &Bundle) -> Result<Start, PipelineError> {
+    let channels = &bundle.description().channels;
+    let bundle_has = (channels.input.len(), channels.output.len());
+    if bundle_has != (1, 1) {
+        return Err(PipelineError::Channels {
+            model: (1, 1),
+            bundle: bundle_has,
+        });
+    }
+    Ok(plain(base))
+}
+
+/// A base of which nothing else is known.
+fn plain(base: Base) -> Start {
+    Start {
+        base,
+        prior: None,
+        free: None,
+        model: None,
+        responses: Vec::new(),
+    }
+}
+
 /// A model of a file.
 fn given(model: &Model, bundle: &Bundle, records: &[&Record]) -> Result<Start, PipelineError> {
     if let Model::RigidBody(_) = model {
-        let base = axis_of(model)?;
-        let channels = &bundle.description().channels;
-        let bundle_has = (channels.input.len(), channels.output.len());
-        if bundle_has != (1, 1) {
-            return Err(PipelineError::Channels {
-                model: (1, 1),
-                bundle: bundle_has,
-            });
-        }
-        return Ok(Start {
-            base,
-            prior: None,
-            free: None,
-            model: None,
-            responses: Vec::new(),
-        });
+        return of_one_axis(axis_of(model)?, bundle);
     }
     let lpv = lpv(model, bundle)?;
     let [low, high] = lpv.range();

@@ -91,6 +91,8 @@ pub struct Forces {
     pub load: Pair,
     /// Force and torque of the coupling beside its own, positive where it pulls the load back.
     pub coupling: Pair,
+    /// Mass that an axis has more: at its load, where that is not rigidly joined to the motor.
+    pub mass: f64,
 }
 
 macro_rules! each {
@@ -224,6 +226,14 @@ impl Base {
     /// Whether it is an axis with a load on a spring.
     pub fn has_load(&self) -> bool {
         matches!(self, Self::Axis(axis) if axis.load().is_some())
+    }
+    /// Part of an observer's correction that acts on the load, where that is not rigidly joined to the motor: by the masses, so that it moves
+    /// both alike. On the motor alone it would let a spring between encoder and motor swing.
+    pub(crate) fn correction_of_load(&self) -> Option<f64> {
+        match self {
+            Self::Axis(axis) => axis.load().map(|load| load.part),
+            Self::XyTable(_) | Self::Lpv(_) => None,
+        }
     }
     /// Whether a spring holds it to the ground.
     pub(crate) fn is_on_spring(&self) -> bool {

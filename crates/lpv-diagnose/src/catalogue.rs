@@ -8,23 +8,27 @@ mod actuator_lag;
 mod actuator_saturation;
 mod cable_stiffness;
 mod cogging;
+mod constant_force;
 mod coulomb_friction;
 mod cubic_stiffness;
 mod delay;
 mod direction_dependent_friction;
 mod extra_mode;
 mod hysteresis;
+mod mass_jump;
 mod motor_asymmetry;
 mod payload;
 mod periodic_disturbance;
 mod position_dependent_gain;
 mod position_force;
+mod quadratic_friction;
 pub(crate) mod quantization;
 mod scheduling_rate;
 mod second_scheduling;
 mod sensor_cyclic_error;
 mod sensor_drift;
 mod sensor_gain;
+mod since;
 mod stribeck_friction;
 mod viscous_friction;
 
@@ -35,11 +39,12 @@ use crate::track::Track;
 use std::slice::from_ref;
 
 /// The effects, kind by kind, each at all places where it may act; of two that a record cannot tell apart, the first is named.
-pub static KINDS: [&[Effect]; 24] = [
+pub static KINDS: [&[Effect]; 27] = [
     &coulomb_friction::EFFECTS,
     &stribeck_friction::EFFECTS,
     &direction_dependent_friction::EFFECTS,
     &viscous_friction::EFFECTS,
+    from_ref(&quadratic_friction::EFFECT),
     &hysteresis::EFFECTS,
     &cogging::EFFECTS,
     &cable_stiffness::EFFECTS,
@@ -50,10 +55,12 @@ pub static KINDS: [&[Effect]; 24] = [
     &delay::EFFECTS,
     &actuator_lag::EFFECTS,
     &extra_mode::EFFECTS,
-    from_ref(&payload::EFFECT),
+    &payload::EFFECTS,
+    from_ref(&mass_jump::EFFECT),
     &cubic_stiffness::EFFECTS,
     from_ref(&scheduling_rate::EFFECT),
     from_ref(&second_scheduling::EFFECT),
+    from_ref(&constant_force::EFFECT),
     &periodic_disturbance::EFFECTS,
     from_ref(&abbe_offset::EFFECT),
     &sensor_gain::EFFECTS,
@@ -104,6 +111,25 @@ pub(crate) fn is_itself(effect: &Effect, values: &[f64], machine: &Base, tracks:
         _ => creep,
     };
     !is_peak || fall >= REACHED * creep
+}
+
+/// Whether what changes at a time shows as a change, along the motions of a screen.
+pub(crate) fn is_change(effect: &Effect, values: &[f64], screen: &Screen<'_>) -> bool {
+    match effect.name {
+        "mass-jump" => mass_jump::is_apart(values, screen),
+        "constant-force" => constant_force::is_apart(values, screen),
+        _ => true,
+    }
+}
+
+/// The mass that one record has from its start on, in the place of one that comes in this record later.
+pub fn from_the_start(effect: &Effect, values: &[f64]) -> Option<(&'static Effect, Vec<f64>)> {
+    match *values {
+        [mass, _, record] if mass_jump::EFFECT.is(effect) && record > 0.0 => {
+            Some((payload::of_a_record(), vec![mass, record]))
+        }
+        _ => None,
+    }
 }
 
 /// What presliding friction is called whose distance the records do not show: below what the readings resolve, or without a

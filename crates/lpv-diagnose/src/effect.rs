@@ -60,6 +60,8 @@ pub enum Scale {
     NotNegative,
     /// As it is; a fit may go below zero, but what it finds there is not this effect.
     Positive,
+    /// Not at all: a number that a start chooses, such as that of a record.
+    Chosen,
 }
 
 impl Scale {
@@ -69,6 +71,16 @@ impl Scale {
             self,
             Self::Logarithmic | Self::Wavelength | Self::Duration | Self::Frequency
         )
+    }
+
+    /// Whether a fit moves it.
+    pub fn is_fitted(self) -> bool {
+        self != Self::Chosen
+    }
+
+    /// Whether it is that of an amplitude, of which zero is no effect.
+    pub(crate) fn is_amplitude(self) -> bool {
+        self.is_fitted() && !self.is_logarithm()
     }
 }
 
@@ -153,6 +165,8 @@ pub enum Needs {
     FreeMotor(usize),
     /// An axis that a spring of the base holds to the ground.
     Spring,
+    /// A servo axis, whose mass and force at rest are parameters of its own.
+    Axis,
     /// The masses and couplings of the xy-table from first principles.
     Table,
 }
@@ -168,6 +182,7 @@ impl Needs {
             Self::TwoMotors => base.has_motors_of_their_own() && base.channels() > 1,
             Self::FreeMotor(channel) => Self::OwnMotor(*channel).are_met(base) && !base.is_on_spring(),
             Self::Spring => base.is_on_spring(),
+            Self::Axis => matches!(base, Base::Axis(_)),
             Self::Table => base.is_table(),
         }
     }
@@ -209,6 +224,10 @@ pub struct Effect {
 }
 
 impl Effect {
+    /// Number of parameters that a fit moves.
+    pub fn fitted(&self) -> usize {
+        self.parameters.iter().filter(|p| p.scale.is_fitted()).count()
+    }
     /// Whether it is the same effect at the same place, in the same form.
     pub fn is(&self, other: &Self) -> bool {
         self.is_called(other) && self.parameters.len() == other.parameters.len()
@@ -231,7 +250,7 @@ impl Effect {
         let fits = |(v, p): (&f64, &EffectParameter)| {
             v.is_finite()
                 && match p.scale {
-                    Scale::Linear => true,
+                    Scale::Linear | Scale::Chosen => true,
                     Scale::NotNegative => *v >= 0.0,
                     Scale::Positive => *v > 0.0,
                     scale => scale.is_logarithm() && *v > 0.0,

@@ -137,9 +137,9 @@ pub fn trace_responses(case: &ResponseCase<'_>) -> Result<Vec<ResponseStep>, Tra
         tried.sort_by(|a, b| length(&a.1.1).total_cmp(&length(&b.1.1)));
         let gain = |model: &Explained| 10.0 * (before / judge(model)).log10();
         if let Some((best, (model, _))) = tried.first() {
-            let (most, parameters) = (gain(model), best.parameters.len());
+            let (most, parameters) = (gain(model), best.fitted());
             let equals = |(e, (model, _)): &(&'static Effect, (Explained, Minimum))| {
-                e.parameters.len() == parameters && gain(model) > most - EQUAL_DB
+                e.fitted() == parameters && gain(model) > most - EQUAL_DB
             };
             first_of_equals(&mut tried, |t| t.0, equals);
         }
@@ -158,7 +158,7 @@ pub fn trace_responses(case: &ResponseCase<'_>) -> Result<Vec<ResponseStep>, Tra
             effect: Some(effect),
             p_value: chi_squared_p_value(
                 best.1.rows as f64 * (now.1.cost / best.1.cost).ln(),
-                effect.parameters.len(),
+                effect.fitted(),
             ),
             runner_up: gains.get(1).map(|(e, gain)| (*e, gains[0].1 - gain)),
             ..step(&best)

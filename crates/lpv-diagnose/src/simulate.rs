@@ -81,9 +81,21 @@ impl Explained {
                     block.start(&at, &mut own[..states]);
                     block.act(&at, &own[..states], &mut rates[..states], &mut forces);
                 }
+                // What the mass takes that is more.
+                forces.motors[0] -= forces.mass * acceleration(motions, k, track.step);
                 forces.motors
             })
             .collect()
+    }
+}
+
+/// Acceleration of the load at a sample, from its speeds at those beside it.
+pub(crate) fn acceleration(motions: &[Motion], k: usize, step: f64) -> f64 {
+    let (first, last) = (k.saturating_sub(1), (k + 1).min(motions.len() - 1));
+    let speed = |k: usize| motions[k].load_speed[0];
+    match last - first {
+        0 => 0.0,
+        samples => (speed(last) - speed(first)) / (samples as f64 * step),
     }
 }
 
@@ -136,6 +148,7 @@ pub(crate) fn simulate_in(
         controller,
         track,
         noise,
+        to_load: base.correction_of_load().filter(|_| track.follows).unwrap_or(0.0),
         stride: track.substeps / parts,
         part: track.step / parts as f64,
         parts,
@@ -156,6 +169,8 @@ struct Run<'a> {
     controller: Option<&'a ControllerState>,
     track: &'a Track,
     noise: Option<&'a [Pair]>,
+    /// Part of what an observer gives that acts on the load.
+    to_load: f64,
     /// Parts of a sample, how many of those of the track one is, and its time.
     parts: usize,
     stride: usize,
@@ -256,7 +271,7 @@ impl Run<'_> {
                         (0..3).for_each(|stage| motors[stage][i] = line[stage]);
                     }
                 }
-                self.runge_kutta(body, &mut x, k, points, motors);
+                self.runge_kutta(body, &mut x, (k, points), motors, self.to_load * own[0]);
             }
         }
         Some(response)
@@ -290,13 +305,14 @@ impl Run<'_> {
         &self,
         body: &impl Body,
         x: &mut [f64; N],
-        k: usize,
-        points: [usize; 3],
+        (k, points): (usize, [usize; 3]),
         motors: [Pair; 3],
+        to_load: f64,
     ) {
         let h = self.part;
         let along = |rates: &[f64; N], h: f64| -> [f64; N] { std::array::from_fn(|i| x[i] + h * rates[i]) };
-        let rates = |x: &[f64; N], stage: usize| self.rates(body, x, (k, points[stage]), motors[stage]);
+        let rates =
+            |x: &[f64; N], stage: usize| self.rates(body, x, (k, points[stage]), motors[stage], to_load);
         let k1 = rates(x, 0);
         let k2 = rates(&along(&k1, 0.5 * h), 1);
         let k3 = rates(&along(&k2, 0.5 * h), 1);
@@ -312,6 +328,7 @@ impl Run<'_> {
         x: &[f64; N],
         at: (usize, usize),
         motors: Pair,
+        to_load: f64,
     ) -> [f64; N] {
         let mut out = [0.0; N];
         let at = self.moment(body, x, at, !self.blocks.is_empty());
@@ -325,6 +342,8 @@ impl Run<'_> {
             block.act(&at, &x[own.clone()], &mut out[own], &mut forces);
             from += states;
         }
+        forces.motors[0] -= to_load;
+        forces.load[0] += to_load;
         body.rates(x, at.p, &forces, &mut out);
         out
     }

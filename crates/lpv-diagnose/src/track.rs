@@ -14,6 +14,8 @@ use nalgebra::DMatrix;
 pub struct Track {
     /// Name of the record.
     pub name: String,
+    /// Its place among the records of an experiment, counted from one; zero where it has none.
+    pub number: usize,
     /// Samples.
     pub samples: usize,
     /// Time from sample to sample.
@@ -162,6 +164,7 @@ impl Track {
             moving,
             bound,
             name: record.name.clone(),
+            number: 0,
             samples,
             step,
             outputs: pairs(&record.outputs.columns),
@@ -173,6 +176,12 @@ impl Track {
             substeps,
             half: half(substeps),
         })
+    }
+
+    /// The same with its place among the records of an experiment, counted from one.
+    #[must_use]
+    pub fn numbered(self, number: usize) -> Self {
+        Self { number, ..self }
     }
 
     /// The first output and its rate, per unit of time.

@@ -63,7 +63,7 @@ def test_other_threads_go_on(bundle: lpvident.Bundle) -> None:
 CALLS = {
     "identify": "lpvident.Bundle(place).identify(progress=ready).save(out / 'model.json')",
     "diagnose": "lpvident.Bundle(place).diagnose(progress=ready).save(out / 'diagnosis')",
-    "simulate": "lpvident.simulate_machine(out / 'bundle', positions={'count': 60}, progress=ready)",
+    "simulate": "lpvident.simulate_machine(out / 'bundle', positions={'count': 2000}, progress=ready)",
 }
 
 SCRIPT = """

@@ -165,10 +165,13 @@ fn of_axis(
     };
     let mut start = controller.start()?;
     let tracks = |records: &[Record]| -> Result<Vec<Track>, PipelineError> {
-        Ok(records
-            .iter()
-            .map(|r| Track::new(r, clock.sample_time(), substeps, Some(&start)))
-            .collect::<Result<Vec<_>, _>>()?)
+        let is_it = |i: &usize, r: &Record| bundle.record_name(*i).is_ok_and(|name| name == r.name);
+        let number = |r: &Record| (0..description.records.len()).find(|i| is_it(i, r));
+        let track = |r: &Record| -> Result<Track, TraceError> {
+            let track = Track::new(r, clock.sample_time(), substeps, Some(&start))?;
+            Ok(track.numbered(number(r).map_or(0, |n| n + 1)))
+        };
+        Ok(records.iter().map(track).collect::<Result<Vec<_>, _>>()?)
     };
     if observer_hz.is_none() {
         reasons.extend(wrong_controller(&fit_records, &start));

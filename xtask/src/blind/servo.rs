@@ -20,7 +20,7 @@ use xytable_plant::servo_axis::{AxisEffect, AxisRun, Known, deviation};
 use xytable_plant::split_seed;
 
 /// Effects that `lpv diagnose` should name on axes, or find in the parameters of the axis.
-pub(super) const CATALOGUE: [&str; 21] = [
+pub(super) const CATALOGUE: [&str; 24] = [
     "coulomb-friction",
     "stribeck-friction",
     "viscous-friction",
@@ -42,16 +42,13 @@ pub(super) const CATALOGUE: [&str; 21] = [
     "quantization",
     "periodic-disturbance",
     "payload",
+    "quadratic-friction",
+    "force-step",
+    "mass-jump",
 ];
 
 /// Those that it has no name for.
-pub(super) const OUTSIDE: [&str; 5] = [
-    "quadratic-friction",
-    "backlash",
-    "force-step",
-    "mass-jump",
-    "random-force",
-];
+pub(super) const OUTSIDE: [&str; 4] = ["backlash", "friction-zone", "swept-force", "random-force"];
 
 /// Deviations in units of the noise of a reading: at the first a plot shows nothing, at the last an engineer sees it.
 pub(super) const SEVERITIES: [f64; 3] = [10.0, 100.0, 1000.0];

@@ -232,15 +232,11 @@ impl Axis {
             ..parameter("offset", "u", self.offset, false)
         };
         let spring = self.stiffness.map(|k| parameter("stiffness", "u/y", k, true));
-        // The motion of the load tells stiffness over part, and not each.
         let load = self.load.map(|(load, _)| {
             [
                 parameter("resonance", "Hz", load.hz, true),
                 parameter("damping of the resonance", "", load.ratio, true),
-                BaseParameter {
-                    held: load.is_measured,
-                    ..parameter("load part", "", load.part, true)
-                },
+                parameter("load part", "", load.part, true),
             ]
         });
         [
@@ -297,13 +293,13 @@ impl Body for Axis {
         let spring = self.stiffness.unwrap_or(0.0) * x[0];
         let own = forces.motors[0] - self.viscous * x[1] - spring - self.offset;
         let Some((_, bodies)) = self.load else {
-            rates[1] = (own + forces.load[0]) / self.mass;
+            rates[1] = (own + forces.load[0]) / (self.mass + forces.mass);
             return;
         };
         let pull = bodies.stiffness * (x[0] - x[2]) + bodies.damping * (x[1] - x[3]) + forces.coupling[0];
         rates[1] = (own - pull) / bodies.motor;
         rates[2] = x[3];
-        rates[3] = (pull + forces.load[0]) / bodies.load;
+        rates[3] = (pull + forces.load[0]) / (bodies.load + forces.mass);
     }
 
     fn outputs(&self, x: &[f64], _p: f64) -> Pair {

@@ -32,15 +32,11 @@ impl Explained {
     pub(crate) fn coordinates(&self) -> Vec<f64> {
         let mut all = self.base.coordinates();
         for (effect, values) in &self.effects {
-            all.extend(
-                values
-                    .iter()
-                    .zip(effect.parameters)
-                    .map(|(v, p)| match p.scale.is_logarithm() {
-                        true => v.ln(),
-                        false => *v,
-                    }),
-            );
+            let coordinate = |(v, p): (&f64, &EffectParameter)| match p.scale.is_logarithm() {
+                true => v.ln(),
+                false => *v,
+            };
+            all.extend(fitted(effect, values).map(coordinate));
         }
         all
     }
@@ -48,17 +44,16 @@ impl Explained {
     /// Which coordinates are logarithms.
     pub(crate) fn bounded(&self) -> Vec<bool> {
         let machine = self.base.fitted().map(|p| p.positive);
-        let effects = self.effects.iter().flat_map(|(e, _)| e.parameters);
-        machine.chain(effects.map(|p| p.scale.is_logarithm())).collect()
+        let effects = self.effects.iter().flat_map(|(e, values)| fitted(e, values));
+        machine
+            .chain(effects.map(|(_, p)| p.scale.is_logarithm()))
+            .collect()
     }
 
     /// Derivatives of the values by their coordinates: of the machine's that are fitted, then of the effects'.
     pub(crate) fn scales(&self) -> Vec<f64> {
         let machine = self.base.fitted().map(|p| if p.positive { p.value } else { 1.0 });
-        let effects = self
-            .effects
-            .iter()
-            .flat_map(|(e, values)| values.iter().zip(e.parameters));
+        let effects = self.effects.iter().flat_map(|(e, values)| fitted(e, values));
         let effect = |(v, p): (&f64, &EffectParameter)| match p.scale.is_logarithm() {
             true => v.abs(),
             false => 1.0,
@@ -74,16 +69,30 @@ impl Explained {
             effects: self
                 .effects
                 .iter()
-                .map(|(effect, _)| {
-                    let values = effect.parameters.iter().zip(rest.by_ref());
-                    let value = |(p, c): (&EffectParameter, &f64)| match p.scale {
-                        Scale::Linear | Scale::Positive => *c,
-                        Scale::NotNegative => c.max(0.0),
-                        _ => c.exp(),
+                .map(|(effect, before)| {
+                    let value = |(before, p): (&f64, &EffectParameter)| {
+                        let next = if p.scale.is_fitted() { rest.next() } else { None };
+                        match (p.scale, next) {
+                            (_, None) => *before,
+                            (Scale::NotNegative, Some(c)) => c.max(0.0),
+                            (scale, Some(c)) if scale.is_logarithm() => c.exp(),
+                            (_, Some(c)) => *c,
+                        }
                     };
-                    (*effect, values.map(value).collect())
+                    (*effect, before.iter().zip(effect.parameters).map(value).collect())
                 })
                 .collect(),
         }
     }
+}
+
+/// Values of an effect that a fit moves.
+fn fitted<'a>(
+    effect: &'static Effect,
+    values: &'a [f64],
+) -> impl Iterator<Item = (&'a f64, &'static EffectParameter)> {
+    values
+        .iter()
+        .zip(effect.parameters)
+        .filter(|(_, p)| p.scale.is_fitted())
 }

@@ -129,15 +129,16 @@ fn after_pulse(
         let pulse: Pair = std::array::from_fn(|i| f64::from(u8::from(k == 0 && i == channel)));
         let mut y = plant.outputs();
         let mut u = [0.0; 2];
+        let mut beside = [0.0; 2];
         if place == Place::Sensor {
             (0..2).for_each(|i| y[i] += pulse[i]);
         }
         controller.step(&[0.0; 2], &y, &mut u);
         if place == Place::Input {
-            (0..2).for_each(|i| u[i] += pulse[i]);
+            beside = pulse;
         }
         told.push(y);
-        plant.advance(u);
+        plant.advance(u, beside);
     }
     told
 }
@@ -157,6 +158,8 @@ enum Quick {
     Sampled {
         model: StateSpace<Discrete>,
         state: DVector<f64>,
+        /// Whether what an observer gives has inputs of its own, after the others.
+        is_apart: bool,
     },
 }
 
@@ -171,8 +174,14 @@ impl Quick {
         let model = match base {
             Base::XyTable(_) => return rigid(1.0),
             Base::Axis(axis) if axis.load().is_none() => return rigid(1.0 / axis.mass()),
-            Base::Axis(_) => Discrete::new(step).and_then(|clock| {
+            Base::Axis(axis) => Discrete::new(step).and_then(|clock| {
                 let [a, b, c] = base.frozen(0.0)?;
+                // The correction of an observer moves motor and load alike.
+                let both = 1.0 / axis.mass();
+                let b = DMatrix::from_columns(&[
+                    b.column(0).into_owned(),
+                    DVector::from_vec(vec![0.0, both, 0.0, both]),
+                ]);
                 let direct = DMatrix::zeros(c.nrows(), b.ncols());
                 StateSpace::new(a, b, c, direct, Continuous)?.zero_order_hold(clock)
             }),
@@ -182,6 +191,7 @@ impl Quick {
             Ok(model) => Self::Sampled {
                 state: DVector::zeros(model.states()),
                 model,
+                is_apart: matches!(base, Base::Axis(_)),
             },
             // Numbers of a base are finite.
             Err(_) => rigid(1.0),
@@ -191,7 +201,7 @@ impl Quick {
     fn outputs(&self) -> Pair {
         match self {
             Self::Rigid { position, .. } => *position,
-            Self::Sampled { model, state } => std::array::from_fn(|i| match i < model.outputs() {
+            Self::Sampled { model, state, .. } => std::array::from_fn(|i| match i < model.outputs() {
                 true => model
                     .c()
                     .row(i)
@@ -204,7 +214,9 @@ impl Quick {
         }
     }
 
-    fn advance(&mut self, u: Pair) {
+    /// Inputs of the controller, and those beside it.
+    fn advance(&mut self, controlled: Pair, beside: Pair) {
+        let u = [0, 1].map(|i: usize| controlled[i] + beside[i]);
         match self {
             Self::Rigid {
                 mobility,
@@ -218,8 +230,13 @@ impl Quick {
                     speed[i] += *t * a;
                 }
             }
-            Self::Sampled { model, state } => {
+            Self::Sampled {
+                model,
+                state,
+                is_apart,
+            } => {
                 let mut next = model.a() * &*state;
+                let u = if *is_apart { [beside[0], controlled[0]] } else { u };
                 for (u, column) in u.iter().zip(model.b().column_iter()) {
                     next.axpy(*u, &column, 1.0);
                 }

@@ -211,7 +211,7 @@ impl<'a> Bench<'a> {
         now: &Fitted,
     ) -> Option<f64> {
         let all = start.coordinates().len();
-        let first = all - start.effects.last()?.0.parameters.len();
+        let first = all - start.effects.last()?.0.fitted();
         let rough = problem.rough(start)?;
         let (left, _) = step((problem, known), start, &rough, first..all, now)?;
         Some(left)
@@ -229,13 +229,13 @@ impl<'a> Bench<'a> {
         let amplitudes = effect
             .parameters
             .iter()
-            .take_while(|p| !p.scale.is_logarithm())
+            .take_while(|p| p.scale.is_amplitude())
             .count();
         let absent = values.iter().take(amplitudes).all(|v| *v == 0.0);
         let mut start = now.model.clone();
         start.effects.push((effect, values));
         let mut coordinates = start.coordinates();
-        let first = coordinates.len() - effect.parameters.len();
+        let first = coordinates.len() - effect.fitted();
         let rough = if absent {
             None
         } else {

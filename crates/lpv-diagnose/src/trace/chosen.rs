@@ -36,7 +36,7 @@ impl Chosen {
             values: Vec::new(),
             then: fit.model.clone(),
             gain_db: decibel(self.judged.cost / after.cost),
-            p_value: chi_squared_p_value(self.now.objective - fit.objective, effect.parameters.len()),
+            p_value: chi_squared_p_value(self.now.objective - fit.objective, effect.fitted()),
             runner_up,
         });
         (self.now, self.judged) = (fit.clone(), after.clone());
@@ -185,7 +185,7 @@ impl Chosen {
     /// the cost on the judged records is `without` both.
     fn is_better(&self, i: usize, (effect, fit, there): &Final, without: f64) -> bool {
         let own = self.added[i].effect;
-        let simpler = effect.parameters.len() < own.parameters.len();
+        let simpler = effect.fitted() < own.fitted();
         let most = self.now.length() + if simpler { EQUAL } else { -EQUAL };
         let refines = effect.refines(own);
         let worse = (there.cost - self.judged.cost) * there.samples as f64;
@@ -218,7 +218,7 @@ impl Chosen {
             let Ok(fit) = fit else { continue };
             let judged = bench.judge(&fit.model).cost;
             added.gain_db = decibel(cost / judged);
-            added.p_value = chi_squared_p_value(before - fit.objective, added.effect.parameters.len());
+            added.p_value = chi_squared_p_value(before - fit.objective, added.effect.fitted());
             added.then = fit.model;
             (before, cost) = (fit.objective, judged);
         }

@@ -287,15 +287,20 @@ impl Fitted {
     /// Whether an effect has an amplitude that is not zero for all that is known.
     pub(super) fn shows(&self, i: usize) -> bool {
         let effects = &self.model.effects;
-        let earlier = effects[..i].iter().map(|(_, v)| v.len()).sum::<usize>();
-        let deviations = self
+        let earlier = effects[..i].iter().map(|(e, _)| e.fitted()).sum::<usize>();
+        let mut deviations = self
             .deviations()
             .skip(self.model.base.coordinates().len() + earlier);
         let (effect, values) = &effects[i];
-        let shows = |((v, d), p): ((&f64, f64), &EffectParameter)| {
-            !p.scale.is_logarithm() && v.abs() > SIGNIFICANT * d
+        let shows = |(v, p): (&f64, &EffectParameter)| {
+            let deviation = if p.scale.is_fitted() {
+                deviations.next()
+            } else {
+                None
+            };
+            p.scale.is_amplitude() && deviation.is_some_and(|d| v.abs() > SIGNIFICANT * d)
         };
-        values.iter().zip(deviations).zip(effect.parameters).any(shows)
+        values.iter().zip(effect.parameters).any(shows)
     }
 
     /// Standard deviations of the machine's parameters, infinite where they are held; those of the effects go to them.
@@ -307,8 +312,12 @@ impl Fitted {
             .iter()
             .map(|p| if p.held { f64::INFINITY } else { next() })
             .collect();
-        for (added, (_, values)) in added.iter_mut().zip(&self.model.effects) {
-            added.values = values.iter().map(|v| (*v, next())).collect();
+        for (added, (effect, values)) in added.iter_mut().zip(&self.model.effects) {
+            let each = values.iter().zip(effect.parameters);
+            // What a start chose is not in doubt.
+            added.values = each
+                .map(|(v, p)| (*v, if p.scale.is_fitted() { next() } else { 0.0 }))
+                .collect();
         }
         machine
     }

@@ -51,7 +51,7 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
     }
     // What promises less than its parameters cost is chance.
     let price = (now.residual.len() as f64).ln();
-    let promising = |c: &Candidate| c.predicted > PROMISE * price * c.effect.parameters.len() as f64;
+    let promising = |c: &Candidate| c.predicted > PROMISE * price * c.effect.fitted() as f64;
     if !screened.iter().any(promising) {
         let finals = Vec::new();
         return Some(Selection { screened, finals });
@@ -145,7 +145,7 @@ fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)], is_held: bo
     let Some((best, fit, judged)) = finals.first() else {
         return;
     };
-    let (most, parameters) = (fit.length() + EQUAL, best.parameters.len());
+    let (most, parameters) = (fit.length() + EQUAL, best.fitted());
     let near = match is_held && judged.cost > NOISE {
         true => WORTH * judged.cost,
         false => 0.0,
@@ -153,7 +153,7 @@ fn equals_in_order(finals: &mut [(&'static Effect, Fitted, Judged)], is_held: bo
     first_of_equals(
         finals,
         |(e, ..)| *e,
-        |(e, f, j)| (f.length() <= most || j.cost <= near) && e.parameters.len() <= parameters,
+        |(e, f, j)| (f.length() <= most || j.cost <= near) && e.fitted() <= parameters,
     );
 }
 
@@ -185,6 +185,7 @@ fn is_possible(bench: &Bench<'_>, model: &Explained, screen: &Screen<'_>) -> boo
     let is_trend = catalogue::changes_with_position(effect) && screen.grows_with_time(effect.place.first());
     effect.allows(values)
         && catalogue::is_itself(effect, values, bench.case.base, bench.case.fitted)
+        && catalogue::is_change(effect, values, screen)
         && !is_trend
         && values.iter().zip(effect.parameters).all(is_seen)
         && bench.lasts(model, model.effects.len() - 1)

@@ -4,7 +4,7 @@ use lpv_diagnose::lpv_core::{ControllerState, Discrete, Purpose, Record, RecordK
 use lpv_diagnose::observer::{self, Observer};
 use lpv_diagnose::{Base, Case, Explained, Trace, TraceError, Track, trace};
 
-/// Records that an observer holds an axis at: two to fit, the others to judge by.
+/// Records that an observer holds an axis at, the first to fit, the others to judge by.
 pub(crate) struct Held {
     base: Base,
     observer: ControllerState,
@@ -12,15 +12,28 @@ pub(crate) struct Held {
 }
 
 impl Held {
+    /// With two to fit.
     pub(crate) fn new(base: Base, records: &[Record], clock: Discrete) -> Result<Self, TraceError> {
-        let (fitted, judged) = records.split_at(2);
+        Self::with_judged(base, records, records.len() - 2, clock)
+    }
+
+    /// With so many to judge by.
+    pub(crate) fn with_judged(
+        base: Base,
+        records: &[Record],
+        judged: usize,
+        clock: Discrete,
+    ) -> Result<Self, TraceError> {
+        let (fitted, judged) = records.split_at(records.len() - judged);
         let observer = Observer::new(&base, fitted, clock)?.controller.start()?;
-        let tracks = |records: &[Record]| -> Result<Vec<Track>, TraceError> {
-            let one = |r: &Record| Track::new(r, clock.sample_time(), 2, Some(&observer));
-            records.iter().map(one).collect()
+        let tracks = |records: &[Record], first: usize| -> Result<Vec<Track>, TraceError> {
+            let one = |(i, r): (usize, &Record)| {
+                Ok(Track::new(r, clock.sample_time(), 2, Some(&observer))?.numbered(first + i))
+            };
+            records.iter().enumerate().map(one).collect()
         };
         Ok(Self {
-            tracks: [tracks(fitted)?, tracks(judged)?],
+            tracks: [tracks(fitted, 1)?, tracks(judged, 1 + fitted.len())?],
             base,
             observer,
         })

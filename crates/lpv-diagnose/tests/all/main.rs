@@ -4,6 +4,7 @@
 
 mod axes_by_themselves;
 mod axis_by_hand;
+mod changes;
 mod common;
 mod held_axis;
 mod in_band;

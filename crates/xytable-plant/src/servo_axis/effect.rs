@@ -52,14 +52,23 @@ pub enum AxisEffect {
     Quantization { step: f64 },
     /// Force at a fixed frequency, from the start of a record.
     PeriodicDisturbance { sine: f64, cosine: f64, frequency: f64 },
-    /// A mass more on the motor in one record, kg.
+    /// A mass more on the load in one record, or on the motor where there is none, kg.
     Payload { mass: f64, record: usize },
     /// Play between motor and encoder, m.
     Backlash { gap: f64 },
     /// Force from a time of each record on.
     ForceStep { force: f64, time: f64 },
-    /// Mass more from a time of each record on, added without a change of speed.
+    /// The same from a time of each record on, added without a change of speed.
     MassJump { mass: f64, time: f64 },
+    /// Dry friction from a position on, N.
+    FrictionZone { level: f64, from: f64 },
+    /// `force sin(2 pi (low t + (high - low) t^2 / (2 span)))`: a force whose frequency rises.
+    SweptForce {
+        force: f64,
+        low: f64,
+        high: f64,
+        span: f64,
+    },
     /// Random force, first-order low-pass noise of this deviation, other in each record.
     RandomForce { deviation: f64, corner: f64, seed: u64 },
 }
@@ -105,6 +114,8 @@ impl AxisEffect {
             Self::Backlash { .. } => "backlash",
             Self::ForceStep { .. } => "force-step",
             Self::MassJump { .. } => "mass-jump",
+            Self::FrictionZone { .. } => "friction-zone",
+            Self::SweptForce { .. } => "swept-force",
             Self::RandomForce { .. } => "random-force",
         }
     }
@@ -125,6 +136,10 @@ impl AxisEffect {
                 ]
             }
             Self::DirectionDependentFriction { more } => vec![("viscous_forward_more", more)],
+            Self::QuadraticDrag { factor } => vec![("coefficient", factor)],
+            Self::Payload { mass, .. } => vec![("mass", mass)],
+            Self::MassJump { mass, time } => vec![("mass", mass), ("begins", time)],
+            Self::ForceStep { force, time } => vec![("force", force), ("begins", time)],
             Self::Hysteresis { level, distance } => vec![("level", level), ("distance", distance)],
             Self::Cogging {
                 sine,
@@ -166,7 +181,9 @@ impl AxisEffect {
     pub fn times(&self, s: f64) -> Self {
         let mut other = self.clone();
         match &mut other {
-            Self::CoulombFriction { level } | Self::Hysteresis { level, .. } => *level *= s,
+            Self::CoulombFriction { level }
+            | Self::Hysteresis { level, .. }
+            | Self::FrictionZone { level, .. } => *level *= s,
             Self::StribeckFriction { level, breakaway, .. } => {
                 *level *= s;
                 *breakaway *= s;
@@ -186,6 +203,7 @@ impl AxisEffect {
             | Self::Payload { mass: a, .. }
             | Self::Backlash { gap: a }
             | Self::ForceStep { force: a, .. }
+            | Self::SweptForce { force: a, .. }
             | Self::MassJump { mass: a, .. }
             | Self::RandomForce { deviation: a, .. } => *a *= s,
             Self::PositionForce { waves } => waves.iter_mut().for_each(|w| w[0] *= s),
@@ -210,9 +228,10 @@ impl AxisEffect {
     }
 
     /// Dry friction at a speed, N.
-    pub(super) fn dry(&self, speed: f64) -> f64 {
+    pub(super) fn dry(&self, position: f64, speed: f64) -> f64 {
         match *self {
             Self::CoulombFriction { level } => level,
+            Self::FrictionZone { level, from } if position >= from => level,
             Self::StribeckFriction {
                 level,
                 breakaway,
@@ -257,6 +276,15 @@ impl AxisEffect {
                 sine * s + cosine * c
             }
             Self::ForceStep { force, time } if at.time >= *time => *force,
+            Self::SweptForce {
+                force,
+                low,
+                high,
+                span,
+            } => {
+                let turns = at.time * (low + 0.5 * (high - low) * at.time / span);
+                force * (TAU * turns).sin()
+            }
             Self::RandomForce { deviation, .. } => deviation * at.random,
             _ => 0.0,
         }
@@ -288,7 +316,7 @@ impl AxisEffect {
         }
     }
 
-    /// Mass more on the motor, kg.
+    /// Mass more on the load, kg.
     pub(super) fn mass(&self, time: f64, record: usize) -> f64 {
         match *self {
             Self::Payload { mass, record: own } if own == record => mass,
@@ -306,7 +334,9 @@ impl AxisEffect {
             Self::Cogging {
                 pitch, order, second, ..
             } => TAU * speed / pitch * if second == 0.0 { 1.0 } else { order.max(1.0) },
-            Self::PeriodicDisturbance { frequency, .. } => TAU * frequency,
+            Self::PeriodicDisturbance { frequency, .. } | Self::SweptForce { high: frequency, .. } => {
+                TAU * frequency
+            }
             Self::StribeckFriction {
                 level,
                 breakaway,

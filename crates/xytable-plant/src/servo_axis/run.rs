@@ -216,7 +216,7 @@ impl<'a> Axis<'a> {
             effects,
             record,
             bodies: machine.bodies(),
-            is_dry: effects.iter().any(|e| e.dry(0.0) > 0.0),
+            is_dry: effects.iter().any(|e| e.dry(f64::INFINITY, 0.0) > 0.0),
             lag: lag.sum(),
             random,
         }
@@ -308,32 +308,27 @@ impl<'a> Axis<'a> {
         }
     }
 
-    fn dry(&self, speed: f64) -> f64 {
-        self.effects.iter().map(|e| e.dry(speed)).sum()
+    fn dry(&self, position: f64, speed: f64) -> f64 {
+        self.effects.iter().map(|e| e.dry(position, speed)).sum()
     }
 
     fn rates(&self, x: &State, time: f64, held: &Held, mode: Mode) -> State {
         let [force, pull] = self.forces(x, time, held);
-        let mass = self.bodies[0]
-            + self
-                .effects
-                .iter()
-                .map(|e| e.mass(time, self.record))
-                .sum::<f64>();
+        let more: f64 = self.effects.iter().map(|e| e.mass(time, self.record)).sum();
+        let [motor, load] = match self.bodies {
+            [motor, load, ..] if load > 0.0 => [motor, load + more],
+            [motor, ..] => [motor + more, 0.0],
+        };
         let speed = x[1];
         let acceleration = match mode {
             Mode::Stick => 0.0,
-            Mode::Slip(sign) => (force - sign * self.dry(speed)) / mass,
+            Mode::Slip(sign) => (force - sign * self.dry(x[0], speed)) / motor,
         };
         let bristle = self.effects.iter().find_map(|e| match e {
             AxisEffect::Hysteresis { distance, .. } => Some(speed - speed.abs() * x[4] / distance),
             _ => None,
         });
-        let load = if self.bodies[1] > 0.0 {
-            pull / self.bodies[1]
-        } else {
-            acceleration
-        };
+        let load = if load > 0.0 { pull / load } else { acceleration };
         [speed, acceleration, x[3], load, bristle.unwrap_or(0.0)]
     }
 
@@ -358,7 +353,7 @@ impl<'a> Axis<'a> {
                 () if x[1] != 0.0 => Mode::Slip(x[1].signum()),
                 () => {
                     let force = self.forces(x, time, held)[0];
-                    match force.abs() <= self.dry(0.0) || stop == STOPS {
+                    match force.abs() <= self.dry(x[0], 0.0) || stop == STOPS {
                         true => Mode::Stick,
                         false => Mode::Slip(force.signum()),
                     }

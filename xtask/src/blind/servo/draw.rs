@@ -312,6 +312,16 @@ pub(super) fn effect(name: &str, seed: u64, on: &Drawn, samples: usize) -> Optio
             mass: 1e-3 * axis.mass_kg,
             time: time * draw.between(0.3, 0.7),
         },
+        "friction-zone" => AxisEffect::FrictionZone {
+            level: force,
+            from: stroke * draw.between(-0.2, 0.2),
+        },
+        "swept-force" => AxisEffect::SweptForce {
+            force,
+            low: draw.about(2.5 / time, 5.0 / time),
+            high: draw.about(10.0 / time, 100.0 / time).min(0.1 * axis.rate_hz),
+            span: time,
+        },
         "random-force" => AxisEffect::RandomForce {
             deviation: force,
             corner: draw.about(4.0, samples as f64 / 50.0) / time / PI,

@@ -89,6 +89,7 @@ fn tells_of(hidden: &str, name: &str) -> bool {
         // On a flexure such a force is told as what its spring has beside a straight line.
         "gravity" => &["position-force", "cogging", "cable-stiffness", "cubic-stiffness"],
         "position-force" => &["cogging", "cable-stiffness", "cubic-stiffness"],
+        "force-step" => &["constant-force"],
         "cogging-two-orders" => &["cogging"],
         "cable-stiffness" => &["position-force"],
         "cubic-stiffness" => &["cable-stiffness", "position-force"],

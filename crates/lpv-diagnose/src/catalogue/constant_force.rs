@@ -1,0 +1,55 @@
+//! A constant force that begins, or ends.
+
+use super::since::{self, Since};
+use crate::base::Forces;
+use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
+use crate::screen::Screen;
+
+pub(super) static EFFECT: Effect = Effect {
+    name: "constant-force",
+    family: Family::Disturbance,
+    place: Place::Motor(0),
+    needs: Needs::Axis,
+    meaning: "constant force that begins at a time of a record, or of every record",
+    parameters: &[
+        EffectParameter {
+            name: "force",
+            unit: "u",
+            scale: Scale::Linear,
+        },
+        since::BEGINS,
+        since::RECORD,
+    ],
+    extends: None,
+    starts: |screen, _| since::begins(screen, |_, _, _| 1.0),
+    on_response: None,
+    block: |v, _, _| {
+        Box::new(Begun {
+            force: v[0],
+            since: Since::new(v[1], v[2]),
+        })
+    },
+};
+
+/// Whether a force of these values begins apart from the start of a record, where a wrong beginning looks like one, and from its end.
+pub(super) fn is_apart(values: &[f64], screen: &Screen<'_>) -> bool {
+    /// Part of a record on either side.
+    const SIDE: f64 = 0.02;
+    let &[_, begins, record] = values else { return true };
+    let since = Since::new(begins, record);
+    let records = screen.tracks.iter().filter(|t| since.is_in(t));
+    let mut parts = records.map(|t| begins / (t.step * t.samples as f64));
+    parts.all(|part| (SIDE..1.0 - SIDE).contains(&part))
+}
+
+#[derive(Debug)]
+struct Begun {
+    force: f64,
+    since: Since,
+}
+
+impl Block for Begun {
+    fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
+        forces.motors[0] += self.force * self.since.part(at);
+    }
+}

@@ -115,11 +115,7 @@ pub(crate) fn is_itself(effect: &Effect, values: &[f64], machine: &Base, tracks:
 
 /// Whether what changes at a time shows as a change, along the motions of a screen.
 pub(crate) fn is_change(effect: &Effect, values: &[f64], screen: &Screen<'_>) -> bool {
-    match effect.name {
-        "mass-jump" => mass_jump::is_apart(values, screen),
-        "constant-force" => constant_force::is_apart(values, screen),
-        _ => true,
-    }
+    !mass_jump::EFFECT.is(effect) || mass_jump::is_apart(values, screen)
 }
 
 /// The mass that one record has from its start on, in the place of one that comes in this record later.

@@ -54,6 +54,8 @@ pub enum Scale {
     Wavelength,
     /// As its logarithm; a time in which something changes, and a record must have samples meanwhile to tell.
     Duration,
+    /// As its logarithm; a time of a record at which something changes, and the record must tell what was before and what is after.
+    Instant,
     /// As its logarithm; of something that repeats in time, and a record must be longer than its period to tell.
     Frequency,
     /// As it is, and not below zero.
@@ -69,7 +71,7 @@ impl Scale {
     pub fn is_logarithm(self) -> bool {
         matches!(
             self,
-            Self::Logarithmic | Self::Wavelength | Self::Duration | Self::Frequency
+            Self::Logarithmic | Self::Wavelength | Self::Duration | Self::Instant | Self::Frequency
         )
     }
 

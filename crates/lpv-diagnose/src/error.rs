@@ -28,6 +28,14 @@ pub enum TraceError {
         /// Its name.
         record: String,
     },
+    /// Data that contradict themselves, and of which nothing can be told.
+    #[error("the data contradict themselves: {what}; so that nothing is told of them: {why}")]
+    Contradicted {
+        /// The contradictions.
+        what: String,
+        /// What went wrong.
+        why: String,
+    },
     /// Too few records.
     #[error("{what}")]
     TooFew {

@@ -122,18 +122,21 @@ pub fn followed(record: Record) -> Record {
 pub fn check_motion(records: &[Record]) -> Result<(), TraceError> {
     /// Size of a motion over its noise from which it is one; white noise has one.
     const MOVES: f64 = 3.0;
-    let moves = |record: &Record| {
-        record.outputs.columns.iter().any(|y| {
-            let middle = mean(y);
-            let size = (y.iter().map(|v| (v - middle).powi(2)).sum::<f64>() / y.len().max(1) as f64).sqrt();
-            size > MOVES * roughness(y.windows(4).map(|w| [w[0], w[1], w[2], w[3]]))
-        })
+    let is_smooth = |y: &Vec<f64>| {
+        let middle = mean(y);
+        let size = (y.iter().map(|v| (v - middle).powi(2)).sum::<f64>() / y.len().max(1) as f64).sqrt();
+        size > MOVES * roughness(y.windows(4).map(|w| [w[0], w[1], w[2], w[3]]))
     };
+    let moves = |record: &Record| record.outputs.columns.iter().any(is_smooth);
     match records.first() {
         Some(first) if !records.iter().any(moves) => Err(TraceError::Record {
             record: first.name.clone(),
-            problem: "its output does not move beyond its noise, nor does that of any other: record moves that turn, at several speeds"
-                .to_owned(),
+            problem: match (first.inputs.columns.iter().any(is_smooth), records) {
+                (true, _) => "its output is rough as a force is, and its input smooth as a motion is: exchange input and output in the description",
+                (false, [_]) => "its output does not move beyond its noise: record moves that turn, at several speeds, and hold one of them out",
+                (false, _) => "its output does not move beyond its noise, nor does that of any other: record moves that turn, at several speeds",
+            }
+            .to_owned(),
         }),
         _ => Ok(()),
     }

@@ -10,6 +10,7 @@ mod errors;
 mod explanation;
 mod figures;
 mod files;
+mod found;
 mod in_band;
 mod left;
 mod noise;
@@ -28,7 +29,7 @@ use crate::responses::places::one_signal;
 use crate::responses::{examine_records, load_records};
 use crate::summary::Summary;
 use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
-pub use account::{Diagnosis, Evidence, FoundEffect, ResponseErrors, Tested};
+pub use account::{Diagnosis, ResponseErrors, Tested};
 pub use axis::{AxisErrors, AxisStage};
 use base::Start;
 pub(crate) use base::table;
@@ -37,8 +38,9 @@ pub use errors::{Errors, OutputError};
 use experiment_data::Bundle;
 pub use explanation::{BaseKind, Explanation};
 pub use files::ResultFiles;
+pub use found::{Evidence, FoundEffect};
 pub use left::{Characterisation, LeftTest, LeftTests};
-use lpv_core::{FrfEstimate, Model, Record};
+use lpv_core::{Discrete, FrfEstimate, Model, Record};
 use lpv_diagnose::observer::{self, Observer};
 use lpv_diagnose::{Case, Explained, TraceError, Track, Verdict, sensor_noise, trace};
 use lpv_report::Figure;
@@ -131,12 +133,37 @@ fn of_axis(
         findings.retain(|f| !matches!(f, Finding::FeedbackOnly { .. }));
     }
     let contradictions = finding::contradictions(&findings);
-    let mut reasons = Vec::new();
     if !is_known {
         observer::check_motion(&records)?;
         records = records.into_iter().map(observer::followed).collect();
     }
+    let found = of_moves(bundle, model, (records, clock), progress);
+    let found = found.map_err(|e| records::in_view_of(&contradictions, is_known, e))?;
+    let diagnosis = found.diagnosis.in_view_of(contradictions);
+    Ok(Diagnosed {
+        explanation: Explanation {
+            effects: diagnosis.effects.clone(),
+            ..found.explanation
+        },
+        diagnosis,
+        ..found
+    })
+}
+
+/// The same of moves that were looked at.
+fn of_moves(
+    bundle: &Bundle,
+    model: Option<&ModelFile>,
+    (records, clock): (Vec<Record>, Discrete),
+    progress: Progress<'_>,
+) -> Result<Diagnosed, PipelineError> {
+    let description = bundle.description();
+    let channels = &description.channels;
+    let mut reasons = Vec::new();
     let (fit_records, judge_records) = split(records, &mut reasons)?;
+    if description.controller.is_none() {
+        observer::check_motion(&judge_records)?;
+    }
     let Start {
         base,
         prior,
@@ -297,8 +324,7 @@ fn of_axis(
         ..Diagnosis::new(bundle, &found, &judged, reasons)
     }
     .in_format(is_observed)
-    .and_said(steady)
-    .in_view_of(contradictions);
+    .and_said(steady);
     let moved = [&fit_records, &judge_records].into_iter().flatten();
     let mut positions: Vec<f64> = moved
         .filter_map(|r| r.scheduling.columns.first())
@@ -310,7 +336,7 @@ fn of_axis(
     let mut explanation = Explanation::of_base(&found.model.base, &found.deviations, bundle);
     explanation.effects.clone_from(&diagnosis.effects);
     let first = |i: usize| found.errors[i].first().map_or(&[][..], Vec::as_slice);
-    let (step, channels) = (clock.sample_time(), &description.channels);
+    let step = clock.sample_time();
     let outputs = figures::with_units(&channels.output.columns, &channels.output.units);
     Ok(Diagnosed {
         diagnosis,

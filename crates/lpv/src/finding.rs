@@ -9,6 +9,7 @@ mod copies;
 mod dead_time;
 mod facts;
 mod held;
+mod jump;
 #[cfg(test)]
 mod kit;
 mod loop_only;
@@ -241,6 +242,23 @@ pub enum Finding {
         /// Range of the counter, in the unit of the column.
         modulus: f64,
         /// How often it ran over.
+        times: usize,
+        /// First row behind the first jump, from 1.
+        row: usize,
+    },
+    /// A position that jumps.
+    #[error(
+        "{record}, column `{column}`: jumps by {size:.3e} {}, first in row {row}, many times what it moves in any other sample: the sensor lost its place, a reading is wrong, or samples are missing; cut the record there, or mend the reading",
+        counted(*times, "time")
+    )]
+    PositionJumps {
+        /// The record.
+        record: String,
+        /// The output.
+        column: String,
+        /// The largest jump, in the unit of the column.
+        size: f64,
+        /// How often it jumps.
         times: usize,
         /// First row behind the first jump, from 1.
         row: usize,

@@ -3,7 +3,6 @@
 use super::since::{self, Since};
 use crate::base::Forces;
 use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
-use crate::screen::Screen;
 
 pub(super) static EFFECT: Effect = Effect {
     name: "constant-force",
@@ -30,17 +29,6 @@ pub(super) static EFFECT: Effect = Effect {
         })
     },
 };
-
-/// Whether a force of these values begins apart from the start of a record, where a wrong beginning looks like one, and from its end.
-pub(super) fn is_apart(values: &[f64], screen: &Screen<'_>) -> bool {
-    /// Part of a record on either side.
-    const SIDE: f64 = 0.02;
-    let &[_, begins, record] = values else { return true };
-    let since = Since::new(begins, record);
-    let records = screen.tracks.iter().filter(|t| since.is_in(t));
-    let mut parts = records.map(|t| begins / (t.step * t.samples as f64));
-    parts.all(|part| (SIDE..1.0 - SIDE).contains(&part))
-}
 
 #[derive(Debug)]
 struct Begun {

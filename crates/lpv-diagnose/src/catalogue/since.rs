@@ -17,7 +17,7 @@ pub(super) const RECORD: EffectParameter = EffectParameter {
 pub(super) const BEGINS: EffectParameter = EffectParameter {
     name: "begins",
     unit: "s",
-    scale: Scale::Duration,
+    scale: Scale::Instant,
 };
 
 /// From when on, and in which record.

@@ -1,15 +1,15 @@
 //! `diagnosis.json` and its words.
 
-use super::places::{base_parameters, channel, place_name, placed, units};
+use super::found::FoundEffect;
+use super::places::{base_parameters, channel, placed, record_names};
 use super::value::Value;
 use super::words::in_words;
 use super::{
-    AxisErrors, Characterisation, Errors, LeftTest, LeftTests, NoiseSource, OutputError, PlaceName,
-    RecordErrors,
+    AxisErrors, Characterisation, Errors, LeftTest, LeftTests, NoiseSource, OutputError, RecordErrors,
 };
 use crate::validation::{AxisCheck, ClosedLoopAxis};
 use experiment_data::Bundle;
-use lpv_diagnose::{Added, Judged, Trace, Track, Verdict, characterise};
+use lpv_diagnose::{Judged, Trace, Track, Verdict, characterise};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -70,68 +70,6 @@ pub struct Diagnosis {
     pub reasons: Vec<String>,
 }
 
-/// An effect that was added.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct FoundEffect {
-    /// Name in the catalogue.
-    pub effect: String,
-    /// Its family.
-    pub family: String,
-    /// Channel at which it acts.
-    pub channel: String,
-    /// Its parameters.
-    pub parameters: BTreeMap<String, Value>,
-    /// Parameters of the base model when it was added, before further effects.
-    pub base_parameters_then: BTreeMap<String, f64>,
-    /// Why it was added.
-    pub evidence: Evidence,
-    /// Where it acts, in format 2.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub place: Option<PlaceName>,
-}
-
-impl FoundEffect {
-    /// The next best effect, with its channel where that is another one, and by how many dB it is worse.
-    pub(super) fn rival(&self) -> Option<(String, f64)> {
-        let Evidence {
-            runner_up,
-            runner_up_channel,
-            runner_up_margin_db,
-            ..
-        } = &self.evidence;
-        let name = match runner_up_channel {
-            Some(channel) if *channel != self.channel => format!("{} at {channel}", runner_up.as_ref()?),
-            _ => runner_up.clone()?,
-        };
-        Some((name, (*runner_up_margin_db)?))
-    }
-}
-
-/// Why an effect was added.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Evidence {
-    /// Fall of the squared error on the judged records when it was added.
-    pub held_out_gain_db: f64,
-    /// Probability of such a fall on the fitted records by chance.
-    pub p_value: f64,
-    /// The next best effect.
-    pub runner_up: Option<String>,
-    /// Where that one acts.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub runner_up_channel: Option<String>,
-    /// By how much that one is worse on the judged records.
-    pub runner_up_margin_db: Option<f64>,
-}
-
-/// Effects with their places.
-pub(super) fn names(effects: &[FoundEffect]) -> String {
-    let names: Vec<String> = effects
-        .iter()
-        .map(|e| format!("{} at {}", e.effect, e.channel))
-        .collect();
-    names.join(", ")
-}
-
 /// Errors of the responses by output: root of the sum of squares over that of the response.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ResponseErrors {
@@ -179,36 +117,6 @@ impl Diagnosis {
                 })
                 .collect(),
         };
-        let effect = |a: &Added| FoundEffect {
-            effect: a.effect.name.to_owned(),
-            family: a.effect.family.name().to_owned(),
-            channel: channel(a.effect, bundle),
-            parameters: a
-                .effect
-                .parameters
-                .iter()
-                .zip(&a.values)
-                .map(|(p, (value, std))| {
-                    let value = Value::new(*value, *std, units(p.unit, bundle, a.effect.place.first()));
-                    (p.name.to_owned(), value)
-                })
-                .collect(),
-            base_parameters_then: a
-                .then
-                .base
-                .parameters()
-                .iter()
-                .map(|p| (p.name.to_owned(), p.value))
-                .collect(),
-            evidence: Evidence {
-                held_out_gain_db: a.gain_db,
-                p_value: a.p_value,
-                runner_up: a.runner_up.map(|(e, _)| e.name.to_owned()),
-                runner_up_channel: a.runner_up.map(|(e, _)| channel(e, bundle)),
-                runner_up_margin_db: a.runner_up.map(|(_, margin)| margin),
-            },
-            place: Some(place_name(a.effect, bundle)),
-        };
         let tests = |i: usize| -> Vec<LeftTest> {
             let found = found.left[i].iter();
             found.map(|l| LeftTest::new(l, outputs)).collect()
@@ -217,7 +125,11 @@ impl Diagnosis {
             errors(&found.before, found.one_step[0]),
             errors(&found.after, found.one_step[1]),
         );
-        let effects: Vec<FoundEffect> = found.added.iter().map(effect).collect();
+        let effects: Vec<FoundEffect> = found
+            .added
+            .iter()
+            .map(|a| FoundEffect::new(a, found, judged, bundle))
+            .collect();
         let noise: Vec<(String, f64)> = outputs.iter().cloned().zip(found.noise).collect();
         Self {
             format: 1,
@@ -226,7 +138,8 @@ impl Diagnosis {
             verdict: found.verdict.name().to_owned(),
             verdict_in_words: in_words(
                 found.verdict.name(),
-                &names(&effects),
+                &effects,
+                &record_names(bundle),
                 [&before, &after].map(Errors::largest),
             ),
             contradictions: Vec::new(),
@@ -278,7 +191,7 @@ impl Diagnosis {
                 is_floor: false,
             });
         } else {
-            self.effects.iter_mut().for_each(|e| e.place = None);
+            self.effects.iter_mut().for_each(FoundEffect::as_first_format);
         }
         self
     }
@@ -296,13 +209,24 @@ impl Diagnosis {
         if contradictions.is_empty() {
             return self;
         }
-        Self {
-            verdict_in_words: format!(
-                "do not use: the data contradict themselves: {}; with them: {}",
-                contradictions.join("; "),
-                self.verdict_in_words
+        let said = format!(
+            "do not use: the data contradict themselves: {}",
+            contradictions.join("; ")
+        );
+        // Without a controller there is nothing that a name could be held against.
+        let (words, verdict, effects) = match self.error_of == "observer" {
+            true => (said, "unexplained".to_owned(), Vec::new()),
+            false => (
+                format!("{said}; with them: {}", self.verdict_in_words),
+                self.verdict,
+                self.effects,
             ),
+        };
+        Self {
+            verdict_in_words: words,
             contradictions,
+            verdict,
+            effects,
             ..self
         }
     }
@@ -310,15 +234,18 @@ impl Diagnosis {
     /// In words.
     pub fn text(&self) -> String {
         let mut lines = vec![format!("{}: {}", self.bundle, self.verdict_in_words)];
+        let values = |all: &BTreeMap<String, Value>| {
+            let each = all.iter().map(|(name, v)| format!("{name} {v}"));
+            each.collect::<Vec<_>>().join(", ")
+        };
+        if !self.base_parameters.is_empty() {
+            lines.push(format!(
+                "base, {}: {}",
+                self.base_model,
+                values(&self.base_parameters)
+            ));
+        }
         for e in &self.effects {
-            let values: Vec<String> = e
-                .parameters
-                .iter()
-                .map(|(name, v)| {
-                    let std = v.std.map_or(String::new(), |s| format!(" ({s:.1e})"));
-                    format!("{name} {:.5e}{std} {}", v.value, v.unit)
-                })
-                .collect();
             let rival = e.rival().map_or(String::new(), |(name, margin)| {
                 format!(", {margin:.1} dB before {name}")
             });
@@ -327,7 +254,7 @@ impl Diagnosis {
                 e.effect,
                 e.channel,
                 e.evidence.held_out_gain_db,
-                values.join(", ")
+                values(&e.parameters)
             ));
         }
         for (name, before) in &self.before.validation {

@@ -1,7 +1,8 @@
 //! Machines of several axes that each move by themselves, without their controller: each axis is diagnosed alone, and all are told
 //! together.
 
-use super::account::names;
+use super::found::names;
+use super::places::record_names;
 use super::{
     AxisErrors, Diagnosed, Diagnosis, Errors, Evidence, Explanation, FoundEffect, LeftTests, PlaceName, Value,
 };
@@ -44,7 +45,7 @@ pub(super) fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagno
             d.verdict = "explained".to_owned();
         }
         if !skews.is_empty() {
-            d.verdict_in_words = format!("{}; {}", d.verdict_in_words, names(&skews));
+            d.verdict_in_words = format!("{}; {}", d.verdict_in_words, names(&skews, &[])[0].join(", "));
         }
         d.effects.extend(skews);
     }
@@ -124,6 +125,9 @@ fn named(bundle: &Bundle, axis: &AxisChannels, other: usize, found: lpv_diagnose
             runner_up_channel: None,
             runner_up_margin_db: None,
         },
+        class: Vec::new(),
+        caveats: Vec::new(),
+        would_tell: None,
         place: Some(PlaceName {
             kind: "output".to_owned(),
             index: late,
@@ -160,9 +164,14 @@ fn together<'a>(bundle: &Bundle, axes: impl Iterator<Item = &'a Diagnosis> + Clo
             ))
         })
         .collect();
-    let found = match effects.is_empty() {
+    let [named, steps] = names(&effects, &record_names(bundle));
+    let found = match named.is_empty() {
         true => "no effect is named".to_owned(),
-        false => names(&effects),
+        false => named.join(", "),
+    };
+    let rounding = match steps.is_empty() {
+        true => String::new(),
+        false => format!("; readings lie on steps of {}", steps.join(", ")),
     };
     let errors = |of: fn(&Diagnosis) -> &Errors| Errors {
         validation: all.iter().flat_map(|d| of(d).validation.clone()).collect(),
@@ -195,7 +204,7 @@ fn together<'a>(bundle: &Bundle, axes: impl Iterator<Item = &'a Diagnosis> + Clo
         base_model: format!("{} independent axes", all.len()),
         verdict: verdict.to_owned(),
         verdict_in_words: format!(
-            "{}: {found}; force error on held-out records {}",
+            "{}: {found}; force error on held-out records {}{rounding}",
             verdict.replace('-', " "),
             forces.join(", ")
         ),

@@ -3,8 +3,8 @@
 use super::places::placed;
 use experiment_data::Bundle;
 use lpv_core::ControllerState;
-use lpv_diagnose::effect::{Effect, Family};
-use lpv_diagnose::{Base, Trace, Track, Verdict, steady_forces};
+use lpv_diagnose::effect::{Effect, EffectParameter, Family, Scale};
+use lpv_diagnose::{Added, Base, Trace, Track, Tried, Verdict, steady_forces};
 
 /// Margin on the judged records, dB, below which two effects do as well as each other.
 pub const EQUAL_DB: f64 = 0.02;
@@ -57,6 +57,50 @@ pub(super) fn doubts(found: &Trace, bundle: &Bundle) -> Vec<String> {
     words
 }
 
+/// All effects that the judged records cannot tell from one that was added, itself first; none where there is no other.
+pub(super) fn class(added: &Added, found: &Trace) -> Vec<String> {
+    let mut all = vec![added.effect.name.to_owned()];
+    let mut more = |effect: &Effect| {
+        if !all.iter().any(|name| name == effect.name) {
+            all.push(effect.name.to_owned());
+        }
+    };
+    if let Some((other, margin)) = added.runner_up
+        && margin < EQUAL_DB
+    {
+        more(other);
+    }
+    let looks = || found.candidates.iter().filter(|t| t.fitted);
+    let own = looks().find(|t| t.accepted && t.effect.is(added.effect));
+    if let Some(own) = own {
+        let is_same_look = |t: &&Tried| t.beside.len() == own.beside.len();
+        let does_as_well = |t: &&Tried| t.gain_db > own.gain_db - EQUAL_DB;
+        let others = looks().filter(is_same_look).filter(does_as_well);
+        others.for_each(|t| more(t.effect));
+    }
+    if all.len() == 1 { Vec::new() } else { all }
+}
+
+/// What records do not show well of an effect, by the names of the contract.
+pub(super) fn caveats(added: &Added, tracks: &[Track]) -> Vec<String> {
+    /// Part of a record, or of its travel, that a period takes.
+    const NEARLY: f64 = 0.6;
+    let travel = |t: &Track| {
+        let (low, high) =
+            lpv_numerics::statistics::range(&t.outputs.iter().map(|y| y[0]).collect::<Vec<_>>());
+        high - low
+    };
+    let longest = |of: &dyn Fn(&Track) -> f64| tracks.iter().map(of).fold(0.0, f64::max);
+    let is_long = |(p, (value, _)): (&EffectParameter, &(f64, f64))| match p.scale {
+        Scale::Wavelength => *value > NEARLY * longest(&travel),
+        Scale::Frequency => value * longest(&|t| t.step * t.samples as f64) < 1.0 / NEARLY,
+        _ => false,
+    };
+    let is_nearly = added.effect.parameters.iter().zip(&added.values).any(is_long);
+    let named = is_nearly.then(|| "period-nearly-the-record".to_owned());
+    named.into_iter().collect()
+}
+
 /// What a constant force of each record explains: `tracks` fitted, then judged.
 pub(super) fn steady_force(
     found: &Trace,
@@ -80,7 +124,7 @@ pub(super) fn steady_force(
 }
 
 /// An experiment in which an effect differs from its look-alikes.
-fn experiment(effect: &Effect) -> &'static str {
+pub(super) fn experiment(effect: &Effect) -> &'static str {
     match effect.family {
         Family::Friction => "slow moves that turn often, at several accelerations,",
         Family::PositionForce => "moves over the same stretch at several speeds",

@@ -25,6 +25,9 @@ impl Diagnosed {
             return self.page_of_axes(page);
         }
         page = page.lead([Block::Figure(Box::new(self.errors.clone()))]);
+        if !d.base_parameters.is_empty() {
+            page = page.section(Section::new("The machine").table(base(d)));
+        }
         if !d.effects.is_empty() {
             let mut table = Table::new(
                 "Effects that were added, in order. The gain is the fall of the squared error on held-out records.",
@@ -59,6 +62,11 @@ impl Diagnosed {
             page = page.section(section);
         }
         let what = match d.responses.is_empty() {
+            true if d.error_of == "observer" => {
+                "Root mean square on held-out records: the model driven by the logged inputs, with an observer that keeps it at the record, in \
+                 brackets over the noise of a reading; and one step ahead, by a Kalman filter that lets a force at the inputs walk at random. \
+                 Before: the base without effects, fitted to the same records."
+            }
             true => {
                 "Root mean square on held-out records: simulated in closed loop, in brackets over the closed-loop output noise; and one \
                  step ahead, by a Kalman filter that follows the scheduling and lets a force at the inputs walk at random. Before: the \
@@ -304,4 +312,23 @@ fn shares(tests: &LeftTests) -> Figure {
     Figure::new("").panel(panel).caption(
         "Part of the square of the error one step ahead that each test explains by the past of a signal, before and after.",
     )
+}
+
+/// Parameters of the machine with their deviations.
+fn base(d: &Diagnosis) -> Table {
+    let what = format!(
+        "Parameters of the base, {}, fitted together with the effects.",
+        d.base_model
+    );
+    let columns = ["parameter", "value", "deviation", "unit"];
+    d.base_parameters
+        .iter()
+        .fold(Table::new(what, columns.iter().copied()), |table, (name, v)| {
+            table.row([
+                Cell::text(name.clone()),
+                Cell::text(format!("{:.5e}", v.value)),
+                Cell::text(v.std.map_or("-".to_owned(), |s| format!("{s:.1e}"))),
+                Cell::text(v.unit.clone()),
+            ])
+        })
 }

@@ -28,6 +28,14 @@ pub(super) fn base_parameters(base: &Base, deviations: &[f64], bundle: &Bundle) 
     base.parameters().into_iter().zip(deviations).map(one).collect()
 }
 
+/// Names of all records.
+pub(super) fn record_names(bundle: &Bundle) -> Vec<String> {
+    let records = 0..bundle.description().records.len();
+    records
+        .map(|i| bundle.record_name(i).unwrap_or_default().to_owned())
+        .collect()
+}
+
 /// The channel at which an effect acts, or all of them.
 pub(super) fn channel(effect: &Effect, bundle: &Bundle) -> String {
     let channels = &bundle.description().channels;

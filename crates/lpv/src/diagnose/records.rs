@@ -3,7 +3,7 @@
 use crate::PipelineError;
 use experiment_data::{Description, Quantity, RecordEntry};
 use lpv_core::{ControllerState, Purpose, Record};
-use lpv_diagnose::Track;
+use lpv_diagnose::{TraceError, Track};
 
 /// Refuses outputs that are no positions, and bundles whose only records beside periodic ones are measured frequency responses.
 pub(super) fn check_records(description: &Description) -> Result<(), PipelineError> {
@@ -92,4 +92,27 @@ pub(super) fn split(
         });
     }
     Ok((fitted, judged))
+}
+
+/// An error in view of data that contradict themselves, which may be its cause; where nobody knows the controller, a base that diverges is
+/// one that its inputs do not move.
+pub(super) fn in_view_of(contradictions: &[String], is_known: bool, error: PipelineError) -> PipelineError {
+    let error = match error {
+        PipelineError::Trace(TraceError::Diverges { record }) if !is_known => TraceError::Record {
+            record,
+            problem: "the logged input does not move the output as a force moves a mass: check which columns are input and output, their \
+                      signs and units, and that both are of one machine and one time"
+                .to_owned(),
+        }
+        .into(),
+        other => other,
+    };
+    match contradictions.is_empty() {
+        true => error,
+        false => TraceError::Contradicted {
+            what: contradictions.join("; "),
+            why: error.to_string(),
+        }
+        .into(),
+    }
 }

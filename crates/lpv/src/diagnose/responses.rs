@@ -1,6 +1,5 @@
 //! Diagnosis from frequency responses, of an axis with one input that has no moves.
 
-use super::account::names;
 use super::places::{channel, placed, units};
 use super::words::in_words;
 use super::{
@@ -199,6 +198,9 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
                     runner_up_channel: pair[1].runner_up.map(|(e, _)| channel(e, bundle)),
                     runner_up_margin_db: pair[1].runner_up.map(|(_, margin)| margin),
                 },
+                class: Vec::new(),
+                caveats: Vec::new(),
+                would_tell: None,
                 place: None,
             })
         })
@@ -228,7 +230,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
         base_model: "rigid axis with viscous friction; rms are errors of the response over its size"
             .to_owned(),
         verdict: verdict.to_owned(),
-        verdict_in_words: in_words(verdict, &names(&effects), [&before, &after].map(Errors::largest)),
+        verdict_in_words: in_words(verdict, &effects, &[], [&before, &after].map(Errors::largest)),
         contradictions: Vec::new(),
         error_of: "response".to_owned(),
         observer_hz: None,

@@ -1,24 +1,42 @@
 //! The first line of a diagnosis.
 
-/// The first line of a diagnosis: the verdict, what was added, and the largest error over the noise on the judged records before and
-/// after.
-pub(super) fn in_words(verdict: &str, names: &str, over_noise: [f64; 2]) -> String {
+use super::found::{FoundEffect, names};
+
+/// The first line of a diagnosis: the verdict, what was added with its size, and the largest error over the noise on the judged records
+/// before and after; `records` are the names of all records.
+pub(super) fn in_words(
+    verdict: &str,
+    effects: &[FoundEffect],
+    records: &[String],
+    over_noise: [f64; 2],
+) -> String {
     let [before, after] = over_noise.map(|over| match over < 1e4 {
         true => format!("{over:.2}"),
         false => format!("{over:.1e}"),
     });
+    let [named, steps] = names(effects, records);
+    let rounding = match steps.is_empty() {
+        true => String::new(),
+        false => format!("; readings lie on steps of {}", steps.join(", ")),
+    };
+    let falls = format!(
+        "{}; on held-out records the error falls from {before} to {after} times the noise",
+        named.join(", ")
+    );
     match verdict {
         "nothing-missing" => {
             format!("nothing is missing: on held-out records the error is {after} times the noise")
         }
-        "explained" => {
-            format!(
-                "explained: {names}; on held-out records the error falls from {before} to {after} times the noise"
-            )
-        }
-        "partly-explained" => format!(
-            "partly explained: {names}; on held-out records the error falls from {before} to {after} times the noise, and that is left"
+        "explained" if named.is_empty() => format!(
+            "explained: nothing is missing beside the rounding of the readings; on held-out records the error is {after} times the \
+             noise{rounding}"
         ),
+        "explained" => format!("explained: {falls}{rounding}"),
+        "partly-explained" if named.is_empty() => format!(
+            "partly explained: the readings are rounded; on held-out records the error is {after} times the noise, and that is \
+             left{rounding}"
+        ),
+        "partly-explained" => format!("partly explained: {falls}, and that is left{rounding}"),
         _ => format!(
             "unexplained: on held-out records the error is {after} times the noise, and no effect of the catalogue explains it; do not \
              rely on the model for such moves"

@@ -22,6 +22,7 @@ impl Finding {
             } if *percent < 100.0 => Severity::Warning,
             Self::HeldSamples { .. }
             | Self::CounterWraps { .. }
+            | Self::PositionJumps { .. }
             | Self::LostSamples { .. }
             | Self::DoubleSamples { .. }
             | Self::ControllerMismatch { .. }
@@ -54,6 +55,7 @@ impl Finding {
             | Self::Unexplained { record, .. }
             | Self::HeldSamples { record, .. }
             | Self::CounterWraps { record, .. }
+            | Self::PositionJumps { record, .. }
             | Self::LostSamples { record, .. }
             | Self::DoubleSamples { record, .. }
             | Self::ControllerMismatch { record, .. }
@@ -84,6 +86,7 @@ impl Finding {
             | Self::CoarseSensor { column, .. }
             | Self::HeldSamples { column, .. }
             | Self::CounterWraps { column, .. }
+            | Self::PositionJumps { column, .. }
             | Self::LostSamples { column, .. }
             | Self::DoubleSamples { column, .. }
             | Self::ControllerMismatch { column, .. }

@@ -4,6 +4,7 @@ use super::clock::{Uneven, is_clock, uneven};
 use super::copies::Prints;
 use super::dead_time::{dead_time, trend};
 use super::held::held;
+use super::jump::jump;
 use super::loop_only::is_feedback_only;
 use super::periods::Periods;
 use super::replay::mismatches;
@@ -116,6 +117,14 @@ impl<'a> Watch<'a> {
                     record: record.clone(),
                     column: name.to_owned(),
                     modulus: found.modulus,
+                    times: found.times,
+                    row: found.sample + 1,
+                });
+            } else if let (Some(found), RecordKind::Transient) = (jump(x), part.kind) {
+                self.add(Finding::PositionJumps {
+                    record: record.clone(),
+                    column: name.to_owned(),
+                    size: found.size,
                     times: found.times,
                     row: found.sample + 1,
                 });

@@ -42,8 +42,8 @@
 //!
 //! # What it does not do
 //!
-//! It estimates no frequency response and reads no file. Effects of the couplings and of the masses need the xy-table; with an
-//! identified model a payload is a gain of its inputs. Its integration has a fixed step: an effect that is fast within a part of a sample is smoothed.
+//! It estimates no frequency response and reads no file. Effects of the couplings need the xy-table; masses that change are found on
+//! it and on servo axes, and with an identified model a payload is a gain of its inputs. Its integration has a fixed step: an effect that is fast within a part of a sample is smoothed.
 //! It finds no cause outside the catalogue, and says so by not naming one.
 //!
 //! # A run

@@ -228,13 +228,21 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
             .as_ref()
             .map_or((0, seen.rows), |c| c.longest_stretch(seen.rows));
         // References repeat exactly; inputs of a closed loop only after its transient.
-        let exciting = groups.reference.iter().chain(&groups.input);
-        let period = known.period.or_else(|| {
-            exciting
-                .filter_map(|name| Some(&column(name)?[from..to]))
-                .filter(|x| !is_constant(&range_of(x)))
-                .find_map(period::period_of)
-        });
+        let used = |name: &String| Some(&column(name)?[from..to]);
+        let period_in = |names: &[String]| {
+            let mut moving = names
+                .iter()
+                .filter_map(used)
+                .filter(|x| !is_constant(&range_of(x)));
+            moving.find_map(period::period_of)
+        };
+        // Along moves a disturbance that repeats is in the command too.
+        let goes_with = |period: &usize| {
+            let mut outputs = groups.output.iter().filter_map(used);
+            outputs.all(|y| period::goes_with(y, *period))
+        };
+        let of_data = || period_in(&groups.reference).or_else(|| period_in(&groups.input).filter(goes_with));
+        let period = known.period.or_else(of_data);
         let part = part_of(from, to, seen.rows, period);
         if let Some(Clock::Lost { gaps, .. }) = &clock {
             guesses.push(lost(seen, gaps, part));

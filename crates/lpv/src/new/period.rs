@@ -42,6 +42,27 @@ pub(super) fn period_of(signal: &[f64]) -> Option<usize> {
     (first..=best).find(|&lag| difference(lag) <= limit && is_dip(&difference, lag, first))
 }
 
+/// Whether an output may have a period: the means of its periods differ, beside a slow drift, by no more than the output moves in one.
+pub(super) fn goes_with(output: &[f64], period: usize) -> bool {
+    let periods: Vec<&[f64]> = output.chunks_exact(period).collect();
+    let count = periods.len() as f64;
+    if count < 3.0 {
+        return true;
+    }
+    let means: Vec<f64> = periods
+        .iter()
+        .map(|x| lpv_numerics::statistics::mean(x))
+        .collect();
+    let middle = lpv_numerics::statistics::mean(&means);
+    let at = |k: usize| k as f64 - 0.5 * (count - 1.0);
+    let sum = |of: &dyn Fn(usize) -> f64| (0..means.len()).map(of).sum::<f64>();
+    let slope = sum(&|k| at(k) * means[k]) / sum(&|k| at(k) * at(k));
+    let between = sum(&|k| (means[k] - middle - slope * at(k)).powi(2)) / count;
+    let within =
+        sum(&|k| periods[k].iter().map(|x| (x - means[k]).powi(2)).sum::<f64>()) / (count * period as f64);
+    between <= within
+}
+
 /// Whether a lag is better than its neighbours.
 fn is_dip(difference: &impl Fn(usize) -> f64, lag: usize, first: usize) -> bool {
     let here = difference(lag);
@@ -70,6 +91,25 @@ fn correlation(x: &[f64]) -> Option<Vec<f64>> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    /// A command that fights a disturbance repeats; the moves that go with it do not.
+    #[test]
+    fn moves_under_a_periodic_command_have_no_period() {
+        let command = multisine(78, 1997, 1);
+        let wave: Vec<f64> = command.iter().map(|u| 1e-4 * u).collect();
+        let moves: Vec<f64> = (0..1997)
+            .map(|t| (1e-3 * t as f64).sin() + (2.7e-3 * t as f64).cos())
+            .collect();
+        let both: Vec<f64> = wave.iter().zip(&moves).map(|(a, b)| a + b).collect();
+        let drifting: Vec<f64> = wave
+            .iter()
+            .enumerate()
+            .map(|(t, y)| y + 1e-2 * t as f64)
+            .collect();
+        assert_eq!(period_of(&command), Some(78));
+        assert!(goes_with(&wave, 78) && goes_with(&drifting, 78) && goes_with(&[1.0; 1997], 78));
+        assert!(!goes_with(&both, 78));
+    }
 
     fn multisine(period: usize, samples: usize, highest: usize) -> Vec<f64> {
         (0..samples)

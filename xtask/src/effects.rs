@@ -6,7 +6,7 @@ use lpv::diagnose::{Diagnosed, diagnose};
 use lpv::silent;
 use lpv::simulate::{MachineFile, simulate};
 use lpv_diagnose::catalogue::KINDS;
-use lpv_diagnose::effect::{Effect, Family};
+use lpv_diagnose::effect::{Effect, Family, Needs};
 use lpv_report::Figure;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -63,6 +63,10 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
         }
         if let Some(simpler) = &effect.extends {
             let _ = writeln!(page, "\nTried as a refinement of `{}`.", simpler.name);
+        }
+        if effect.needs == Needs::Axis {
+            let _ = writeln!(page, "\nOf servo axes alone; see [their bench](blind-servo.md).");
+            continue;
         }
         let Ok(hidden) = effect.name.parse::<HiddenEffect>() else {
             let _ = writeln!(

@@ -3,7 +3,8 @@
 //! A free axis that is simulated with the recorded inputs alone drifts away from its record. Here a weak feedback keeps it there:
 //! the recorded inputs are the injection, the measured outputs the reference, and
 //! `u = u_logged + k_p (y - y_hat) + k_d d(y - y_hat)/dt` with `k_p = J w^2`, `k_d = 2 d w J`. Errors slower than `w` are made
-//! smaller by it, which the likelihood takes into account: it is that of the error one step ahead, whitened.
+//! smaller by it, which the likelihood takes into account: it is that of the error one step ahead, whitened. Where a spring joins a
+//! load to the motor, the feedback acts on both by their masses: it moves the rigid body and does not let the spring swing.
 
 use crate::base::Pair;
 use crate::fit::{Problem, Seen};

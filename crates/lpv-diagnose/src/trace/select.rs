@@ -83,6 +83,7 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
             (e, f, judged)
         })
         .collect();
+    finals.retain(|(effect, _, judged)| takes_enough(effect, judged.cost, cost));
     match bench.aim {
         Aim::Noise => {
             finals.sort_by(|a, b| a.1.length().total_cmp(&b.1.length()));
@@ -164,6 +165,14 @@ fn nearly_equal_in_order(finals: &mut [Final]) {
     };
     let most = WORTH * judged.cost;
     first_of_equals(finals, |(e, ..)| *e, |(.., j)| j.cost <= most);
+}
+
+/// Whether an effect takes enough of the cost on the judged records. What happens once can pass for much that a machine does at that time;
+/// it leaves noise, or most of the error was due to it.
+fn takes_enough(effect: &Effect, with: f64, without: f64) -> bool {
+    const MOST: f64 = 0.75;
+    let is_once = effect.parameters.iter().any(|p| p.scale == Scale::Instant);
+    !is_once || with <= NOISE || without - with >= MOST * (without - 1.0).max(0.0)
 }
 
 /// Whether the last effect is one with the values that were found, and repeats along a record: less of a wave passes for any force

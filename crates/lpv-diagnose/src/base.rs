@@ -227,12 +227,12 @@ impl Base {
     pub fn has_load(&self) -> bool {
         matches!(self, Self::Axis(axis) if axis.load().is_some())
     }
-    /// Part of an observer's correction that acts on the load, where that is not rigidly joined to the motor: by the masses, so that it moves
-    /// both alike. On the motor alone it would let a spring between encoder and motor swing.
-    pub(crate) fn correction_of_load(&self) -> Option<f64> {
+    /// Part of an observer's correction that acts on the load, zero where that is rigidly joined to the motor: by the masses, so that it
+    /// moves both alike. On the motor alone it would let a spring between encoder and motor swing.
+    pub(crate) fn correction_of_load(&self) -> f64 {
         match self {
-            Self::Axis(axis) => axis.load().map(|load| load.part),
-            Self::XyTable(_) | Self::Lpv(_) => None,
+            Self::Axis(axis) => axis.load().map_or(0.0, |load| load.part),
+            Self::XyTable(_) | Self::Lpv(_) => 0.0,
         }
     }
     /// Whether a spring holds it to the ground.

@@ -148,7 +148,11 @@ pub(crate) fn simulate_in(
         controller,
         track,
         noise,
-        to_load: base.correction_of_load().filter(|_| track.follows).unwrap_or(0.0),
+        to_load: if track.follows {
+            base.correction_of_load()
+        } else {
+            0.0
+        },
         stride: track.substeps / parts,
         part: track.step / parts as f64,
         parts,

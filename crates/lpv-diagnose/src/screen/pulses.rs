@@ -22,10 +22,10 @@ pub(crate) struct Pulses {
 type Spectra = [[Option<Vec<C64>>; 2]; 2];
 
 impl Pulses {
-    /// Of a machine in the loop of a controller without saturation, for records of so many samples at the most.
+    /// Of a machine in the loop of a controller without saturation, or of an observer, for records of so many samples at the most.
     pub(crate) fn new(
         base: &Base,
-        controller: &ControllerState,
+        (controller, observes): (&ControllerState, bool),
         whitening: &Whitening,
         (samples, step): (usize, f64),
     ) -> Self {
@@ -33,7 +33,7 @@ impl Pulses {
         let length = (2 * samples).next_multiple_of(512);
         let mut planner = RealFftPlanner::<f64>::new();
         let (forward, inverse) = (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
-        let at_rest = (Quick::new(base, step), controller.unsaturated());
+        let at_rest = (Quick::new(base, observes, step), controller.unsaturated());
         let channels = base.channels();
         let spectra = |place: Place| -> Spectra {
             std::array::from_fn(|channel| {
@@ -164,7 +164,7 @@ enum Quick {
 }
 
 impl Quick {
-    fn new(base: &Base, step: f64) -> Self {
+    fn new(base: &Base, observes: bool, step: f64) -> Self {
         let rigid = |mobility| Self::Rigid {
             mobility,
             step,
@@ -191,7 +191,7 @@ impl Quick {
             Ok(model) => Self::Sampled {
                 state: DVector::zeros(model.states()),
                 model,
-                is_apart: matches!(base, Base::Axis(_)),
+                is_apart: observes && matches!(base, Base::Axis(_)),
             },
             // Numbers of a base are finite.
             Err(_) => rigid(1.0),
@@ -269,7 +269,7 @@ mod tests {
             .map(|k| [(1.7 * k as f64).sin() + (0.3 * k as f64).cos(), 0.0])
             .collect();
         let whitening = Whitening::new(&[noise], 1, 4);
-        let pulses = Pulses::new(&base, &controller, &whitening, (samples, step));
+        let pulses = Pulses::new(&base, (&controller, false), &whitening, (samples, step));
         for place in [Place::Input, Place::Sensor] {
             let signal: Vec<Pair> = (0..samples - 50)
                 .map(|k| [(0.02 * k as f64).sin() * (1.0 + (0.4 * k as f64).cos()), 0.0])

@@ -63,6 +63,7 @@ impl<'a> Bench<'a> {
         let tracks = self.case.fitted;
         let step = tracks.first()?.step;
         let longest = tracks.iter().map(|t| t.samples).max()?;
+        let observes = tracks.iter().all(|t| t.follows);
         let rough = self.problem().rough(&fitted.model)?;
         Some(Screen {
             base,
@@ -70,7 +71,12 @@ impl<'a> Bench<'a> {
             motions: self.problem().motions(&fitted.model)?,
             resolution: quantization::steps(tracks).map(|(step, _)| step),
             known: Known::new(&fitted.columns, &fitted.residual, rough),
-            pulses: Pulses::new(base, self.case.controller, &self.whitening, (longest, step)),
+            pulses: Pulses::new(
+                base,
+                (self.case.controller, observes),
+                &self.whitening,
+                (longest, step),
+            ),
         })
     }
 

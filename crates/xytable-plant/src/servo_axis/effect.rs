@@ -227,7 +227,7 @@ impl AxisEffect {
         other
     }
 
-    /// Dry friction at a speed, N.
+    /// Dry friction at a position and a speed, N.
     pub(super) fn dry(&self, position: f64, speed: f64) -> f64 {
         match *self {
             Self::CoulombFriction { level } => level,

@@ -45,7 +45,7 @@ pub(super) fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagno
             d.verdict = "explained".to_owned();
         }
         if !skews.is_empty() {
-            d.verdict_in_words = format!("{}; {}", d.verdict_in_words, names(&skews, &[])[0].join(", "));
+            d.verdict_in_words = format!("{}; {}", d.verdict_in_words, names(&skews, &[]).0);
         }
         d.effects.extend(skews);
     }
@@ -164,14 +164,11 @@ fn together<'a>(bundle: &Bundle, axes: impl Iterator<Item = &'a Diagnosis> + Clo
             ))
         })
         .collect();
-    let [named, steps] = names(&effects, &record_names(bundle));
-    let found = match named.is_empty() {
-        true => "no effect is named".to_owned(),
-        false => named.join(", "),
-    };
-    let rounding = match steps.is_empty() {
-        true => String::new(),
-        false => format!("; readings lie on steps of {}", steps.join(", ")),
+    let (named, rounding) = names(&effects, &record_names(bundle));
+    let found = if named.is_empty() {
+        "no effect is named"
+    } else {
+        &named
     };
     let errors = |of: fn(&Diagnosis) -> &Errors| Errors {
         validation: all.iter().flat_map(|d| of(d).validation.clone()).collect(),

@@ -155,8 +155,9 @@ pub struct Evidence {
     pub runner_up_margin_db: Option<f64>,
 }
 
-/// Effects with their places and sizes, and steps of the readings; `records` are the names of all records.
-pub(super) fn names(effects: &[FoundEffect], records: &[String]) -> [Vec<String>; 2] {
+/// Effects with their places and sizes, empty without any; and what is said last of readings on a grid. `records` are the names of all
+/// records.
+pub(super) fn names(effects: &[FoundEffect], records: &[String]) -> (String, String) {
     let (rounding, others): (Vec<_>, Vec<_>) = effects.iter().partition(|e| e.effect == ROUNDING);
     let step = |e: &&FoundEffect| {
         let steps = ["step", "other_step"]
@@ -167,8 +168,11 @@ pub(super) fn names(effects: &[FoundEffect], records: &[String]) -> [Vec<String>
             .map(|s| format!("{} {}", number(s.value), s.unit));
         told.collect::<Vec<_>>().join(" and ")
     };
-    [
-        others.iter().map(|e| e.in_short(records)).collect(),
-        rounding.iter().map(step).collect(),
-    ]
+    let named: Vec<String> = others.iter().map(|e| e.in_short(records)).collect();
+    let steps: Vec<String> = rounding.iter().map(step).collect();
+    let grid = match steps.is_empty() {
+        true => String::new(),
+        false => format!("; readings lie on steps of {}", steps.join(", ")),
+    };
+    (named.join(", "), grid)
 }

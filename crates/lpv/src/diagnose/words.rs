@@ -14,15 +14,9 @@ pub(super) fn in_words(
         true => format!("{over:.2}"),
         false => format!("{over:.1e}"),
     });
-    let [named, steps] = names(effects, records);
-    let rounding = match steps.is_empty() {
-        true => String::new(),
-        false => format!("; readings lie on steps of {}", steps.join(", ")),
-    };
-    let falls = format!(
-        "{}; on held-out records the error falls from {before} to {after} times the noise",
-        named.join(", ")
-    );
+    let (named, rounding) = names(effects, records);
+    let falls =
+        format!("{named}; on held-out records the error falls from {before} to {after} times the noise");
     match verdict {
         "nothing-missing" => {
             format!("nothing is missing: on held-out records the error is {after} times the noise")

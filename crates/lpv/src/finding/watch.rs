@@ -12,7 +12,7 @@ use super::transient::{Spectrum, spectrum};
 use super::wrap::wrap;
 use super::{Finding, Paths};
 use crate::signal::moves;
-use experiment_data::Bundle;
+use experiment_data::{Bundle, ChannelGroup, Quantity};
 use lpv_core::{Controller, Purpose, Record, RecordKind, Signals};
 
 /// Samples of a record that are looked at for patterns within it.
@@ -24,6 +24,8 @@ const PARTS: usize = 2;
 #[derive(Debug, Clone)]
 pub(crate) struct Watch<'a> {
     controller: Option<&'a Controller>,
+    /// What the outputs are; positions where nobody says.
+    outputs: Option<&'a ChannelGroup>,
     parts: usize,
     record: String,
     findings: Vec<Finding>,
@@ -61,12 +63,17 @@ pub(crate) struct Look {
 
 impl<'a> Watch<'a> {
     pub(crate) fn new(bundle: &'a Bundle) -> Self {
-        Self::with(bundle.description().controller.as_ref())
+        let description = bundle.description();
+        Self {
+            outputs: Some(&description.channels.output),
+            ..Self::with(description.controller.as_ref())
+        }
     }
 
     pub(super) fn with(controller: Option<&'a Controller>) -> Self {
         Self {
             controller,
+            outputs: None,
             parts: 0,
             record: String::new(),
             findings: Vec::new(),
@@ -111,7 +118,13 @@ impl<'a> Watch<'a> {
     fn samples(&mut self, part: &Record) {
         let record = part.name.clone();
         self.repeats(part);
-        for (name, x) in named(&part.outputs) {
+        // A speed or an acceleration may jump.
+        let is_position = |i: usize| {
+            self.outputs
+                .is_none_or(|group| group.quantity_of(i) == Quantity::Position)
+        };
+        let positions: Vec<bool> = (0..part.outputs.channels()).map(is_position).collect();
+        for ((name, x), is_position) in named(&part.outputs).zip(positions) {
             if let Some(found) = wrap(x) {
                 self.add(Finding::CounterWraps {
                     record: record.clone(),
@@ -120,7 +133,10 @@ impl<'a> Watch<'a> {
                     times: found.times,
                     row: found.sample + 1,
                 });
-            } else if let (Some(found), RecordKind::Transient) = (jump(x), part.kind) {
+            } else if is_position
+                && part.kind == RecordKind::Transient
+                && let Some(found) = jump(x)
+            {
                 self.add(Finding::PositionJumps {
                     record: record.clone(),
                     column: name.to_owned(),

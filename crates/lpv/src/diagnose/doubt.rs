@@ -60,8 +60,10 @@ pub(super) fn doubts(found: &Trace, bundle: &Bundle) -> Vec<String> {
 /// All effects that the judged records cannot tell from one that was added, itself first; none where there is no other.
 pub(super) fn class(added: &Added, found: &Trace) -> Vec<String> {
     let mut all = vec![added.effect.name.to_owned()];
+    // What is named beside it was told apart from it.
+    let is_named = |effect: &Effect| found.added.iter().any(|a| a.effect.is_called(effect));
     let mut more = |effect: &Effect| {
-        if !all.iter().any(|name| name == effect.name) {
+        if !is_named(effect) && !all.iter().any(|name| name == effect.name) {
             all.push(effect.name.to_owned());
         }
     };

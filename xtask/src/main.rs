@@ -117,6 +117,9 @@ pub(crate) struct Blind {
     /// Take the machines that an earlier run of the same program, with this seed and output, left in its log as they are.
     #[arg(long, conflicts_with = "quick")]
     resume: bool,
+    /// Also keep the bundle of each servo axis, in a folder by its seed.
+    #[arg(long, value_name = "FOLDER", requires = "servo")]
+    keep: Option<PathBuf>,
     /// Where the results go.
     #[arg(long, value_name = "FOLDER", default_value = "target/blind")]
     output: PathBuf,

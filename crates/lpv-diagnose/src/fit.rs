@@ -99,12 +99,11 @@ impl Problem<'_> {
             .map(|track| {
                 let (base, parts) = (&model.base, parts(track));
                 let found = simulate_in(parts, base, &blocks, Some(self.controller), track, None, &mut ())?;
-                let error = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
-                let (measured, found) = match self.seen {
-                    Seen::Outputs => (&track.outputs, &found.outputs),
-                    Seen::Inputs => (&track.inputs, &found.inputs),
-                };
-                Some(measured.iter().zip(found).map(error).collect())
+                let gap = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
+                Some(match self.seen {
+                    Seen::Outputs => found.error(track),
+                    Seen::Inputs => track.inputs.iter().zip(&found.inputs).map(gap).collect(),
+                })
             })
             .collect()
     }
@@ -212,6 +211,7 @@ impl Problem<'_> {
         if steps.len() < at.len() {
             steps.resize(at.len(), 0.0);
         }
+        let bounded = model.bounded();
         let found: Option<Vec<(f64, Vec<f64>)>> = which
             .clone()
             .into_par_iter()
@@ -221,6 +221,9 @@ impl Problem<'_> {
                 } else {
                     steps[j]
                 };
+                // Of a logarithm a longer step than a factor of e is no derivative: a speed that creeps, made so large that friction is
+                // gone, would look like the friction.
+                let longest = if bounded[j] { 1.0 } else { f64::INFINITY };
                 let mut best = None;
                 let (mut sizes, mut shrunk) = (0, 0);
                 while sizes < 8 && shrunk < 24 {
@@ -243,11 +246,11 @@ impl Problem<'_> {
                     best = Some((h, column));
                     // What starts from nothing is nearly linear.
                     let most = if at[j] == 0.0 { 1e3 } else { 10.0 };
-                    if size > 0.01 * STEP && size < most * STEP {
+                    if size > 0.01 * STEP && size < most * STEP || size < STEP && h.abs() >= longest {
                         break;
                     }
                     let change = (STEP / size.max(1e-12)).clamp(1e-6, 1e6);
-                    h *= change;
+                    h = (h * change).clamp(-longest, longest);
                 }
                 best
             })

@@ -52,10 +52,32 @@ impl Observer {
         let hz = (OVER_MOTION * mean_frequency(records, h))
             .max(slowest)
             .min(MOST / h);
+        Ok(Self::at(hz, inertia, clock))
+    }
+
+    /// Slower ones, down to a period of the longest record, with which a free axis runs nearly free.
+    pub fn slower(&self, base: &Base, records: &[Record], clock: Discrete) -> Vec<Self> {
+        /// Factor from one to the next.
+        const STEP: f64 = 3.0;
+        let Base::Axis(axis) = base else {
+            return Vec::new();
+        };
+        let h = clock.sample_time();
+        let longest = records.iter().map(Record::len).max().unwrap_or(0) as f64 * h;
+        let least = 1.0 / longest.max(h);
+        let steps = ((self.hz / least).ln() / STEP.ln()).ceil().max(0.0) as i32;
+        (1..=steps)
+            .map(|i| Self::at((self.hz / STEP.powi(i)).max(least), axis.mass().abs(), clock))
+            .collect()
+    }
+
+    /// Of a bandwidth, for a mass.
+    fn at(hz: f64, mass: f64, clock: Discrete) -> Self {
+        let h = clock.sample_time();
         let w = TAU * hz;
-        let (stiffness, damping) = (inertia * w * w, 2.0 * DAMPING * w * inertia);
+        let (stiffness, damping) = (mass * w * w, 2.0 * DAMPING * w * mass);
         let feedback = vec![vec![stiffness + damping / h, -damping / h]];
-        Ok(Self {
+        Self {
             controller: Controller {
                 reference_numerator: feedback.clone(),
                 feedback_numerator: feedback,
@@ -63,7 +85,7 @@ impl Observer {
                 limit: None,
             },
             hz,
-        })
+        }
     }
 }
 
@@ -164,22 +186,39 @@ fn mean_frequency(records: &[Record], h: f64) -> f64 {
 
 /// The records with the beginnings that a model makes of them. The first samples tell them with some deviation, and a rate that is
 /// wrong by it takes long to die out: least squares of that, and of the error along the record by its own size, so that a model
-/// which lacks much moves nothing.
+/// which lacks much moves nothing. About there a record is free to begin anywhere: what other beginnings make of an error is no part of it.
 pub fn settled(model: &Explained, controller: &ControllerState, tracks: &[Track]) -> Vec<Track> {
     const STEPS: usize = 3;
-    tracks
-        .iter()
-        .map(|told| {
-            let mut track = told.clone();
-            for _ in 0..STEPS {
-                match better(model, controller, told, &track) {
-                    Some(next) => track = next,
-                    None => break,
-                }
+    let one = |told: &Track| {
+        let told = told.held_to_its_beginning();
+        let mut track = told.clone();
+        for _ in 0..STEPS {
+            match better(model, controller, &told, &track) {
+                Some(next) => track = next,
+                None => break,
             }
-            track
-        })
-        .collect()
+        }
+        anywhere(model, controller, &track).unwrap_or(track)
+    };
+    tracks.iter().map(one).collect()
+}
+
+/// A record that may begin anywhere, about where it begins: what another beginning makes of the errors of a model does not count, as if it
+/// were fitted with whatever else is ([`Track::error`]). None where the simulation leaves all bounds.
+fn anywhere(model: &Explained, controller: &ControllerState, track: &Track) -> Option<Track> {
+    let errors = |track: &Track| -> Option<DVector<f64>> {
+        let run = model.closed_loop(controller, track)?;
+        let error = run.error(track);
+        Some(DVector::from_iterator(error.len(), error.iter().map(|e| e[0])))
+    };
+    let deviations = track.beginning_deviations();
+    let now = errors(track)?;
+    let change = |i: usize| {
+        let mut at = track.beginning();
+        at[i] += deviations[i];
+        Some(errors(&track.beginning_at(at))? - &now)
+    };
+    Some(track.anywhere([change(0)?, change(1)?]))
 }
 
 /// A likelier beginning than that of `track`, if there is one; the first samples tell that of `told`.

@@ -22,8 +22,7 @@ pub struct Response {
 impl Response {
     /// What the outputs of a record are beside these, by sample.
     pub fn error(&self, track: &Track) -> Vec<Pair> {
-        let gap = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
-        track.outputs.iter().zip(&self.outputs).map(gap).collect()
+        track.error(&self.outputs)
     }
 }
 

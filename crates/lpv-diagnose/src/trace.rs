@@ -9,6 +9,7 @@ mod load;
 mod noise;
 mod refine;
 mod select;
+mod slower;
 
 use crate::TraceError;
 use crate::base::{Base, Pair};
@@ -27,6 +28,7 @@ use lpv_numerics::statistics::power_db;
 use noise::loop_noise;
 pub use noise::sensor_noise;
 use select::select;
+pub use slower::{Slower, trace_slower};
 
 /// What is known before.
 pub struct Case<'a> {
@@ -81,17 +83,7 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
             what: "a diagnosis needs at least one record to fit and one with use = \"validation\" to judge by",
         });
     }
-    // Readings on a grid: rounding is noise to all that follows.
-    let [steps, judged_steps] = [case.fitted, case.judged].map(quantization::steps);
-    let coarse: [bool; 2] = std::array::from_fn(|i| {
-        let times = judged_steps[i].0 / steps[i].0;
-        steps[i].0 > ROUGH * case.noise[i] && times > 0.5 && (times - times.round()).abs() < 0.01
-    });
-    let noise = std::array::from_fn(|i| match coarse[i] {
-        true => case.noise[i].hypot(steps[i].0 / 12.0_f64.sqrt()),
-        false => case.noise[i],
-    });
-    let case = Case { noise, ..*case };
+    let (case, steps) = in_view_of_rounding(case);
     let strict = compete(&case, Aim::Noise, alone(&case)?);
     let free = match case.free {
         Some((base, prior)) if !strict.is_noise() => {
@@ -107,14 +99,9 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
         _ => None,
     };
     let loaded = match case.seeks_load && !strict.is_noise() {
-        true => WithLoad::sought(&case, &strict),
+        true => WithLoad::traced(&case, &strict),
         false => None,
     };
-    let loaded = loaded.and_then(|loaded| {
-        let contest = loaded.contest(&case, &strict)?;
-        // A load that lets the loop diverge is none.
-        contest.conclude(&loaded.case(&case)).ok()
-    });
     let mut found = match (free, loaded) {
         (Some((free, bare)), _) => compete(&free, Aim::Noise, bare).conclude(&free)?,
         (None, Some(loaded)) => Trace {
@@ -125,8 +112,8 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
     };
     // What tests see in errors that are no larger than the rounding is the rounding: it goes with what is rounded.
     let rounding = found.after.cost <= NOISE;
-    if coarse.contains(&true) && (rounding || found.verdict != Verdict::Unexplained) {
-        let values = [0, 1].map(|i: usize| if coarse[i] { steps[i] } else { (0.0, f64::INFINITY) });
+    if steps.iter().any(Option::is_some) && (rounding || found.verdict != Verdict::Unexplained) {
+        let values = steps.map(|step| step.unwrap_or((0.0, f64::INFINITY)));
         found.added.insert(
             0,
             Added {
@@ -156,6 +143,22 @@ pub fn trace(case: &Case<'_>) -> Result<Trace, TraceError> {
     Ok(found)
 }
 
+/// The same where readings lie on a grid: rounding is noise to all that follows. And the steps of the grid with their deviations, by output.
+fn in_view_of_rounding<'a>(case: &Case<'a>) -> (Case<'a>, [Option<(f64, f64)>; 2]) {
+    let [fitted, judged] = [case.fitted, case.judged].map(quantization::steps);
+    let steps = std::array::from_fn(|i| {
+        let times = judged[i].0 / fitted[i].0;
+        let is_coarse =
+            fitted[i].0 > ROUGH * case.noise[i] && times > 0.5 && (times - times.round()).abs() < 0.01;
+        is_coarse.then_some(fitted[i])
+    });
+    let noise = std::array::from_fn(|i| match steps[i] {
+        Some((step, _)) => case.noise[i].hypot(step / 12.0_f64.sqrt()),
+        None => case.noise[i],
+    });
+    (Case { noise, ..*case }, steps)
+}
+
 /// The base model alone: the noise in its loop, and its fit.
 fn alone(case: &Case<'_>) -> Result<(Whitening, Fitted), TraceError> {
     let bare = Explained {
@@ -182,6 +185,8 @@ struct Contest {
     after: Judged,
     added: Vec<Added>,
     candidates: Vec<Tried>,
+    /// The likeliest model with one effect more, which did not earn a place.
+    near: Option<Explained>,
 }
 
 impl Contest {
@@ -200,7 +205,7 @@ fn compete(case: &Case<'_>, aim: Aim, (whitening, bare): (Whitening, Fitted)) ->
         added: Vec::new(),
         least: aim.least(before.cost),
     };
-    let mut candidates = Vec::new();
+    let (mut candidates, mut near) = (Vec::new(), None);
     // Through an observer what is as small as the noise may be its own.
     let is_small = case.judged.iter().any(|t| t.follows) && before.cost <= NOISE;
     // Where all records go one way, what happens once, as the machine breaks away, has many names.
@@ -215,6 +220,7 @@ fn compete(case: &Case<'_>, aim: Aim, (whitening, bare): (Whitening, Fitted)) ->
         };
         candidates.extend(selection.tried(&bench, &chosen.now, chosen.judged.cost));
         if !(chosen.add(&selection) || aim == Aim::Force && chosen.add_pair(&bench, &bare, &selection)) {
+            near = selection.finals.first().map(|(_, fit, _)| fit.model.clone());
             break;
         }
         chosen.choose_again(&bench, &bare);
@@ -233,6 +239,7 @@ fn compete(case: &Case<'_>, aim: Aim, (whitening, bare): (Whitening, Fitted)) ->
         after: chosen.judged,
         added: chosen.added,
         candidates,
+        near,
     }
 }
 

@@ -7,7 +7,7 @@ use crate::base::{Pair, Start};
 use beginning::{BEGINNING, beginning};
 use lpv_core::{ControllerState, Record};
 use lpv_numerics::statistics::range;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 /// One record: signals by sample, and the scheduling between the samples.
 #[derive(Debug, Clone)]
@@ -45,6 +45,8 @@ pub struct Track {
     pub(crate) runs_on: bool,
     /// The controller at the first sample, unless it is at rest.
     pub(crate) moving: Option<ControllerState>,
+    /// What other beginnings make of the first output, orthonormal; none where the record begins as it is told.
+    free: Vec<DVector<f64>>,
 }
 
 /// Outputs over the largest of the record beyond which a simulation has lost it.
@@ -162,6 +164,7 @@ impl Track {
             follows,
             runs_on: false,
             moving,
+            free: Vec::new(),
             bound,
             name: record.name.clone(),
             number: 0,

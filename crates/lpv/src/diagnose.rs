@@ -4,7 +4,6 @@ mod account;
 mod axes;
 mod axis;
 mod base;
-mod beginnings;
 mod doubt;
 mod errors;
 mod explanation;
@@ -20,6 +19,7 @@ mod record_errors;
 mod records;
 mod responses;
 mod saved;
+mod slower;
 mod value;
 mod words;
 
@@ -48,6 +48,7 @@ pub use noise::NoiseSource;
 use noise::{roughness, unrepeated};
 pub use places::PlaceName;
 pub(crate) use places::placed;
+use places::record_names;
 pub use record_errors::{ForceErrors, FreeRun, RecordErrors, RunErrors};
 use records::{check_records, split, wrong_controller};
 pub(crate) use responses::is_traced_on_responses;
@@ -179,7 +180,7 @@ fn of_moves(
         progress,
     )?;
     let substeps = base.parts(clock.sample_time());
-    let (controller, observer_hz) = match &description.controller {
+    let (controller, observer) = match &description.controller {
         Some(controller) => (controller.clone(), None),
         None => {
             let observer = Observer::new(&base, &fit_records, clock)?;
@@ -187,9 +188,10 @@ fn of_moves(
                 "no [controller]: the model follows the records through an observer of {:.3} Hz, driven by the logged inputs",
                 observer.hz
             ));
-            (observer.controller, Some(observer.hz))
+            (observer.controller.clone(), Some(observer))
         }
     };
+    let observer_hz = observer.as_ref().map(|o| o.hz);
     let mut start = controller.start()?;
     let tracks = |records: &[Record]| -> Result<Vec<Track>, PipelineError> {
         let is_it = |i: &usize, r: &Record| bundle.record_name(*i).is_ok_and(|name| name == r.name);
@@ -277,17 +279,20 @@ fn of_moves(
         seeks_load: found.rigid.is_some(),
         ..case
     };
-    if is_observed && let Some(begun) = beginnings::look(&case, &found, &told)? {
-        ([fitted, judged], found) = (begun.tracks, begun.found);
-    }
-    if let Some(hz) = observer_hz
-        && !matches!(found.verdict, Verdict::Explained | Verdict::NothingMissing)
-    {
+    let mut slow = None;
+    if let Some(observer) = &observer {
         let records = [&fit_records[..], &judge_records[..]];
-        if let Some(in_band) = in_band::look(&case, (hz, clock), &found, records, &told)? {
-            start = in_band.controller;
-            [fitted, judged] = in_band.tracks;
-            found = in_band.found;
+        let look = slower::look(&case, (observer, clock), &found, records, &told)?;
+        let is_explained = matches!(found.verdict, Verdict::Explained | Verdict::NothingMissing);
+        let again = match (look.again, is_explained) {
+            (None, false) => in_band::look(&case, (observer.hz, clock), &found, records, &told)?,
+            (again, _) => again,
+        };
+        slow = look.left;
+        if let Some(again) = again {
+            start = again.controller;
+            [fitted, judged] = again.tracks;
+            found = again.found;
         }
     }
     if let Some(line) = axis::with_load(&found, bundle) {
@@ -324,7 +329,8 @@ fn of_moves(
         ..Diagnosis::new(bundle, &found, &judged, reasons)
     }
     .in_format(is_observed)
-    .and_said(steady);
+    .and_said(steady)
+    .in_view_of_slower(slow, &record_names(bundle));
     let moved = [&fit_records, &judge_records].into_iter().flatten();
     let mut positions: Vec<f64> = moved
         .filter_map(|r| r.scheduling.columns.first())

@@ -113,6 +113,7 @@ pub(crate) fn run(options: &Blind) -> Result<bool, TaskError> {
     let log = folder.join("cases.jsonl");
     let done = if options.resume { logged(&log)? } else { Vec::new() };
     let cases = cases(&extent, options.seed);
+    let solve = |case: &Case| solve(case, options.keep.as_deref());
     let all = work(&cases, (&log, extent.minutes), done, solve, score::line)?;
     let metrics = score::score(&all);
     let command = format!(
@@ -173,7 +174,8 @@ fn cases(extent: &Extent, seed: u64) -> Vec<Case> {
     all
 }
 
-fn solve(case: &Case) -> Result<Outcome, TaskError> {
+/// Simulates and diagnoses a machine; its bundle stays where it is to be kept.
+fn solve(case: &Case, keep: Option<&Path>) -> Result<Outcome, TaskError> {
     let machine = draw::machine(case.seed, case.effect);
     let of = &machine.axes[machine.hidden_in];
     let (hidden, reached) = match case.effect {
@@ -191,7 +193,11 @@ fn solve(case: &Case) -> Result<Outcome, TaskError> {
         }
     };
     let folder = tempfile::tempdir()?;
-    let bundle = write(&machine, hidden.as_ref(), &folder.path().join("bundle"))?;
+    let bundle = match keep {
+        Some(kept) => kept.join(case.seed.to_string()),
+        None => folder.path().join("bundle"),
+    };
+    let bundle = write(&machine, hidden.as_ref(), &bundle)?;
     let start = Instant::now();
     let found = diagnose(&bundle, None, &silent);
     let seconds = start.elapsed().as_secs_f64();

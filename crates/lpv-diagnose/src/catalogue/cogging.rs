@@ -2,12 +2,12 @@
 
 use super::parameter;
 use crate::base::{Forces, Pair};
-use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Extends, Family, Moment, Needs, Place, Scale};
 use crate::screen::{Screen, Trial};
 use std::f64::consts::TAU;
 
 /// Motors that are coupled share the pitch.
-pub(super) static EFFECTS: [Effect; 3] = [
+pub(super) static EFFECTS: [Effect; 5] = [
     Effect {
         needs: Needs::CoupledMotors,
         meaning: "force periodic in the position of each motor",
@@ -32,13 +32,18 @@ pub(super) static EFFECTS: [Effect; 3] = [
     },
     at(Place::Motor(0)),
     at(Place::Motor(1)),
+    two_waves(Place::Motor(0)),
+    two_waves(Place::Motor(1)),
 ];
 
+const NAME: &str = "cogging";
+
 const PITCH: EffectParameter = parameter("pitch", "y", Scale::Wavelength);
+const PITCH_2: EffectParameter = parameter("pitch_2", "y", Scale::Wavelength);
 
 const fn at(place: Place) -> Effect {
     Effect {
-        name: "cogging",
+        name: NAME,
         family: Family::PositionForce,
         place,
         needs: Needs::OwnMotor(place.first()),
@@ -62,6 +67,57 @@ const fn at(place: Place) -> Effect {
             })
         },
     }
+}
+
+/// Two of them, orders of one pitch or each with its own: magnets and slots, poles and the turn.
+const fn two_waves(place: Place) -> Effect {
+    Effect {
+        meaning: "force of two periods in the position of the motor",
+        parameters: const {
+            &[
+                parameter("sine", "u", Scale::Linear),
+                parameter("cosine", "u", Scale::Linear),
+                parameter("sine_2", "u", Scale::Linear),
+                parameter("cosine_2", "u", Scale::Linear),
+                PITCH,
+                PITCH_2,
+            ]
+        },
+        extends: Some(Extends {
+            name: NAME,
+            starts: second_waves,
+        }),
+        starts: |_, _| Vec::new(),
+        block: |v, machine, place| {
+            let unit = super::motor_forces(machine, place.first(), 1.0);
+            let wave = |sine: f64, cosine: f64, pitch: f64| Cogging {
+                sine: unit.map(|u| u * sine),
+                cosine: unit.map(|u| u * cosine),
+                turn: TAU / pitch,
+            };
+            Box::new(TwoWaves([wave(v[0], v[1], v[4]), wave(v[2], v[3], v[5])]))
+        },
+        ..at(place)
+    }
+}
+
+/// Beside a wave: its orders, waves of which it is an order, and what else is seen in what the machine leaves without it.
+fn second_waves(v: &[f64], screen: &Screen<'_>, place: Place) -> Vec<Vec<f64>> {
+    /// The highest order.
+    const ORDERS: u32 = 6;
+    let &[sine, cosine, pitch] = v else {
+        return Vec::new();
+    };
+    let orders = (2..=ORDERS).flat_map(|n| [pitch / f64::from(n), pitch * f64::from(n)]);
+    let halves = [1.5, 2.0 / 3.0].map(|part| part * pitch);
+    let seen = waves(screen, place.first(), &[place.first()]);
+    let seen = seen.into_iter().filter_map(|v| v.last().copied());
+    let small = 0.01 * sine.hypot(cosine);
+    orders
+        .chain(halves)
+        .chain(seen)
+        .map(|second| vec![sine, cosine, small, small, pitch, second])
+        .collect()
 }
 
 /// Sines and cosines of these motors, then the pitch.
@@ -97,6 +153,15 @@ struct Cogging {
     sine: Pair,
     cosine: Pair,
     turn: f64,
+}
+
+#[derive(Debug)]
+struct TwoWaves([Cogging; 2]);
+
+impl Block for TwoWaves {
+    fn act(&self, at: &Moment<'_>, own: &[f64], rates: &mut [f64], forces: &mut Forces) {
+        self.0.iter().for_each(|wave| wave.act(at, own, rates, forces));
+    }
 }
 
 impl Block for Cogging {

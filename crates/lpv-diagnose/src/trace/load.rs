@@ -1,11 +1,11 @@
 //! A load on a spring in the place of a rigid axis.
 //!
 //! Friction and a second mass hide each other: without the one, the other lowers no error. So the load is not one more effect of the
-//! competition: it is sought alone and beside the effects that the rigid axis was given, and where it earns its place there, the
+//! competition: it is sought alone and beside the effects that the rigid axis was given or nearly given, and where it earns its place there, the
 //! competition is held again, with motor and load as the base.
 
 use super::bench::{Aim, Bench};
-use super::{Case, Contest, EQUAL, alone, compete};
+use super::{Case, Contest, EQUAL, Trace, alone, compete};
 use crate::base::{Axis, Base, Load, Pair};
 use crate::catalogue;
 use crate::effect::{Effect, Place};
@@ -43,9 +43,25 @@ pub(super) struct WithLoad {
 }
 
 impl WithLoad {
+    /// What is found with motor and load as the base: the load is sought beside what the rigid axis was given, then beside what
+    /// it was nearly given.
+    pub(super) fn traced(case: &Case<'_>, strict: &Contest) -> Option<Trace> {
+        let own = own(case, strict);
+        // What was given something has been told most of what is missing.
+        let is_bare = own.iter().any(|model| model.effects.is_empty());
+        let near = strict.near.iter().filter(|_| is_bare).map(without_mode);
+        let near = near.filter(|model| !model.effects.is_empty()).collect();
+        [own, near].into_iter().find_map(|beside| {
+            let loaded = Self::sought(case, strict, beside)?;
+            let contest = loaded.contest(case, strict)?;
+            // A load that lets the loop diverge is none.
+            contest.conclude(&loaded.case(case)).ok()
+        })
+    }
+
     /// Motor and load where they describe the fitted records in fewer words than a contest without the load. None for another base than a
     /// free axis.
-    pub(super) fn sought(case: &Case<'_>, strict: &Contest) -> Option<Self> {
+    fn sought(case: &Case<'_>, strict: &Contest, beside: Vec<Explained>) -> Option<Self> {
         let Base::Axis(axis) = case.base else {
             return None;
         };
@@ -65,7 +81,7 @@ impl WithLoad {
             aim: Aim::Noise,
         };
         let without = bench.problem().fit(&strict.now.model, SECOND, None).ok()?;
-        let found = best(&bench, strict)?;
+        let found = best(&bench, &beside)?;
         // Where the record begins, the rigid axis has told.
         let again = begun(&found.model, case, worst.clone());
         let narrow = Case {
@@ -142,17 +158,32 @@ fn worst(case: &Case<'_>, strict: &Contest) -> Option<usize> {
     (0..sizes.len()).max_by(|a, b| sizes[*a].total_cmp(&sizes[*b]))
 }
 
-/// The likeliest load, beside the effects of a contest; where that has none, alone or beside dry friction.
-fn best(bench: &Bench<'_>, strict: &Contest) -> Option<Fitted> {
-    let case = bench.case;
-    let mut with = strict.now.model.clone();
-    with.effects.retain(|(e, _)| e.name != SAME);
-    let mut beside = vec![with];
-    if beside[0].effects.is_empty() {
+/// The rigid axis with what it was given; where that is nothing, also with dry friction.
+fn own(case: &Case<'_>, strict: &Contest) -> Vec<Explained> {
+    let mut all = vec![without_mode(&strict.now.model)];
+    if all[0].effects.is_empty() {
+        let bench = Bench {
+            whitening: strict.whitening.clone(),
+            case,
+            aim: Aim::Noise,
+        };
         let mut dry = strict.bare.model.clone();
-        dry.effects.extend(dry_friction(bench, &strict.bare));
-        beside.push(dry);
+        dry.effects.extend(dry_friction(&bench, &strict.bare));
+        all.push(dry);
     }
+    all
+}
+
+/// A model without what is the same as a load.
+fn without_mode(model: &Explained) -> Explained {
+    let mut model = model.clone();
+    model.effects.retain(|(e, _)| e.name != SAME);
+    model
+}
+
+/// The likeliest load, beside the effects of one of these models.
+fn best(bench: &Bench<'_>, beside: &[Explained]) -> Option<Fitted> {
+    let case = bench.case;
     let starts: Vec<Explained> = beside.iter().flat_map(|model| starts(case, model)).collect();
     let mut found: Vec<Fitted> = starts
         .par_iter()

@@ -1,5 +1,7 @@
 //! Where a record begins, as its first samples tell.
 
+use super::Track;
+use crate::base::Pair;
 use lpv_core::linalg::least_squares;
 use lpv_numerics::statistics::range;
 use nalgebra::{DMatrix, DVector};
@@ -46,6 +48,44 @@ pub(super) fn beginning(y: &[f64]) -> [f64; 2] {
         }
     }
     best.1
+}
+
+impl Track {
+    /// What was measured beside what was simulated, by sample. Of a record that may begin [anywhere](Self::anywhere) it is what the likeliest
+    /// beginning leaves.
+    pub(crate) fn error(&self, found: &[Pair]) -> Vec<Pair> {
+        let gap = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
+        let mut error: Vec<Pair> = self.outputs.iter().zip(found).map(gap).collect();
+        for column in &self.free {
+            let part: f64 = column.iter().zip(&error).map(|(c, e)| c * e[0]).sum();
+            for (e, c) in error.iter_mut().zip(column) {
+                e[0] -= part * c;
+            }
+        }
+        error
+    }
+
+    /// The same record that may begin anywhere: with what a change of its first output makes of the error along it, and one of its first
+    /// rate.
+    pub(crate) fn anywhere(&self, changes: [DVector<f64>; 2]) -> Self {
+        let mut free: Vec<DVector<f64>> = Vec::new();
+        for mut column in changes {
+            for other in &free {
+                let part = other.dot(&column);
+                column.axpy(-part, other, 1.0);
+            }
+            free.extend(column.try_normalize(0.0));
+        }
+        Self { free, ..self.clone() }
+    }
+
+    /// The same record that is held to where it begins.
+    pub(crate) fn held_to_its_beginning(&self) -> Self {
+        Self {
+            free: Vec::new(),
+            ..self.clone()
+        }
+    }
 }
 
 #[cfg(test)]

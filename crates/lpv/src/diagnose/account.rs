@@ -3,7 +3,7 @@
 use super::found::FoundEffect;
 use super::places::{base_parameters, channel, placed, record_names};
 use super::value::Value;
-use super::words::in_words;
+use super::words::{in_words, in_words_of_slower};
 use super::{
     AxisErrors, Characterisation, Errors, LeftTest, LeftTests, NoiseSource, OutputError, RecordErrors,
 };
@@ -202,6 +202,31 @@ impl Diagnosis {
             self.verdict_in_words = format!("{}; {more}", self.verdict_in_words);
         }
         self
+    }
+
+    /// The same in view of what a slower observer leaves ([`Look::left`](super::slower::Look)), where a faster one leaves noise.
+    pub(super) fn in_view_of_slower(self, left: Option<[f64; 2]>, records: &[String]) -> Self {
+        let (Some([slow_hz, over_noise]), Some(hz)) = (left, self.observer_hz) else {
+            return self;
+        };
+        let before_and_after = [&self.before, &self.after].map(Errors::largest);
+        let is_named = self.effects.iter().any(|e| e.effect != "quantization");
+        Self {
+            verdict: if is_named {
+                "partly-explained"
+            } else {
+                "unexplained"
+            }
+            .to_owned(),
+            verdict_in_words: in_words_of_slower(
+                &self.effects,
+                records,
+                before_and_after,
+                [hz, slow_hz],
+                over_noise,
+            ),
+            ..self
+        }
     }
 
     /// The same in view of data that contradict themselves, told in words; unchanged without.

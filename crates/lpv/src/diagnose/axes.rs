@@ -165,10 +165,18 @@ fn together<'a>(bundle: &Bundle, axes: impl Iterator<Item = &'a Diagnosis> + Clo
         })
         .collect();
     let (named, rounding) = names(&effects, &record_names(bundle));
-    let found = if named.is_empty() {
-        "no effect is named"
-    } else {
-        &named
+    let found = match (named.is_empty(), verdict) {
+        (true, "explained" | "nothing-missing") => "nothing is missing beside the rounding of the readings",
+        (true, _) => "no effect is named",
+        (false, _) => &named,
+    };
+    let contradictions: Vec<String> = all.iter().flat_map(|d| d.contradictions.clone()).collect();
+    let contradicted = match contradictions.is_empty() {
+        true => String::new(),
+        false => format!(
+            "do not use: the data contradict themselves: {}; with the other axes: ",
+            contradictions.join("; ")
+        ),
     };
     let errors = |of: fn(&Diagnosis) -> &Errors| Errors {
         validation: all.iter().flat_map(|d| of(d).validation.clone()).collect(),
@@ -201,11 +209,11 @@ fn together<'a>(bundle: &Bundle, axes: impl Iterator<Item = &'a Diagnosis> + Clo
         base_model: format!("{} independent axes", all.len()),
         verdict: verdict.to_owned(),
         verdict_in_words: format!(
-            "{}: {found}; force error on held-out records {}{rounding}",
+            "{contradicted}{}: {found}; force error on held-out records {}{rounding}",
             verdict.replace('-', " "),
             forces.join(", ")
         ),
-        contradictions: all.iter().flat_map(|d| d.contradictions.clone()).collect(),
+        contradictions,
         error_of: "observer".to_owned(),
         observer_hz: None,
         effects,

@@ -5,8 +5,8 @@ use lpv_core::{ControllerState, Discrete, Record};
 use lpv_diagnose::observer::{self, Observer};
 use lpv_diagnose::{Base, Case, Explained, Trace, Track, axis_in_band, trace_in_band};
 
-/// What it found, and in which loop.
-pub(super) struct InBand {
+/// What another look found, and in which loop.
+pub(super) struct Again {
     pub(super) found: Trace,
     pub(super) controller: ControllerState,
     /// Fitted and judged records, from where the model lets them begin.
@@ -21,7 +21,7 @@ pub(super) fn look(
     found: &Trace,
     records: [&[Record]; 2],
     told: &[Vec<Track>; 2],
-) -> Result<Option<InBand>, PipelineError> {
+) -> Result<Option<Again>, PipelineError> {
     let base = axis_in_band(case.base, records[0], clock, observer::FORCE_BAND * hz);
     let base = base.unwrap_or_else(|| case.base.clone());
     let Base::Axis(_) = &base else {
@@ -50,7 +50,7 @@ pub(super) fn look(
     let Some(found) = trace_in_band(&case, hz, found)? else {
         return Ok(None);
     };
-    Ok(Some(InBand {
+    Ok(Some(Again {
         tracks: settled(&found.model),
         found,
         controller,

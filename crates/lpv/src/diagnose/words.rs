@@ -10,10 +10,7 @@ pub(super) fn in_words(
     records: &[String],
     over_noise: [f64; 2],
 ) -> String {
-    let [before, after] = over_noise.map(|over| match over < 1e4 {
-        true => format!("{over:.2}"),
-        false => format!("{over:.1e}"),
-    });
+    let [before, after] = over_noise.map(times);
     let (named, rounding) = names(effects, records);
     let falls =
         format!("{named}; on held-out records the error falls from {before} to {after} times the noise");
@@ -35,5 +32,39 @@ pub(super) fn in_words(
             "unexplained: on held-out records the error is {after} times the noise, and no effect of the catalogue explains it; do not \
              rely on the model for such moves"
         ),
+    }
+}
+
+/// The same where an observer of `hz` leaves noise and a slower one, `slow_hz`, so many times the noise.
+pub(super) fn in_words_of_slower(
+    effects: &[FoundEffect],
+    records: &[String],
+    over_noise: [f64; 2],
+    [hz, slow_hz]: [f64; 2],
+    slow_over_noise: f64,
+) -> String {
+    let [before, after] = over_noise.map(times);
+    let (named, rounding) = names(effects, records);
+    let slow = format!(
+        "through one of {slow_hz:.3} Hz, which takes less of a slow force away, {} times, and no effect of the catalogue explains that",
+        times(slow_over_noise)
+    );
+    match named.is_empty() {
+        true => format!(
+            "unexplained: on held-out records the error is {after} times the noise through an observer of {hz:.3} Hz, but {slow}; do not \
+             rely on the model for such moves{rounding}"
+        ),
+        false => format!(
+            "partly explained: {named}; on held-out records the error falls from {before} to {after} times the noise through an observer \
+             of {hz:.3} Hz, but {slow}{rounding}"
+        ),
+    }
+}
+
+/// A multiple of the noise.
+fn times(over: f64) -> String {
+    match over < 1e4 {
+        true => format!("{over:.2}"),
+        false => format!("{over:.1e}"),
     }
 }

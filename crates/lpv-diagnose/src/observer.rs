@@ -186,7 +186,8 @@ fn mean_frequency(records: &[Record], h: f64) -> f64 {
 
 /// The records with the beginnings that a model makes of them. The first samples tell them with some deviation, and a rate that is
 /// wrong by it takes long to die out: least squares of that, and of the error along the record by its own size, so that a model
-/// which lacks much moves nothing. About there a record is free to begin anywhere: what other beginnings make of an error is no part of it.
+/// which lacks much moves nothing. About there a record of a rigid axis is free to
+/// begin anywhere: what other beginnings make of an error is no part of it.
 pub fn settled(model: &Explained, controller: &ControllerState, tracks: &[Track]) -> Vec<Track> {
     const STEPS: usize = 3;
     let one = |told: &Track| {
@@ -198,7 +199,10 @@ pub fn settled(model: &Explained, controller: &ControllerState, tracks: &[Track]
                 None => break,
             }
         }
-        anywhere(model, controller, &track).unwrap_or(track)
+        match model.base.has_load() {
+            true => track,
+            false => anywhere(model, controller, &track).unwrap_or(track),
+        }
     };
     tracks.iter().map(one).collect()
 }
@@ -213,12 +217,11 @@ fn anywhere(model: &Explained, controller: &ControllerState, track: &Track) -> O
     };
     let deviations = track.beginning_deviations();
     let now = errors(track)?;
-    let change = |i: usize| {
-        let mut at = track.beginning();
-        at[i] += deviations[i];
-        Some(errors(&track.beginning_at(at))? - &now)
+    let change = |[position, speed]: [f64; 2]| {
+        let at = track.beginning();
+        Some(errors(&track.beginning_at([at[0] + position, at[1] + speed]))? - &now)
     };
-    Some(track.anywhere([change(0)?, change(1)?]))
+    Some(track.anywhere(vec![change([deviations[0], 0.0])?, change([0.0, deviations[1]])?]))
 }
 
 /// A likelier beginning than that of `track`, if there is one; the first samples tell that of `told`.

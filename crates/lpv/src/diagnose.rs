@@ -4,6 +4,7 @@ mod account;
 mod axes;
 mod axis;
 mod base;
+mod beginnings;
 mod doubt;
 mod errors;
 mod explanation;
@@ -279,6 +280,9 @@ fn of_moves(
         seeks_load: found.rigid.is_some(),
         ..case
     };
+    if is_observed && let Some(begun) = beginnings::look(&case, &found, &told)? {
+        ([fitted, judged], found) = (begun.tracks, begun.found);
+    }
     let mut slow = None;
     if let Some(observer) = &observer {
         let records = [&fit_records[..], &judge_records[..]];

@@ -44,24 +44,32 @@ pub(super) struct WithLoad {
 
 impl WithLoad {
     /// What is found with motor and load as the base: the load is sought beside what the rigid axis was given, then beside what
-    /// it was nearly given.
-    pub(super) fn traced(case: &Case<'_>, strict: &Contest) -> Option<Trace> {
-        let own = own(case, strict);
-        // What was given something has been told most of what is missing.
-        let is_bare = own.iter().any(|model| model.effects.is_empty());
-        let near = strict.near.iter().filter(|_| is_bare).map(without_mode);
-        let near = near.filter(|model| !model.effects.is_empty()).collect();
-        [own, near].into_iter().find_map(|beside| {
-            let loaded = Self::sought(case, strict, beside)?;
-            let contest = loaded.contest(case, strict)?;
+    /// it was nearly given; none where it leaves more than the rigid axis. What swings on a spring begins in more ways than a rigid axis, of
+    /// which the beginning is free: for the load, records are held to where they begin.
+    pub(super) fn traced(case: &Case<'_>, rigid: &Contest) -> Option<Trace> {
+        /// Factor between errors that are as large.
+        const AS_LARGE: f64 = 1.05;
+        let held =
+            |tracks: &[Track]| -> Vec<Track> { tracks.iter().map(Track::held_to_its_beginning).collect() };
+        let (fitted, judged) = (held(case.fitted), held(case.judged));
+        let held = Case {
+            fitted: &fitted,
+            judged: &judged,
+            ..*case
+        };
+        let strict = compete(&held, Aim::Noise, alone(&held).ok()?);
+        let found = [false, true].into_iter().find_map(|nearly| {
+            let loaded = Self::sought(&held, &strict, nearly)?;
+            let contest = loaded.contest(&held, &strict)?;
             // A load that lets the loop diverge is none.
-            contest.conclude(&loaded.case(case)).ok()
-        })
+            contest.conclude(&loaded.case(&held)).ok()
+        });
+        found.filter(|found| found.after.cost <= AS_LARGE * rigid.after.cost)
     }
 
     /// Motor and load where they describe the fitted records in fewer words than a contest without the load. None for another base than a
     /// free axis.
-    fn sought(case: &Case<'_>, strict: &Contest, beside: Vec<Explained>) -> Option<Self> {
+    fn sought(case: &Case<'_>, strict: &Contest, nearly: bool) -> Option<Self> {
         let Base::Axis(axis) = case.base else {
             return None;
         };
@@ -81,6 +89,12 @@ impl WithLoad {
             aim: Aim::Noise,
         };
         let without = bench.problem().fit(&strict.now.model, SECOND, None).ok()?;
+        let own = own(&bench, strict);
+        let beside = match nearly {
+            // What was given something has been told most of what is missing.
+            true => nearly_given(strict).filter(|_| own.iter().any(|m| m.effects.is_empty()))?,
+            false => own,
+        };
         let found = best(&bench, &beside)?;
         // Where the record begins, the rigid axis has told.
         let again = begun(&found.model, case, worst.clone());
@@ -159,19 +173,20 @@ fn worst(case: &Case<'_>, strict: &Contest) -> Option<usize> {
 }
 
 /// The rigid axis with what it was given; where that is nothing, also with dry friction.
-fn own(case: &Case<'_>, strict: &Contest) -> Vec<Explained> {
+fn own(bench: &Bench<'_>, strict: &Contest) -> Vec<Explained> {
     let mut all = vec![without_mode(&strict.now.model)];
     if all[0].effects.is_empty() {
-        let bench = Bench {
-            whitening: strict.whitening.clone(),
-            case,
-            aim: Aim::Noise,
-        };
         let mut dry = strict.bare.model.clone();
-        dry.effects.extend(dry_friction(&bench, &strict.bare));
+        dry.effects.extend(dry_friction(bench, &strict.bare));
         all.push(dry);
     }
     all
+}
+
+/// The same with what it was nearly given.
+fn nearly_given(strict: &Contest) -> Option<Vec<Explained>> {
+    let near = strict.near.as_ref().map(without_mode)?;
+    (!near.effects.is_empty()).then(|| vec![near])
 }
 
 /// A model without what is the same as a load.

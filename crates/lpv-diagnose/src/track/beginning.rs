@@ -65,9 +65,8 @@ impl Track {
         error
     }
 
-    /// The same record that may begin anywhere: with what a change of its first output makes of the error along it, and one of its first
-    /// rate.
-    pub(crate) fn anywhere(&self, changes: [DVector<f64>; 2]) -> Self {
+    /// The same record that may begin anywhere: with what changes of its beginning make of the error along it.
+    pub(crate) fn anywhere(&self, changes: Vec<DVector<f64>>) -> Self {
         let mut free: Vec<DVector<f64>> = Vec::new();
         for mut column in changes {
             for other in &free {

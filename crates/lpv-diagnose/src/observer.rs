@@ -186,8 +186,8 @@ fn mean_frequency(records: &[Record], h: f64) -> f64 {
 
 /// The records with the beginnings that a model makes of them. The first samples tell them with some deviation, and a rate that is
 /// wrong by it takes long to die out: least squares of that, and of the error along the record by its own size, so that a model
-/// which lacks much moves nothing. About there a record of a rigid axis is free to
-/// begin anywhere: what other beginnings make of an error is no part of it.
+/// which lacks much moves nothing. About there a record of a rigid axis is free to begin anywhere: what other beginnings make of an
+/// error is no part of it.
 pub fn settled(model: &Explained, controller: &ControllerState, tracks: &[Track]) -> Vec<Track> {
     const STEPS: usize = 3;
     let one = |told: &Track| {
@@ -210,28 +210,29 @@ pub fn settled(model: &Explained, controller: &ControllerState, tracks: &[Track]
 /// A record that may begin anywhere, about where it begins: what another beginning makes of the errors of a model does not count, as if it
 /// were fitted with whatever else is ([`Track::error`]). None where the simulation leaves all bounds.
 fn anywhere(model: &Explained, controller: &ControllerState, track: &Track) -> Option<Track> {
-    let errors = |track: &Track| -> Option<DVector<f64>> {
-        let run = model.closed_loop(controller, track)?;
-        let error = run.error(track);
-        Some(DVector::from_iterator(error.len(), error.iter().map(|e| e[0])))
-    };
+    let errors = |track: &Track| Some(DVector::from_vec(first_errors(model, controller, track)?));
     let deviations = track.beginning_deviations();
     let now = errors(track)?;
-    let change = |[position, speed]: [f64; 2]| {
-        let at = track.beginning();
-        Some(errors(&track.beginning_at([at[0] + position, at[1] + speed]))? - &now)
+    let at = track.beginning();
+    let change = |i: usize| {
+        let mut at = at;
+        at[i] += deviations[i];
+        Some(errors(&track.beginning_at(at))? - &now)
     };
-    Some(track.anywhere(vec![change([deviations[0], 0.0])?, change([0.0, deviations[1]])?]))
+    Some(track.anywhere([change(0)?, change(1)?]))
+}
+
+/// Errors of the first output along a record.
+fn first_errors(model: &Explained, controller: &ControllerState, track: &Track) -> Option<Vec<f64>> {
+    let run = model.closed_loop(controller, track)?;
+    Some(run.error(track).iter().map(|e| e[0]).collect())
 }
 
 /// A likelier beginning than that of `track`, if there is one; the first samples tell that of `told`.
 fn better(model: &Explained, controller: &ControllerState, told: &Track, track: &Track) -> Option<Track> {
     /// Deviations of what swings over those of the noise of its readings.
     const ROUGHLY: f64 = 100.0;
-    let errors = |track: &Track| -> Option<Vec<f64>> {
-        let run = model.closed_loop(controller, track)?;
-        Some(run.error(track).iter().map(|e| e[0]).collect())
-    };
+    let errors = |track: &Track| first_errors(model, controller, track);
     let now = errors(track)?;
     let size = (now.iter().map(|e| e * e).sum::<f64>() / now.len() as f64).sqrt();
     // Of what swings on a spring the first samples tell the beginning roughly.

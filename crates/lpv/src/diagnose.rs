@@ -1,6 +1,7 @@
 //! What a base model lacks, found on the moves of a bundle, and told as `diagnosis.json`.
 
 mod account;
+mod again;
 mod axes;
 mod axis;
 mod base;
@@ -20,7 +21,6 @@ mod record_errors;
 mod records;
 mod responses;
 mod saved;
-mod slower;
 mod value;
 mod words;
 
@@ -192,7 +192,11 @@ fn of_moves(
             (observer.controller.clone(), Some(observer))
         }
     };
-    let observer_hz = observer.as_ref().map(|o| o.hz);
+    let mut observer_hz = observer.as_ref().map(|o| o.hz);
+    let band = (
+        clock,
+        observer_hz.map_or(f64::INFINITY, |hz| observer::FORCE_BAND * hz),
+    );
     let mut start = controller.start()?;
     let tracks = |records: &[Record]| -> Result<Vec<Track>, PipelineError> {
         let is_it = |i: &usize, r: &Record| bundle.record_name(*i).is_ok_and(|name| name == r.name);
@@ -286,14 +290,16 @@ fn of_moves(
     let mut slow = None;
     if let Some(observer) = &observer {
         let records = [&fit_records[..], &judge_records[..]];
-        let look = slower::look(&case, (observer, clock), &found, records, &told)?;
-        let is_explained = matches!(found.verdict, Verdict::Explained | Verdict::NothingMissing);
-        let again = match (look.again, is_explained) {
-            (None, false) => in_band::look(&case, (observer.hz, clock), &found, records, &told)?,
-            (again, _) => again,
-        };
+        let look = again::look(&case, (observer, clock), &found, records, &told)?;
         slow = look.left;
-        if let Some(again) = again {
+        if let Some(again) = look.again {
+            if again.hz < observer.hz {
+                reasons.push(format!(
+                    "an observer of {:.3} Hz, which takes less of a slow force away, shows what the faster one does not",
+                    again.hz
+                ));
+            }
+            observer_hz = Some(again.hz);
             start = again.controller;
             [fitted, judged] = again.tracks;
             found = again.found;
@@ -311,10 +317,6 @@ fn of_moves(
         }
         _ => None,
     };
-    let band = (
-        clock,
-        observer_hz.map_or(f64::INFINITY, |hz| observer::FORCE_BAND * hz),
-    );
     let mut axis = axis::errors(&found, &start, band, &fit_records, &fitted)?;
     axis.extend(axis::errors(&found, &start, band, &judge_records, &judged)?);
     let records = match is_observed {

@@ -101,7 +101,8 @@ const fn two_waves(place: Place) -> Effect {
     }
 }
 
-/// Beside a wave: its orders, waves of which it is an order, and what else is seen in what the machine leaves without it.
+/// Beside a wave: its orders, waves of which it is an order, and what else is seen in what the machine leaves without it. Without an amplitude the
+/// second pitch has no slope, and what a start promises is what that pitch does and no other.
 fn second_waves(v: &[f64], screen: &Screen<'_>, place: Place) -> Vec<Vec<f64>> {
     /// The highest order.
     const ORDERS: u32 = 6;
@@ -112,11 +113,10 @@ fn second_waves(v: &[f64], screen: &Screen<'_>, place: Place) -> Vec<Vec<f64>> {
     let halves = [1.5, 2.0 / 3.0].map(|part| part * pitch);
     let seen = waves(screen, place.first(), &[place.first()]);
     let seen = seen.into_iter().filter_map(|v| v.last().copied());
-    let small = 0.01 * sine.hypot(cosine);
     orders
         .chain(halves)
         .chain(seen)
-        .map(|second| vec![sine, cosine, small, small, pitch, second])
+        .map(|second| vec![sine, cosine, 0.0, 0.0, pitch, second])
         .collect()
 }
 

@@ -34,6 +34,8 @@ const LAST: usize = 20;
 const ROUNDS: usize = 3;
 const PEAKS: usize = 3;
 const RINGING: [f64; 2] = [0.01, 0.06];
+/// Factor between errors on the judged records that are as large.
+const AS_LARGE: f64 = 1.05;
 
 /// A case with motor and load as its base.
 pub(super) struct WithLoad {
@@ -46,36 +48,40 @@ impl WithLoad {
     /// What is found with motor and load as the base: the load is sought beside what the rigid axis was given, then beside what
     /// it was nearly given; none where it leaves more than the rigid axis. What swings on a spring begins in more ways than a rigid axis, of
     /// which the beginning is free: for the load, records are held to where they begin.
+    /// None for another base than a free axis.
     pub(super) fn traced(case: &Case<'_>, rigid: &Contest) -> Option<Trace> {
-        /// Factor between errors that are as large.
-        const AS_LARGE: f64 = 1.05;
-        let held =
+        match case.base {
+            Base::Axis(axis) if axis.load().is_none() && axis.stiffness().is_none() => {}
+            _ => return None,
+        }
+        let of =
             |tracks: &[Track]| -> Vec<Track> { tracks.iter().map(Track::held_to_its_beginning).collect() };
-        let (fitted, judged) = (held(case.fitted), held(case.judged));
+        let (fitted, judged) = (of(case.fitted), of(case.judged));
         let held = Case {
             fitted: &fitted,
             judged: &judged,
             ..*case
         };
-        let strict = compete(&held, Aim::Noise, alone(&held).ok()?);
+        let is_free = case.fitted.iter().chain(case.judged).any(Track::is_free);
+        let anew;
+        let strict = if is_free {
+            anew = compete(&held, Aim::Noise, alone(&held).ok()?);
+            &anew
+        } else {
+            rigid
+        };
         let found = [false, true].into_iter().find_map(|nearly| {
-            let loaded = Self::sought(&held, &strict, nearly)?;
-            let contest = loaded.contest(&held, &strict)?;
+            let loaded = Self::sought(&held, strict, nearly)?;
+            let contest = loaded.contest(&held, strict)?;
             // A load that lets the loop diverge is none.
             contest.conclude(&loaded.case(&held)).ok()
         });
         found.filter(|found| found.after.cost <= AS_LARGE * rigid.after.cost)
     }
 
-    /// Motor and load where they describe the fitted records in fewer words than a contest without the load. None for another base than a
-    /// free axis.
+    /// Motor and load where they describe the fitted records in fewer words than a contest without the load.
     fn sought(case: &Case<'_>, strict: &Contest, nearly: bool) -> Option<Self> {
-        let Base::Axis(axis) = case.base else {
-            return None;
-        };
-        if axis.load().is_some() || axis.stiffness().is_some() {
-            return None;
-        }
+        let near = if nearly { Some(nearly_given(strict)?) } else { None };
         let parts = 2 * case.fitted.first()?.fine();
         let followed = |tracks: &[Track]| tracks.iter().map(|t| t.followed(parts)).collect::<Vec<Track>>();
         let worst = followed(&case.fitted[worst(case, strict)?..][..1]);
@@ -89,13 +95,7 @@ impl WithLoad {
             aim: Aim::Noise,
         };
         let without = bench.problem().fit(&strict.now.model, SECOND, None).ok()?;
-        let own = own(&bench, strict);
-        let beside = match nearly {
-            // What was given something has been told most of what is missing.
-            true => nearly_given(strict).filter(|_| own.iter().any(|m| m.effects.is_empty()))?,
-            false => own,
-        };
-        let found = best(&bench, &beside)?;
+        let found = best(&bench, &near.unwrap_or_else(|| own(&bench, strict)))?;
         // Where the record begins, the rigid axis has told.
         let again = begun(&found.model, case, worst.clone());
         let narrow = Case {
@@ -128,8 +128,6 @@ impl WithLoad {
 
     /// The contest with the load, where it ends in fewer words than that without, and with no larger error on the judged records.
     pub(super) fn contest(&self, case: &Case<'_>, strict: &Contest) -> Option<Contest> {
-        /// Factor between errors that are as large.
-        const AS_LARGE: f64 = 1.05;
         let case = self.case(case);
         let found = compete(&case, Aim::Noise, alone(&case).ok()?);
         let is_better = found.now.length() <= strict.most(strict.now.length())
@@ -183,8 +181,11 @@ fn own(bench: &Bench<'_>, strict: &Contest) -> Vec<Explained> {
     all
 }
 
-/// The same with what it was nearly given.
+/// The same with what it was nearly given, if it was given nothing: else most of what is missing has been told.
 fn nearly_given(strict: &Contest) -> Option<Vec<Explained>> {
+    if !without_mode(&strict.now.model).effects.is_empty() {
+        return None;
+    }
     let near = strict.near.as_ref().map(without_mode)?;
     (!near.effects.is_empty()).then(|| vec![near])
 }

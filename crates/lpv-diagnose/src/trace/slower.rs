@@ -27,58 +27,44 @@ pub struct Slower {
 }
 
 /// The same search as [`trace`] in the loop of a slower observer, the controller of `case`, which holds an axis at its records (`told`, fitted
-/// and judged; those of `case` are not read). `found` is what a faster one showed. None where a slower one is of no use.
-///
-/// # Errors
-/// [`TraceError::Diverges`].
-pub fn trace_slower(
-    case: &Case<'_>,
-    found: &Trace,
-    told: &[Vec<Track>; 2],
-) -> Result<Option<Slower>, TraceError> {
+/// and judged; those of `case` are not read). `found` is what a faster one showed. None where a slower one is of no use, or loses the
+/// records.
+pub fn trace_slower(case: &Case<'_>, found: &Trace, told: &[Vec<Track>; 2]) -> Option<Slower> {
     let is_held = told.iter().flatten().all(|t| t.follows);
     let is_explained = matches!(found.verdict, Verdict::Explained | Verdict::NothingMissing);
     if !is_held || !is_explained && found.after.cost.sqrt() > FAR {
-        return Ok(None);
+        return None;
     }
-    // A machine that its records lose without the faster observer has nothing to compare.
-    let Ok((tracks, cost)) = followed(case, &found.model, told) else {
-        return Ok(None);
+    let (tracks, cost) = followed(case, &found.model, told).ok()?;
+    let named = || {
+        let tracks = match found.model.effects.is_empty() {
+            true => tracks,
+            false => followed(case, &found.bare, told).ok()?.0,
+        };
+        let first = explained(case, &tracks)?;
+        // Other beginnings are free about those of the model that was found.
+        let (tracks, _) = followed(case, &first.model, told).ok()?;
+        Some((explained(case, &tracks)?, tracks))
     };
-    let over_noise = cost.sqrt();
-    if is_explained && cost <= NOISE {
-        return Ok(Some(Slower {
-            over_noise,
-            found: None,
-        }));
-    }
-    let from = |tracks: &[Vec<Track>; 2]| {
-        let [fitted, judged] = tracks;
-        trace(&Case {
-            fitted,
-            judged,
-            ..*case
-        })
-    };
-    let explains = |found: &Trace| found.after.cost <= NOISE && found.verdict == Verdict::Explained;
-    let tracks = match found.model.effects.is_empty() {
-        true => tracks,
-        false => followed(case, &found.bare, told)?.0,
-    };
-    let first = from(&tracks)?;
-    if !explains(&first) {
-        return Ok(Some(Slower {
-            over_noise,
-            found: None,
-        }));
-    }
-    // Other beginnings are free about those of the model that was found.
-    let (tracks, _) = followed(case, &first.model, told)?;
-    let again = from(&tracks)?;
-    Ok(Some(Slower {
-        over_noise,
-        found: explains(&again).then_some((again, tracks)),
-    }))
+    Some(Slower {
+        over_noise: cost.sqrt(),
+        found: if is_explained && cost <= NOISE {
+            None
+        } else {
+            named()
+        },
+    })
+}
+
+/// What the competition finds along records, where it leaves noise.
+fn explained(case: &Case<'_>, [fitted, judged]: &[Vec<Track>; 2]) -> Option<Trace> {
+    let found = trace(&Case {
+        fitted,
+        judged,
+        ..*case
+    });
+    let leaves_noise = |found: &Trace| found.after.cost <= NOISE && found.verdict == Verdict::Explained;
+    found.ok().filter(leaves_noise)
 }
 
 /// The records as a model lets them begin, about which they may begin anywhere, and its cost on the judged ones after a fit.

@@ -65,8 +65,8 @@ impl Track {
         error
     }
 
-    /// The same record that may begin anywhere: with what changes of its beginning make of the error along it.
-    pub(crate) fn anywhere(&self, changes: Vec<DVector<f64>>) -> Self {
+    /// The same record that may begin anywhere: with what changes of its first output and of its first rate make of the error along it.
+    pub(crate) fn anywhere(&self, changes: [DVector<f64>; 2]) -> Self {
         let mut free: Vec<DVector<f64>> = Vec::new();
         for mut column in changes {
             for other in &free {
@@ -76,6 +76,11 @@ impl Track {
             free.extend(column.try_normalize(0.0));
         }
         Self { free, ..self.clone() }
+    }
+
+    /// Whether it may begin anywhere.
+    pub(crate) fn is_free(&self) -> bool {
+        !self.free.is_empty()
     }
 
     /// The same record that is held to where it begins.

@@ -54,16 +54,36 @@ impl Held {
             .each_ref()
             .map(|t| observer::settled(model, &self.observer, t));
         trace(&Case {
-            base: &self.base,
-            prior: None,
-            free: None,
-            controller: &self.observer,
-            noise: [step / 12_f64.sqrt(), 0.0],
             fitted: &fitted,
             judged: &judged,
             seeks_load,
-            on_fit: &|_, _| {},
+            ..self.case(&self.observer, step)
         })
+    }
+
+    /// What another look says of the same records in the loop of another observer.
+    pub(crate) fn look_through<T>(
+        &self,
+        other: &Observer,
+        step: f64,
+        look: impl FnOnce(&Case<'_>, &[Vec<Track>; 2]) -> T,
+    ) -> Result<T, TraceError> {
+        let controller = other.controller.start()?;
+        Ok(look(&self.case(&controller, step), &self.tracks))
+    }
+
+    fn case<'a>(&'a self, controller: &'a ControllerState, step: f64) -> Case<'a> {
+        Case {
+            base: &self.base,
+            prior: None,
+            free: None,
+            controller,
+            noise: [step / 12_f64.sqrt(), 0.0],
+            fitted: &[],
+            judged: &[],
+            seeks_load: false,
+            on_fit: &|_, _| {},
+        }
     }
 }
 

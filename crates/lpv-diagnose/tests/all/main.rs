@@ -9,4 +9,5 @@ mod common;
 mod held_axis;
 mod in_band;
 mod motor_and_load;
+mod slower;
 mod two_axes_by_hand;

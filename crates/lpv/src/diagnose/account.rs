@@ -3,7 +3,7 @@
 use super::found::FoundEffect;
 use super::places::{base_parameters, channel, placed, record_names};
 use super::value::Value;
-use super::words::{in_words, in_words_of_slower};
+use super::words::{contradicted, in_words, said_of_slower};
 use super::{
     AxisErrors, Characterisation, Errors, LeftTest, LeftTests, NoiseSource, OutputError, RecordErrors,
 };
@@ -204,27 +204,17 @@ impl Diagnosis {
         self
     }
 
-    /// The same in view of what a slower observer leaves ([`Look::left`](super::slower::Look)), where a faster one leaves noise.
+    /// The same in view of what a slower observer leaves ([`Look::left`](super::again::Look)), where a faster one leaves noise.
     pub(super) fn in_view_of_slower(self, left: Option<[f64; 2]>, records: &[String]) -> Self {
         let (Some([slow_hz, over_noise]), Some(hz)) = (left, self.observer_hz) else {
             return self;
         };
         let before_and_after = [&self.before, &self.after].map(Errors::largest);
-        let is_named = self.effects.iter().any(|e| e.effect != "quantization");
+        let hz = [hz, slow_hz];
+        let (verdict, words) = said_of_slower(&self.effects, records, before_and_after, hz, over_noise);
         Self {
-            verdict: if is_named {
-                "partly-explained"
-            } else {
-                "unexplained"
-            }
-            .to_owned(),
-            verdict_in_words: in_words_of_slower(
-                &self.effects,
-                records,
-                before_and_after,
-                [hz, slow_hz],
-                over_noise,
-            ),
+            verdict: verdict.to_owned(),
+            verdict_in_words: words,
             ..self
         }
     }
@@ -234,10 +224,7 @@ impl Diagnosis {
         if contradictions.is_empty() {
             return self;
         }
-        let said = format!(
-            "do not use: the data contradict themselves: {}",
-            contradictions.join("; ")
-        );
+        let said = contradicted(&contradictions);
         // Without a controller there is nothing that a name could be held against.
         let (words, verdict, effects) = match self.error_of == "observer" {
             true => (said, "unexplained".to_owned(), Vec::new()),

@@ -3,6 +3,7 @@
 
 use super::found::names;
 use super::places::record_names;
+use super::words::contradicted;
 use super::{
     AxisErrors, Diagnosed, Diagnosis, Errors, Evidence, Explanation, FoundEffect, LeftTests, PlaceName, Value,
 };
@@ -166,17 +167,14 @@ fn together<'a>(bundle: &Bundle, axes: impl Iterator<Item = &'a Diagnosis> + Clo
         .collect();
     let (named, rounding) = names(&effects, &record_names(bundle));
     let found = match (named.is_empty(), verdict) {
-        (true, "explained" | "nothing-missing") => "nothing is missing beside the rounding of the readings",
+        (true, "explained") => "nothing is missing beside the rounding of the readings",
         (true, _) => "no effect is named",
         (false, _) => &named,
     };
     let contradictions: Vec<String> = all.iter().flat_map(|d| d.contradictions.clone()).collect();
-    let contradicted = match contradictions.is_empty() {
+    let first = match contradictions.is_empty() {
         true => String::new(),
-        false => format!(
-            "do not use: the data contradict themselves: {}; with the other axes: ",
-            contradictions.join("; ")
-        ),
+        false => format!("{}; with the other axes: ", contradicted(&contradictions)),
     };
     let errors = |of: fn(&Diagnosis) -> &Errors| Errors {
         validation: all.iter().flat_map(|d| of(d).validation.clone()).collect(),
@@ -209,7 +207,7 @@ fn together<'a>(bundle: &Bundle, axes: impl Iterator<Item = &'a Diagnosis> + Clo
         base_model: format!("{} independent axes", all.len()),
         verdict: verdict.to_owned(),
         verdict_in_words: format!(
-            "{contradicted}{}: {found}; force error on held-out records {}{rounding}",
+            "{first}{}: {found}; force error on held-out records {}{rounding}",
             verdict.replace('-', " "),
             forces.join(", ")
         ),

@@ -1,17 +1,10 @@
 //! The competition in the band of the motion, for records that no effect explains down to their noise.
 
+use super::again::{Again, held_by};
 use crate::PipelineError;
-use lpv_core::{ControllerState, Discrete, Record};
+use lpv_core::{Discrete, Record};
 use lpv_diagnose::observer::{self, Observer};
 use lpv_diagnose::{Base, Case, Explained, Trace, Track, axis_in_band, trace_in_band};
-
-/// What another look found, and in which loop.
-pub(super) struct Again {
-    pub(super) found: Trace,
-    pub(super) controller: ControllerState,
-    /// Fitted and judged records, from where the model lets them begin.
-    pub(super) tracks: [Vec<Track>; 2],
-}
 
 /// Looks beside `found`, what the competition down to the noise says; none where that stands. The records, fitted and judged, are
 /// those of the tracks.
@@ -28,12 +21,7 @@ pub(super) fn look(
         return Ok(None);
     };
     let controller = Observer::new(&base, records[0], clock)?.controller.start()?;
-    let held: [Vec<Track>; 2] = std::array::from_fn(|i| {
-        let pairs = told[i].iter().zip(records[i]);
-        pairs
-            .map(|(track, record)| track.held_by(record, &controller))
-            .collect()
-    });
+    let held = held_by(&controller, records, told);
     let bare = Explained {
         base: base.clone(),
         effects: Vec::new(),
@@ -54,5 +42,6 @@ pub(super) fn look(
         tracks: settled(&found.model),
         found,
         controller,
+        hz,
     }))
 }

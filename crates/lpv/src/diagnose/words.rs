@@ -35,30 +35,40 @@ pub(super) fn in_words(
     }
 }
 
-/// The same where an observer of `hz` leaves noise and a slower one, `slow_hz`, so many times the noise.
-pub(super) fn in_words_of_slower(
+/// What is said first of data that contradict themselves.
+pub(super) fn contradicted(contradictions: &[String]) -> String {
+    format!(
+        "do not use: the data contradict themselves: {}",
+        contradictions.join("; ")
+    )
+}
+
+/// Verdict and first line where an observer of `hz` leaves noise and a slower one, `slow_hz`, so many times the noise.
+pub(super) fn said_of_slower(
     effects: &[FoundEffect],
     records: &[String],
     over_noise: [f64; 2],
     [hz, slow_hz]: [f64; 2],
     slow_over_noise: f64,
-) -> String {
+) -> (&'static str, String) {
     let [before, after] = over_noise.map(times);
     let (named, rounding) = names(effects, records);
     let slow = format!(
         "through one of {slow_hz:.3} Hz, which takes less of a slow force away, {} times, and no effect of the catalogue explains that",
         times(slow_over_noise)
     );
-    match named.is_empty() {
-        true => format!(
+    if named.is_empty() {
+        let words = format!(
             "unexplained: on held-out records the error is {after} times the noise through an observer of {hz:.3} Hz, but {slow}; do not \
              rely on the model for such moves{rounding}"
-        ),
-        false => format!(
-            "partly explained: {named}; on held-out records the error falls from {before} to {after} times the noise through an observer \
-             of {hz:.3} Hz, but {slow}{rounding}"
-        ),
+        );
+        return ("unexplained", words);
     }
+    let words = format!(
+        "partly explained: {named}; on held-out records the error falls from {before} to {after} times the noise through an observer of \
+         {hz:.3} Hz, but {slow}{rounding}"
+    );
+    ("partly-explained", words)
 }
 
 /// A multiple of the noise.

@@ -100,11 +100,11 @@ pub(super) fn spectrum(record: &Record) -> Option<Spectrum> {
 }
 
 /// Lines on which a signal has little more than what leaks from the others: under a window that falls off faster it has much less there.
-fn leaks(x: &[f64], transforms_of_x: &[Vec<C64>]) -> Vec<bool> {
+fn leaks(x: &[f64], of_x: &[Vec<C64>]) -> Vec<bool> {
     /// Factor of the power.
     const LESS: f64 = 4.0;
     let narrow = power(&transforms(x, 2));
-    let pairs = power(transforms_of_x).into_iter().zip(narrow);
+    let pairs = power(of_x).into_iter().zip(narrow);
     pairs.map(|(wide, narrow)| wide > LESS * narrow).collect()
 }
 
@@ -195,8 +195,8 @@ fn factor(all: &[&Spectrum], e: usize, i: usize) -> Option<f64> {
             .all(|c| !far(all[e].sizes[*c] / typical(*c), ALIKE))
     };
     // Another unit is the same on all lines; two motions with little but leakage on theirs have another ratio on each.
-    let sizes: Vec<f64> = ratios.iter().map(|r| r.norm().ln()).collect();
-    let spread = 0.5 * (quantile(&sizes, 0.75) - quantile(&sizes, 0.25));
+    let logarithms: Vec<f64> = ratios.iter().map(|r| r.norm().ln()).collect();
+    let spread = 0.5 * (quantile(&logarithms, 0.75) - quantile(&logarithms, 0.25));
     let noise = all.iter().map(|s| s.deviations[i]).fold(0.0, f64::max);
     if spread > EVEN + DEVIATIONS * noise {
         return None;

@@ -27,7 +27,7 @@ a wrong name; nor is `extra-mode` on motor and load, which the base, a rigid axi
 the axis: they count as named where no name is given, nothing is left, and their values count among the parameters. A smooth force of position, gravity over an angle among them, may be told as `position-force`, `cogging` or \
 `cable-stiffness`, on a flexure as `cubic-stiffness`; a spring as `cable-stiffness` or the slope of a `position-force`.\n\n\
 The size of an effect counts slow differences of position, which add up over a record. The diagnosis follows the records through an observer, \
-which takes slow differences away: of a slow effect at 10 times the least visible size it may see less than the noise of a reading, and then it names nothing.\n";
+which takes slow differences away, and where that leaves noise through slower ones, down to a free run.\n";
 
 pub(super) fn page(metrics: &Metrics, all: &[Outcome], (command, asked): (&str, usize)) -> String {
     let mut text = HEAD.to_owned();

@@ -128,6 +128,7 @@ mod error;
 mod fit;
 mod force;
 mod frozen;
+mod inverse;
 mod left;
 pub mod observer;
 mod responses;

@@ -186,8 +186,7 @@ fn mean_frequency(records: &[Record], h: f64) -> f64 {
 
 /// The records with the beginnings that a model makes of them. The first samples tell them with some deviation, and a rate that is
 /// wrong by it takes long to die out: least squares of that, and of the error along the record by its own size, so that a model
-/// which lacks much moves nothing. About there a record of a rigid axis is free to begin anywhere: what other beginnings make of an
-/// error is no part of it.
+/// which lacks much moves nothing.
 pub fn settled(model: &Explained, controller: &ControllerState, tracks: &[Track]) -> Vec<Track> {
     const STEPS: usize = 3;
     let one = |told: &Track| {
@@ -199,12 +198,27 @@ pub fn settled(model: &Explained, controller: &ControllerState, tracks: &[Track]
                 None => break,
             }
         }
-        match model.base.has_load() {
-            true => track,
-            false => anywhere(model, controller, &track).unwrap_or(track),
-        }
+        track
     };
     tracks.iter().map(one).collect()
+}
+
+/// The same records, of a rigid axis, that may begin anywhere about there: what other beginnings make of an error is no part of it. For errors
+/// that are nearly noise: of a machine that lacks more, it would take a part of what is missing away.
+pub(crate) fn settled_anywhere(
+    model: &Explained,
+    controller: &ControllerState,
+    tracks: &[Track],
+) -> Vec<Track> {
+    let mut settled = settled(model, controller, tracks);
+    if !model.base.has_load() {
+        for track in &mut settled {
+            if let Some(free) = anywhere(model, controller, track) {
+                *track = free;
+            }
+        }
+    }
+    settled
 }
 
 /// A record that may begin anywhere, about where it begins: what another beginning makes of the errors of a model does not count, as if it

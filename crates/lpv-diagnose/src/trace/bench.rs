@@ -142,6 +142,24 @@ impl<'a> Bench<'a> {
         })
     }
 
+    /// Whether the last effect of a model, a force of the motion of an axis, lowers the squared force of the inverse dynamics on the judged
+    /// records, beside a model without it; also where these do not tell.
+    pub(super) fn lowers_force(&self, model: &Explained, without: &Explained) -> bool {
+        /// Part of it that is a fall.
+        const FALL: f64 = 0.05;
+        let left = |model: &Explained| -> Option<f64> {
+            let judged = self.case.judged.iter();
+            judged.map(|track| model.force_left(track)).sum()
+        };
+        if !model.ends_with_a_force() {
+            return true;
+        }
+        match (left(model), left(without)) {
+            (Some(with), Some(without)) => with <= (1.0 - FALL) * without,
+            _ => true,
+        }
+    }
+
     /// Whether an output goes back in a fitted record, by more than its noise.
     pub(super) fn turns(&self, output: usize) -> bool {
         /// Deviations of the noise that are a way.

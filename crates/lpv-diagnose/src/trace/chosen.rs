@@ -172,6 +172,23 @@ impl Chosen {
         }
     }
 
+    /// Where more than noise is left beside several effects, the last of them goes if it brought little and lowers no force of the inverse
+    /// dynamics: so much of any error looks like one effect or another.
+    pub(super) fn drop_weak(&mut self, bench: &Bench<'_>, bare: &Fitted) {
+        /// Fall of the squared error that is more, dB.
+        const LITTLE: f64 = 2.0;
+        while self.judged.cost > NOISE
+            && self.added.len() > 1
+            && self.added.last().is_some_and(|last| last.gain_db < LITTLE)
+            && let Some((rest, without)) = self.without(bench, self.added.len() - 1)
+            && !bench.lowers_force(&self.now.model, &rest.model)
+        {
+            self.added.pop();
+            (self.now, self.judged) = (rest, without);
+            self.account(bench, bare);
+        }
+    }
+
     /// A fit without one of the effects.
     pub(super) fn without(&self, bench: &Bench<'_>, i: usize) -> Option<(Fitted, Judged)> {
         let mut rest = self.now.model.clone();

@@ -132,8 +132,7 @@ impl Contest {
             chosen.account(bench, &self.bare);
         };
         let strictly = bench.judge(&strict.model).cost;
-        // What explains clearly more of the force stands.
-        if !strict.added.is_empty() && WORTH * strictly < chosen.judged.cost {
+        if !strict.added.is_empty() && strict.explains_more(strictly, &chosen) {
             return Ok(None);
         }
         if !bench.is_named(&self.bare, &chosen, self.before.cost) {
@@ -174,6 +173,24 @@ impl Contest {
             added,
             candidates,
         }))
+    }
+}
+
+impl Trace {
+    /// Whether what the competition down to the noise found, which leaves this cost in the band, stands beside what was chosen there. Effects
+    /// that not every machine has must explain far more.
+    fn explains_more(&self, cost: f64, chosen: &Chosen) -> bool {
+        /// Factor between squared forces by which other effects explain far more.
+        const FAR_MORE: f64 = 2.0;
+        let [own, there] =
+            [&self.added, &chosen.added].map(|added| added.iter().map(|a| a.effect).collect::<Vec<_>>());
+        let are_same = own.len() == there.len() && own.iter().all(|e| there.iter().any(|t| t.is(e)));
+        let least = match own.iter().all(|e| Aim::Force.admits(e)) {
+            _ if are_same => 1.0,
+            true => WORTH,
+            false => FAR_MORE,
+        };
+        least * cost < chosen.judged.cost
     }
 }
 

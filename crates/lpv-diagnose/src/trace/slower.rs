@@ -3,7 +3,7 @@
 //! An observer takes away what is slower than its bandwidth: the faster it is, the less of a slow force is left in the error, down to
 //! nothing but noise. A slow one lets the model run nearly free, and a small force adds up over a record. It adds up with what a wrong
 //! beginning makes, too, and that hides it where the beginnings are those of a model without the force; here the beginning of each
-//! record is free, see [`observer::settled`].
+//! record is free, see [`observer::settled_anywhere`].
 
 use super::bench::{Aim, Bench};
 use super::noise::loop_noise;
@@ -75,7 +75,7 @@ fn followed(
 ) -> Result<([Vec<Track>; 2], f64), TraceError> {
     let settled = |model: &Explained| {
         told.each_ref()
-            .map(|tracks| observer::settled(model, case.controller, tracks))
+            .map(|tracks| observer::settled_anywhere(model, case.controller, tracks))
     };
     let [fitted, judged] = settled(model);
     let here = Case {

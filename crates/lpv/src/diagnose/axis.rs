@@ -4,7 +4,7 @@ use crate::PipelineError;
 use crate::validation::{AxisCheck, check_axis};
 use experiment_data::Bundle;
 use lpv_core::{AxisOutput, ControllerState, Discrete, Record};
-use lpv_diagnose::{Base, Explained, Motion, Trace, Track};
+use lpv_diagnose::{Base, Explained, Trace, Track};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -105,29 +105,9 @@ fn check(
         return Ok(None);
     };
     let closed = model.closed_loop(controller, track);
-    let Base::Axis(axis) = &model.base else {
-        return Ok(None);
-    };
-    let force = |m: &lti_ident::rigid_body::Motion| -> Vec<f64> {
-        let motions: Vec<Motion> = m
-            .position
-            .iter()
-            .zip(&m.velocity)
-            .map(|(q, v)| Motion {
-                motor_position: [*q, 0.0],
-                motor_speed: [*v, 0.0],
-                load_position: [*q, 0.0],
-                load_speed: [*v, 0.0],
-                deflection: [0.0; 2],
-            })
-            .collect();
-        let effects = model.forces_along(track, &motions);
-        let forces = axis.force_along([&m.position, &m.velocity, &m.acceleration], track.step);
-        forces
-            .into_iter()
-            .zip(&effects)
-            .map(|(force, f)| force - f[0])
-            .collect()
+    let force = |m: &lti_ident::rigid_body::Motion| {
+        let motion = [&m.position[..], &m.velocity, &m.acceleration];
+        model.inverse_dynamics(track, motion).unwrap_or_default()
     };
     let closed = closed.map(|run| (first(run.outputs), first(run.inputs)));
     let output = AxisOutput::Position;

@@ -71,13 +71,18 @@ impl Track {
     /// Whether an output goes both ways in these records, in one of them or in several: by a part of its longest travel.
     pub fn go_both_ways(tracks: &[Self], output: usize) -> bool {
         const WAY: f64 = 0.01;
+        let least = WAY * Self::travel(tracks, output);
+        let ways = tracks.iter().map(|t| t.goes(output, least));
+        ways.fold([false; 2], |a, b| [a[0] || b[0], a[1] || b[1]]) == [true; 2]
+    }
+
+    /// Largest travel of an output in one of some records.
+    pub(crate) fn travel(tracks: &[Self], output: usize) -> f64 {
         let travel = |t: &Self| {
             let (low, high) = range(&t.outputs.iter().map(|y| y[output]).collect::<Vec<_>>());
             high - low
         };
-        let least = WAY * tracks.iter().map(travel).fold(0.0, f64::max);
-        let ways = tracks.iter().map(|t| t.goes(output, least));
-        ways.fold([false; 2], |a, b| [a[0] || b[0], a[1] || b[1]]) == [true; 2]
+        tracks.iter().map(travel).fold(0.0, f64::max)
     }
 
     /// The longest of some records in time.

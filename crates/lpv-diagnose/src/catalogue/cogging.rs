@@ -120,6 +120,20 @@ fn second_waves(v: &[f64], screen: &Screen<'_>, place: Place) -> Vec<Vec<f64>> {
         .collect()
 }
 
+/// Parameters of two waves.
+pub(super) const TWO_WAVES: usize = 6;
+
+/// Whether a travel tells two waves apart: they differ by a quarter of a period along it, and the smaller is one beside the larger.
+pub(super) fn are_apart(v: &[f64], travel: f64) -> bool {
+    const PERIODS: f64 = 0.25;
+    const PART: f64 = 1e-3;
+    let &[sine, cosine, sine_2, cosine_2, pitch, pitch_2] = v else {
+        return false;
+    };
+    let (one, two) = (sine.hypot(cosine), sine_2.hypot(cosine_2));
+    (travel / pitch - travel / pitch_2).abs() >= PERIODS && one.min(two) >= PART * one.max(two)
+}
+
 /// Sines and cosines of these motors, then the pitch.
 fn waves(screen: &Screen<'_>, channel: usize, motors: &[usize]) -> Vec<Vec<f64>> {
     // What passes within a sample is not seen.

@@ -1,7 +1,7 @@
 //! The effects that earned a place so far.
 
 use super::bench::Bench;
-use super::refine::{is_worth, refined};
+use super::refine::{is_worth, refined, simpler_forms};
 use super::select::{Final, Selection, select};
 use super::{Added, EQUAL, ITERATIONS, Judged, NOISE, SURE, decibel};
 use crate::catalogue;
@@ -148,11 +148,15 @@ impl Chosen {
     }
 
     /// Effects whose amplitudes may as well be zero, or whose times no record shows, go, the last first; where the integration has
-    /// changed also those that explain nothing beside the others.
+    /// changed also those that explain nothing beside the others. Amplitudes that make up for each other may each be zero where the effect may
+    /// not: one without which much more is left stays.
     pub(super) fn keep_what_earns(&mut self, bench: &Bench<'_>, bare: &Fitted, has_changed: bool) {
+        /// Factor of the squared error.
+        const NEEDED: f64 = 2.0;
         let before = self.added.len();
         for i in (0..before).rev() {
-            let shows = self.now.shows(i) && bench.lasts(&self.now.model, i);
+            let lasts = bench.lasts(&self.now.model, i);
+            let shows = self.now.shows(i) && lasts;
             if shows && !has_changed {
                 continue;
             }
@@ -162,6 +166,7 @@ impl Chosen {
             };
             if let Some((rest, without)) = without
                 && !(shows && earns((&self.now, &self.judged), (&rest, &without)))
+                && !(lasts && without.cost > NEEDED * self.judged.cost)
             {
                 self.added.remove(i);
                 (self.now, self.judged) = (rest, without);
@@ -170,6 +175,37 @@ impl Chosen {
         if self.added.len() < before {
             self.account(bench, bare);
         }
+    }
+
+    /// Effects that may as well be simpler become so: a refinement that was worth it need not be beside what came later, or without what went.
+    pub(super) fn simplify(&mut self, bench: &Bench<'_>, bare: &Fitted) {
+        for i in 0..self.added.len() {
+            if let Some((effect, fit, judged)) = self.simpler(bench, bare, i) {
+                self.added[i].effect = effect;
+                (self.now, self.judged) = (fit, judged);
+                self.account(bench, bare);
+            }
+        }
+    }
+
+    /// The simpler form of one effect, if the records do not show that it is worth more.
+    fn simpler(&self, bench: &Bench<'_>, bare: &Fitted, i: usize) -> Option<Final> {
+        let forms = simpler_forms(&self.now.model, i);
+        if forms.is_empty() {
+            return None;
+        }
+        let without = match self.added.len() {
+            1 => bench.judge(&bare.model),
+            _ => self.without(bench, i)?.1,
+        };
+        let as_good = forms.iter().filter_map(|form| {
+            let fit = bench.problem().fit(form, ITERATIONS, Some(&self.now)).ok()?;
+            let judged = bench.judge(&fit.model);
+            let (effect, values) = &fit.model.effects[i];
+            let is_as_good = effect.allows(values) && !is_worth(&self.judged, &judged, without.cost);
+            is_as_good.then_some((*effect, fit, judged))
+        });
+        as_good.min_by(|a, b| a.2.cost.total_cmp(&b.2.cost))
     }
 
     /// Where more than noise is left beside several effects, the last of them goes if it brought little and lowers no force of the inverse

@@ -63,6 +63,7 @@ impl Contest {
         };
         // What an effect explained may have been the coarse integration, or what a later one explains.
         chosen.keep_what_earns(&bench, &self.bare, finer.is_some());
+        chosen.simplify(&bench, &self.bare);
         chosen.drop_weak(&bench, &self.bare);
         (self.now, self.after, self.added) = (chosen.now, chosen.judged, chosen.added);
         // The effects are in the loop through which the noise goes now.

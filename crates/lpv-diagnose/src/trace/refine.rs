@@ -43,25 +43,41 @@ pub(super) fn refined(
 /// The leading refinement shows its simpler effect the way: that one is fitted again from the values that the two share, since
 /// its own start may have led it astray.
 pub(super) fn simplified(bench: &Bench<'_>, finals: &mut Vec<(&'static Effect, Fitted)>, now: &Fitted) {
-    let Some((best, fine)) = finals
+    let Some((_, fine)) = finals
         .iter()
         .min_by(|a, b| a.1.objective.total_cmp(&b.1.objective))
     else {
         return;
     };
-    let simpler = catalogue::all().find(|e| best.refines(e));
-    let (Some(simpler), Some((mut start, values))) = (simpler, without_last(&fine.model)) else {
-        return;
+    let last = fine.model.effects.len() - 1;
+    for start in simpler_forms(&fine.model, last) {
+        finals.extend(bench.finals(&[&start], now));
+    }
+}
+
+/// A model with the simpler effect in the place of one that refines it, from the values that the two share; of what comes twice, the second may
+/// be the one.
+pub(super) fn simpler_forms(model: &Explained, i: usize) -> Vec<Explained> {
+    let (effect, values) = &model.effects[i];
+    let is_simpler = |e: &&Effect| effect.refines(e) && e.suits(&model.base);
+    let Some(simpler) = catalogue::all().find(is_simpler) else {
+        return Vec::new();
     };
-    let shared = |name: &str| best.parameters.iter().position(|p| p.name == name);
-    let values: Option<Vec<f64>> = simpler
-        .parameters
-        .iter()
-        .map(|p| shared(p.name).map(|i| values[i]))
-        .collect();
-    let Some(values) = values else { return };
-    start.effects.push((simpler, values));
-    finals.extend(bench.finals(&[&start], now));
+    let place = |name: &str| effect.parameters.iter().position(|p| p.name == name);
+    let form = |again: &str| {
+        let shared = |name: &str| place(&format!("{name}{again}")).or_else(|| place(name));
+        let values: Option<Vec<f64>> = simpler
+            .parameters
+            .iter()
+            .map(|p| shared(p.name).map(|i| values[i]))
+            .collect();
+        let mut start = model.clone();
+        start.effects[i] = (simpler, values?);
+        Some(start)
+    };
+    let comes_twice = simpler.parameters.iter().any(|p| place(&format!("{}_2", p.name)).is_some());
+    let again = if comes_twice { &["", "_2"][..] } else { &[""] };
+    again.iter().filter_map(|again| form(again)).collect()
 }
 
 /// A model without its last effect, and the values of that.

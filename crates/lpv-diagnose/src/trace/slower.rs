@@ -56,15 +56,21 @@ pub fn trace_slower(case: &Case<'_>, found: &Trace, told: &[Vec<Track>; 2]) -> O
     })
 }
 
-/// What the competition finds along records, where it leaves noise.
+/// What the competition finds along records, where it leaves noise, or little beside what was missing.
 fn explained(case: &Case<'_>, [fitted, judged]: &[Vec<Track>; 2]) -> Option<Trace> {
+    /// Part of the excess of the squared error.
+    const LITTLE: f64 = 0.05;
     let found = trace(&Case {
         fitted,
         judged,
         ..*case
     });
-    let leaves_noise = |found: &Trace| found.after.cost <= NOISE && found.verdict == Verdict::Explained;
-    found.ok().filter(leaves_noise)
+    let leaves_little = |found: &Trace| match found.verdict {
+        Verdict::Explained => found.after.cost <= NOISE,
+        Verdict::PartlyExplained => found.after.cost - 1.0 <= LITTLE * (found.before.cost - 1.0),
+        Verdict::NothingMissing | Verdict::Unexplained => false,
+    };
+    found.ok().filter(leaves_little)
 }
 
 /// The records as a model lets them begin, about which they may begin anywhere, and its cost on the judged ones after a fit.

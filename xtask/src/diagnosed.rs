@@ -17,12 +17,16 @@ pub(crate) struct Found {
     seconds: f64,
 }
 
-const BUNDLES: [&str; 5] = [
+const BUNDLES: [&str; 9] = [
     "machine-plain",
     "machine-friction",
     "machine-extra-mode",
     "emps",
     "two-mass-bench",
+    "robot-axis",
+    "coupled-motors",
+    "silverbox",
+    "shaking-table",
 ];
 
 pub(crate) fn run() -> Result<Vec<Found>, TaskError> {
@@ -85,11 +89,53 @@ pub(crate) fn section(all: &[Found]) -> String {
             f.seconds
         );
     }
-    for f in all.iter().filter(|f| !f.diagnosis.axis.is_empty()) {
+    for f in all.iter().filter(|f| f.bundle == "emps") {
         out += &axis(&f.diagnosis);
     }
     for f in all.iter().filter(|f| !f.diagnosis.responses.is_empty()) {
         out += &responses(f.bundle, &f.diagnosis);
+    }
+    for f in all.iter().filter(|f| !f.diagnosis.records.is_empty()) {
+        out += &moves(f.bundle, &f.diagnosis);
+    }
+    out
+}
+
+/// The moves of axes, record by record: the verdict in words, the force of the inverse dynamics, and the run of the model over the whole
+/// record from its measured start.
+fn moves(bundle: &str, d: &Diagnosis) -> String {
+    let mut out = format!(
+        "\n### {bundle}\n\n```sh\nlpv diagnose ../shared/data/{bundle} -o diagnosis\n```\n\n{}.\n\n\
+         | record | use | input | force, % | force, rms | output | free run over the record, rms | |\n|---|---|---|---|---|---|---|---|\n",
+        d.verdict_in_words
+    );
+    for record in &d.records {
+        let runs: Vec<_> = record
+            .free_run
+            .last()
+            .map(|run| run.outputs.iter().collect())
+            .unwrap_or_default();
+        for (i, (input, force)) in record.force.iter().enumerate() {
+            let (output, run) = match runs.get(i) {
+                Some((output, run)) => (
+                    output.as_str(),
+                    format!("{:.3e} -> {:.3e} {}", run.before, run.after, run.unit),
+                ),
+                None => ("-", "leaves all bounds".to_owned()),
+            };
+            let _ = writeln!(
+                out,
+                "| {} | {} | {input} | {:.1} -> {:.1} | {:.3e} -> {:.3e} {} | {output} | {run} | {} |",
+                record.record,
+                record.purpose,
+                force.before_percent,
+                force.after_percent,
+                force.before,
+                force.after,
+                force.unit,
+                if record.worse { "worse" } else { "" }
+            );
+        }
     }
     out
 }

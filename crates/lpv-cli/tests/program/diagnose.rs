@@ -134,6 +134,42 @@ fn the_friction_of_a_measured_axis() {
     at_most(&pulses["stages"][0]["errors"]["open_loop_position_rms"], 8.3e-3);
 }
 
+/// README of the data: dry friction of 1.6 N m on axis 1, friction and gravity on axis 3, second encoders that are 3 ms late. Nothing but friction
+/// is known of axes 2 and 4 to 6.
+#[test]
+fn the_friction_of_a_robot() {
+    let Some(d) = diagnosis("robot-axis") else {
+        return;
+    };
+    let effects = d["effects"].as_array().unwrap();
+    let of = |channel: &str| {
+        let of = effects.iter().filter(|e| e["channel"] == channel);
+        of.map(|e| e["effect"].as_str().unwrap()).collect::<Vec<_>>()
+    };
+    for i in [1, 2, 4, 5, 6] {
+        assert_eq!(of(&format!("torque_{i}")), ["coulomb-friction"], "{i}");
+    }
+    assert_eq!(of("torque_3"), ["coulomb-friction", "position-force"]);
+    let parameter = |effect: &str, channel: &str, name: &str| {
+        let mut of = effects
+            .iter()
+            .filter(|e| e["effect"] == effect && e["channel"] == channel);
+        number(of.next().unwrap(), &format!("/parameters/{name}/value"))
+    };
+    let level = parameter("coulomb-friction", "torque_1", "level");
+    assert!((1.5..1.7).contains(&level), "{level}");
+    for i in 1..=3 {
+        let time = parameter("sensor-skew", &format!("pos_se_{i}"), "time");
+        assert!((time - 3e-3).abs() < 0.3e-3, "{i}: {time}");
+    }
+    let held_out = &d["records"][0];
+    assert_eq!(held_out["record"], "C");
+    for (axis, most) in [("torque_1", 16.0), ("torque_3", 11.6)] {
+        let left = number(held_out, &format!("/force/{axis}/after_percent"));
+        assert!(left <= most, "{axis}: {left}");
+    }
+}
+
 #[test]
 fn a_machine_of_several_axes_needs_its_controller() {
     let Some(folder) = shared("cd-player-arm") else {

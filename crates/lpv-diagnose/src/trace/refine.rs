@@ -75,7 +75,10 @@ pub(super) fn simpler_forms(model: &Explained, i: usize) -> Vec<Explained> {
         start.effects[i] = (simpler, values?);
         Some(start)
     };
-    let comes_twice = simpler.parameters.iter().any(|p| place(&format!("{}_2", p.name)).is_some());
+    let comes_twice = simpler
+        .parameters
+        .iter()
+        .any(|p| place(&format!("{}_2", p.name)).is_some());
     let again = if comes_twice { &["", "_2"][..] } else { &[""] };
     again.iter().filter_map(|again| form(again)).collect()
 }

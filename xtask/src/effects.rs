@@ -57,9 +57,21 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
                 .map(|p| format!("`{}`", p.name))
                 .collect::<Vec<_>>()
         };
-        if let Some(other) = others.iter().find(|e| names(e) != names(effect)) {
-            let names = names(other).join(", ");
-            let _ = writeln!(page, "\nWhere each input drives a motor of its own: {names}.");
+        let mut told = vec![names(effect)];
+        for other in others {
+            if told.contains(&names(other)) {
+                continue;
+            }
+            told.push(names(other));
+            let when =
+                if other.extends.is_some() && effect.extends.is_none() || other.fitted() > effect.fitted() {
+                    format!("As a refinement, {}", other.meaning)
+                } else if other.needs == effect.needs {
+                    "In its simpler form".to_owned()
+                } else {
+                    "Where each input drives a motor of its own".to_owned()
+                };
+            let _ = writeln!(page, "\n{when}: {}.", names(other).join(", "));
         }
         if let Some(simpler) = &effect.extends {
             let _ = writeln!(page, "\nTried as a refinement of `{}`.", simpler.name);

@@ -91,7 +91,7 @@ pub(crate) fn is_refined(effect: &Effect) -> bool {
 
 /// Whether an effect is the rough form of one that another form tells better where records are explained down to their noise.
 pub(crate) fn is_rough(effect: &Effect) -> bool {
-    position_force::EFFECTS[2..].iter().any(|e| e.is(effect))
+    position_force::is_straight(effect)
 }
 
 /// Whether an effect of a machine is itself with these values along records: a peak of friction that has fallen before the sign of the speed

@@ -1,4 +1,4 @@
-//! A free axis with a force that depends on its position, simulated by hand, so small that an observer takes it away: a slower one shows it
+//! A free axis with a force that depends on its position, simulated by hand. It may be so small that an observer takes it away: a slower one shows it
 //! and names it, and on a clean axis it shows nothing.
 
 use crate::common::{self, Held};
@@ -32,16 +32,24 @@ fn record(number: usize, (mass, rate): (f64, f64), force: Force) -> Record {
     observer::followed(common::record(&number.to_string(), vec![outputs], vec![inputs]))
 }
 
-/// What the observer and then the slowest one show.
-fn find(machine: (f64, f64), force: Force) -> Result<(Trace, Option<Slower>), Box<dyn std::error::Error>> {
+/// Three records to fit and one to judge by, held by an observer.
+fn held(
+    machine: (f64, f64),
+    force: Force,
+) -> Result<(Held, Observer, Vec<Observer>), Box<dyn std::error::Error>> {
     let clock = Discrete::from_rate(machine.1)?;
     let records: Vec<Record> = (1..=4).map(|i| record(i, machine, force)).collect();
     let base = servo_axis(&records[..3], clock, &mut Vec::new())?;
     let fast = Observer::new(&base, &records[..3], clock)?;
-    let slowest = fast.slower(&base, &records[..3], clock);
-    let slowest = slowest.last().ok_or("no slower one")?;
+    let slower = fast.slower(&base, &records[..3], clock);
+    Ok((Held::with_judged(base, &records, 1, clock)?, fast, slower))
+}
+
+/// What the observer and then the slowest one show.
+fn find(machine: (f64, f64), force: Force) -> Result<(Trace, Option<Slower>), Box<dyn std::error::Error>> {
+    let (held, fast, slower) = held(machine, force)?;
+    let slowest = slower.last().ok_or("no slower one")?;
     assert!(slowest.hz < fast.hz);
-    let held = Held::with_judged(base, &records, 1, clock)?;
     let found = held.look(&held.bare(), STEP, false)?;
     let slower = held.look_through(slowest, STEP, |case, told| trace_slower(case, &found, told))?;
     Ok((found, slower))
@@ -111,6 +119,45 @@ fn a_clean_axis_is_clean_through_a_slower_observer() -> Result<(), Box<dyn std::
         let slower = slower.ok_or("the records are lost")?;
         assert!(slower.over_noise < 1.1, "{mass}: {}", slower.over_noise);
         assert!(slower.found.is_none(), "{mass}");
+    }
+    Ok(())
+}
+
+/// A bump over a quarter of the stroke, which no cubic tells: the polynomials over the stroke do, and give its height.
+#[test]
+fn a_force_of_any_shape_is_told_along_the_stroke() -> Result<(), Box<dyn std::error::Error>> {
+    const SIZE: f64 = 1e-5;
+    let bump: Force = |x| SIZE * (-((x - 0.6) / 0.3).powi(2)).exp();
+    for (mass, rate) in MACHINES {
+        let (held, ..) = held((mass, rate), bump)?;
+        // Where the records begin, a model with the force tells.
+        let mut told = held.look(&held.bare(), STEP, false)?.model;
+        told.effects.retain(|(e, _)| e.name == "position-force");
+        let found = held.look(&told, STEP, false)?;
+        let all = named(&found);
+        let [("position-force", values)] = &all[..] else {
+            return Err(format!("{mass}: {all:?}").into());
+        };
+        let [(from, _), (to, _), weights @ ..] = &values[..] else {
+            return Err(format!("{mass}: no stroke").into());
+        };
+        assert_eq!(weights.len(), 16, "{mass}");
+        // What is taken from the force of the motor, over the force that moves the mass.
+        let force = |y: f64| -> f64 {
+            let angle = ((2.0 * y - from - to) / (to - from)).clamp(-1.0, 1.0).acos();
+            let terms = weights
+                .iter()
+                .enumerate()
+                .map(|(i, (w, _))| w * ((i + 1) as f64 * angle).cos());
+            -terms.sum::<f64>() / (mass * rate * rate)
+        };
+        for x in [0.4, 0.5, 0.6, 0.8, 1.0] {
+            let (found, wanted) = (force(x) - force(0.25), bump(x) - bump(0.25));
+            assert!(
+                (found - wanted).abs() < 0.05 * SIZE,
+                "{mass}: {found} of {wanted} at {x}"
+            );
+        }
     }
     Ok(())
 }

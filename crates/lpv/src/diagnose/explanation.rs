@@ -166,6 +166,9 @@ impl Explanation {
 /// Whether the catalogue means this by the name: some effects have two forms, with parameters of their own.
 fn is_of(effect: &Effect, found: &FoundEffect) -> bool {
     let forms = catalogue::all().filter(|e| e.name == found.effect && e.place == effect.place);
-    let has = |e: &Effect| e.parameters.iter().all(|p| found.parameters.contains_key(p.name));
+    let has = |e: &Effect| {
+        let is_there = e.parameters.iter().all(|p| found.parameters.contains_key(p.name));
+        is_there && e.parameters.len() == found.parameters.len()
+    };
     effect.name == found.effect && (has(effect) || !forms.into_iter().any(has))
 }

@@ -95,8 +95,8 @@ pub(crate) fn is_rough(effect: &Effect) -> bool {
 }
 
 /// Whether an effect of a machine is itself with these values along records: a peak of friction that has fallen before the sign of the speed
-/// has reached its value is a form of that sign, by which dry friction that creeps passes for one that sticks; a cable that pushes is none, nor are two waves that the travel does not tell
-/// apart.
+/// has reached its value is a form of that sign, by which dry friction that creeps passes for one that sticks. No cable
+/// pushes, and two waves that the travel does not tell apart are one.
 pub(crate) fn is_itself(effect: &Effect, values: &[f64], machine: &Base, tracks: &[Track]) -> bool {
     /// Times the speed that creeps at which the sign is reached: its hyperbolic tangent is 0.96.
     const REACHED: f64 = 2.0;

@@ -134,7 +134,7 @@ fn the_friction_of_a_measured_axis() {
     at_most(&pulses["stages"][0]["errors"]["open_loop_position_rms"], 8.3e-3);
 }
 
-/// README of the data: dry friction of 1.6 N m on axis 1, friction and gravity on axis 3, second encoders that are 3 ms late. Nothing but friction
+/// README of the data: dry friction of 1.55 to 1.61 N m on axis 1, friction and gravity on axis 3, second encoders that are 3 ms late. Nothing but friction
 /// is known of axes 2 and 4 to 6.
 #[test]
 fn the_friction_of_a_robot() {

@@ -4,6 +4,7 @@ mod axis;
 mod lpv;
 mod xy_table;
 
+pub(crate) use axis::RESONANCE;
 pub use axis::{Axis, Load};
 pub use lpv::Lpv;
 pub use xy_table::XyTable;

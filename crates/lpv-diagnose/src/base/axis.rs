@@ -7,6 +7,8 @@ use num_complex::Complex64 as C64;
 
 /// Largest part of the mass that a load has.
 const MOST_PART: f64 = 0.999;
+/// Parameter of a load on a spring: the frequency at which motor and load swing against each other.
+pub(crate) const RESONANCE: &str = "resonance";
 
 /// `M q'' + F_v q' + k q + offset = force`, k zero unless a spring holds the mass; the input the force of the motor, the output its position.
 /// A load on a spring pulls with `k_c (q - q_l) + d_c (q' - q_l') = M_l q_l''` ([`Load`]).
@@ -234,7 +236,7 @@ impl Axis {
         let spring = self.stiffness.map(|k| parameter("stiffness", "u/y", k, true));
         let load = self.load.map(|(load, _)| {
             [
-                parameter("resonance", "Hz", load.hz, true),
+                parameter(RESONANCE, "Hz", load.hz, true),
                 parameter("damping of the resonance", "", load.ratio, true),
                 parameter("load part", "", load.part, true),
             ]

@@ -6,7 +6,7 @@
 
 use super::bench::{Aim, Bench};
 use super::{Case, Contest, EQUAL, Trace, alone, compete};
-use crate::base::{Axis, Base, Load, Pair};
+use crate::base::{Axis, Base, Load, Pair, RESONANCE};
 use crate::catalogue;
 use crate::effect::{Effect, Place};
 use crate::fit::{Explained, Fitted, squares};
@@ -132,8 +132,20 @@ impl WithLoad {
         let found = compete(&case, Aim::Noise, alone(&case).ok()?);
         let is_better = found.now.length() <= strict.most(strict.now.length())
             && found.after.cost <= AS_LARGE * strict.after.cost
-            && is_one(&found.now.model.base, &case);
+            && is_one(&found.now.model.base, &case)
+            && found.now.tells_its_load();
         is_better.then_some(found)
+    }
+}
+
+impl Fitted {
+    /// Whether the records tell where the load swings: where they do not, two masses and a damper stand for something else.
+    fn tells_its_load(&self) -> bool {
+        /// Most of the resonance that one deviation is.
+        const MOST: f64 = 0.5;
+        let parameters = self.model.base.parameters().into_iter();
+        let mut all = parameters.zip(self.give_deviations(&mut []));
+        all.all(|(p, deviation)| p.name != RESONANCE || deviation < MOST * p.value)
     }
 }
 

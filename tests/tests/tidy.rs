@@ -24,7 +24,7 @@ const LONG_FILES: [(&str, &str); 1] = [(
 )];
 
 /// Effects that are found and that the simulated table cannot hide, and why.
-const NOT_HIDDEN: [(&str, &str); 3] = [
+const NOT_HIDDEN: [(&str, &str); 5] = [
     (
         "direction-dependent-friction",
         "hidden as dry friction beside a constant force",
@@ -32,6 +32,14 @@ const NOT_HIDDEN: [(&str, &str); 3] = [
     (
         "position-force",
         "looked for on axes without a known controller; the table is simulated with its own",
+    ),
+    (
+        "input-gain",
+        "looked for on servo axes alone; `xytable_plant::servo_axis` hides it",
+    ),
+    (
+        "stiffness-drift",
+        "looked for on servo axes alone; `xytable_plant::servo_axis` hides it",
     ),
     (
         "quadratic-friction",

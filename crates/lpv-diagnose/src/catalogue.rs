@@ -6,6 +6,7 @@
 mod abbe_offset;
 mod actuator_lag;
 mod actuator_saturation;
+mod backlash;
 mod cable_stiffness;
 mod cogging;
 mod constant_force;
@@ -15,6 +16,7 @@ mod delay;
 mod direction_dependent_friction;
 mod extra_mode;
 mod hysteresis;
+mod input_gain;
 mod mass_jump;
 mod motor_asymmetry;
 mod payload;
@@ -29,6 +31,7 @@ mod sensor_cyclic_error;
 mod sensor_drift;
 mod sensor_gain;
 mod since;
+mod stiffness_drift;
 mod stribeck_friction;
 mod viscous_friction;
 
@@ -39,7 +42,7 @@ use crate::track::Track;
 use std::slice::from_ref;
 
 /// The effects, kind by kind, each at all places where it may act; of two that a record cannot tell apart, the first is named.
-pub static KINDS: [&[Effect]; 27] = [
+pub static KINDS: [&[Effect]; 30] = [
     &coulomb_friction::EFFECTS,
     &stribeck_friction::EFFECTS,
     &direction_dependent_friction::EFFECTS,
@@ -52,12 +55,15 @@ pub static KINDS: [&[Effect]; 27] = [
     &position_dependent_gain::EFFECTS,
     &actuator_saturation::EFFECTS,
     from_ref(&motor_asymmetry::EFFECT),
+    from_ref(&input_gain::EFFECT),
     &delay::EFFECTS,
     &actuator_lag::EFFECTS,
     &extra_mode::EFFECTS,
     &payload::EFFECTS,
     from_ref(&mass_jump::EFFECT),
     &cubic_stiffness::EFFECTS,
+    from_ref(&stiffness_drift::EFFECT),
+    &backlash::EFFECTS,
     from_ref(&scheduling_rate::EFFECT),
     from_ref(&second_scheduling::EFFECT),
     from_ref(&constant_force::EFFECT),

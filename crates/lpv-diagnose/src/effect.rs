@@ -314,7 +314,7 @@ pub trait Block: Debug + Send + Sync {
     /// Adds to the forces, and gives the rates of its states.
     fn act(&self, _at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], _forces: &mut Forces) {}
     /// Changes what the sensors tell.
-    fn sense(&self, _at: &Moment<'_>, _outputs: &mut Pair) {}
+    fn sense(&self, _at: &Moment<'_>, _own: &[f64], _outputs: &mut Pair) {}
     /// What it does to an axis at the complex frequency s.
     fn respond(&self, _s: C64, _path: &mut Path) {}
     /// Times by which the commands come late, by input.

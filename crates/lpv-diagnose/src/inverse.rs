@@ -1,7 +1,7 @@
 //! Inverse dynamics of an axis with its effects: the force that a motion needs.
 
 use crate::base::{Base, Motion};
-use crate::effect::Family;
+use crate::effect::{Effect, Family};
 use crate::fit::Explained;
 use crate::track::Track;
 use lpv_core::Discrete;
@@ -45,7 +45,8 @@ impl Explained {
     /// Whether its last effect is a force of the motion alone, which the inverse dynamics tell.
     pub(crate) fn ends_with_a_force(&self) -> bool {
         let is_force = |family: Family| matches!(family, Family::Friction | Family::PositionForce);
-        let last = self.effects.last().zip(self.blocks().last().map(|b| b.states()));
-        last.is_some_and(|((effect, _), states)| is_force(effect.family) && states == 0)
+        let is_of_motion = |(e, v): &(&Effect, Vec<f64>)| (e.block)(v, &self.base, e.place).states() == 0;
+        let last = self.effects.last();
+        last.is_some_and(|last| is_force(last.0.family) && is_of_motion(last))
     }
 }

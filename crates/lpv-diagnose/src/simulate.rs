@@ -225,7 +225,7 @@ impl Run<'_> {
             let now = self.moment(body, &x, (k, 0), true);
             watch.sample(k, &now.motion);
             let mut y = body.outputs(&x, now.p);
-            blocks.iter().for_each(|b| b.sense(&now, &mut y));
+            self.sense(&now, &x, &mut y);
             if let Some(noise) = self.noise {
                 (0..2).for_each(|i| y[i] += noise[k][i]);
             }
@@ -291,7 +291,7 @@ impl Run<'_> {
             let at = self.moment(body, x, (0, 0), true);
             let truth = body.outputs(x, at.p);
             let mut told = truth;
-            self.blocks.iter().for_each(|b| b.sense(&at, &mut told));
+            self.sense(&at, x, &mut told);
             let meant = track.start.position;
             let below = |i: usize| meant[i] - if track.is_read[i] { told[i] - truth[i] } else { 0.0 };
             let position = [0, 1].map(below);
@@ -299,6 +299,15 @@ impl Run<'_> {
                 break;
             }
             start.position = position;
+        }
+    }
+
+    /// What the effects make of the outputs.
+    fn sense<const N: usize>(&self, at: &Moment<'_>, x: &[f64; N], outputs: &mut Pair) {
+        let mut from = self.machine.states();
+        for (block, states) in self.blocks.iter().zip(&self.own) {
+            block.sense(at, &x[from..from + states], outputs);
+            from += states;
         }
     }
 

@@ -7,6 +7,7 @@
 //! Dry friction is integrated with its rest: at zero speed the mass stays until the other forces exceed the breakaway force, and a
 //! reversal is found inside a step. Everything else is smooth within a step, which the rule of Runge and Kutta takes.
 
+mod acting;
 mod effect;
 mod moves;
 mod run;

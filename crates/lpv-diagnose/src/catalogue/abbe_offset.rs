@@ -24,7 +24,7 @@ pub(super) static EFFECT: Effect = Effect {
 struct Abbe(f64);
 
 impl Block for Abbe {
-    fn sense(&self, _at: &Moment<'_>, outputs: &mut Pair) {
+    fn sense(&self, _at: &Moment<'_>, _own: &[f64], outputs: &mut Pair) {
         outputs[0] += self.0 * outputs[1];
     }
 }

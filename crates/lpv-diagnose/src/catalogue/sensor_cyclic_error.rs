@@ -67,7 +67,7 @@ struct Cyclic {
 }
 
 impl Block for Cyclic {
-    fn sense(&self, _at: &Moment<'_>, outputs: &mut Pair) {
+    fn sense(&self, _at: &Moment<'_>, _own: &[f64], outputs: &mut Pair) {
         let (s, c) = (self.turn * outputs[self.channel]).sin_cos();
         outputs[self.channel] += self.sine * s + self.cosine * c;
     }

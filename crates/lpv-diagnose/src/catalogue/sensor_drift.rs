@@ -49,7 +49,7 @@ struct Drift {
 }
 
 impl Block for Drift {
-    fn sense(&self, at: &Moment<'_>, outputs: &mut Pair) {
+    fn sense(&self, at: &Moment<'_>, _own: &[f64], outputs: &mut Pair) {
         outputs[self.channel] -= self.drift * (-at.time * self.rate).exp_m1();
     }
 }

@@ -50,7 +50,7 @@ struct Gain {
 }
 
 impl Block for Gain {
-    fn sense(&self, _at: &Moment<'_>, outputs: &mut Pair) {
+    fn sense(&self, _at: &Moment<'_>, _own: &[f64], outputs: &mut Pair) {
         outputs[self.channel] *= 1.0 + self.gain;
     }
 

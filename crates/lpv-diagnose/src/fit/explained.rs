@@ -1,7 +1,7 @@
 //! A machine with effects, as numbers and as blocks.
 
 use crate::base::Base;
-use crate::effect::{Block, Effect, EffectParameter, Scale};
+use crate::effect::{Block, Effect, EffectParameter, Family, Scale};
 
 /// A machine and the effects that were added to it, with their values.
 #[derive(Debug, Clone)]
@@ -13,11 +13,15 @@ pub struct Explained {
 }
 
 impl Explained {
+    /// What the effects do, in the order in which forces meet them: the drive first.
     pub(crate) fn blocks(&self) -> Vec<Box<dyn Block>> {
-        self.effects
-            .iter()
-            .map(|(e, v)| (e.block)(v, &self.base, e.place))
-            .collect()
+        let block = |(e, v): &(&'static Effect, Vec<f64>)| {
+            let block = (e.block)(v, &self.base, e.place);
+            (e.family != Family::Actuator, block)
+        };
+        let mut all: Vec<_> = self.effects.iter().map(block).collect();
+        all.sort_by_key(|(order, _)| *order);
+        all.into_iter().map(|(_, block)| block).collect()
     }
 
     /// The base with what effects mount on it: a payload is part of its masses.

@@ -11,3 +11,4 @@ mod in_band;
 mod motor_and_load;
 mod slower;
 mod two_axes_by_hand;
+mod workshop;

@@ -1,7 +1,5 @@
 //! What may be hidden in a servo axis, written from physics: forces on the motor, and what drive and encoders do.
 
-use std::f64::consts::TAU;
-
 /// One effect with its numbers, SI units. Forces act on the motor; positions and speeds are those of the motor.
 #[derive(Debug, Clone, PartialEq)]
 #[allow(missing_docs, reason = "the sentence on a variant names its numbers")]
@@ -12,6 +10,14 @@ pub enum AxisEffect {
     StribeckFriction { level: f64, breakaway: f64, speed: f64 },
     /// Force over speed, N s/m.
     ViscousFriction { coefficient: f64 },
+    /// Dry friction of `level + change (1 - exp(-t / time_constant))` along a record.
+    FrictionDrift {
+        level: f64,
+        change: f64,
+        time_constant: f64,
+    },
+    /// Dry friction of `level + coefficient |T|`, T the force that the drive hands on.
+    LoadDependentFriction { level: f64, coefficient: f64 },
     /// Viscous friction that is so much more forward and so much less backward, N s/m.
     DirectionDependentFriction { more: f64 },
     /// `-f v |v|`, N s^2/m^2.
@@ -36,6 +42,10 @@ pub enum AxisEffect {
     CableStiffness { stiffness: f64 },
     /// `-k q^3`.
     CubicStiffness { cube: f64 },
+    /// `-change (1 - exp(-t / time_constant)) q`: a flexure that softens or stiffens along a record.
+    StiffnessDrift { change: f64, time_constant: f64 },
+    /// A drive that gives `1 + gain` times its command in one record.
+    InputGain { gain: f64, record: usize },
     /// Commands that come late, s.
     Delay { time: f64 },
     /// First-order lag of the force, s.
@@ -73,24 +83,16 @@ pub enum AxisEffect {
     RandomForce { deviation: f64, corner: f64, seed: u64 },
 }
 
-/// Where an effect finds the motor.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Moment {
-    pub(super) time: f64,
-    pub(super) position: f64,
-    pub(super) speed: f64,
-    /// Bend of the bristle.
-    pub(super) bend: f64,
-    /// Random force of unit deviation.
-    pub(super) random: f64,
-}
-
 impl AxisEffect {
     /// Name, as `lpv diagnose` writes it where it knows the effect.
     pub fn name(&self) -> &'static str {
         match self {
             Self::CoulombFriction { .. } => "coulomb-friction",
             Self::StribeckFriction { .. } => "stribeck-friction",
+            Self::FrictionDrift { .. } => "friction-drift",
+            Self::LoadDependentFriction { .. } => "load-dependent-friction",
+            Self::StiffnessDrift { .. } => "stiffness-drift",
+            Self::InputGain { .. } => "input-gain",
             Self::ViscousFriction { .. } => "viscous-friction",
             Self::DirectionDependentFriction { .. } => "direction-dependent-friction",
             Self::QuadraticDrag { .. } => "quadratic-friction",
@@ -135,6 +137,26 @@ impl AxisEffect {
                     ("stribeck_speed", speed),
                 ]
             }
+            Self::FrictionDrift {
+                level,
+                change,
+                time_constant,
+            } => {
+                vec![
+                    ("level", level),
+                    ("change", change),
+                    ("time_constant", time_constant),
+                ]
+            }
+            Self::LoadDependentFriction { level, coefficient } => {
+                vec![("level", level), ("coefficient", coefficient)]
+            }
+            Self::StiffnessDrift {
+                change,
+                time_constant,
+            } => vec![("change", change), ("time_constant", time_constant)],
+            Self::InputGain { gain, .. } => vec![("gain", gain)],
+            Self::Backlash { gap } => vec![("gap", gap)],
             Self::DirectionDependentFriction { more } => vec![("viscous_forward_more", more)],
             Self::QuadraticDrag { factor } => vec![("coefficient", factor)],
             Self::Payload { mass, .. } => vec![("mass", mass)],
@@ -188,6 +210,16 @@ impl AxisEffect {
                 *level *= s;
                 *breakaway *= s;
             }
+            Self::FrictionDrift {
+                level: a, change: b, ..
+            }
+            | Self::LoadDependentFriction {
+                level: a,
+                coefficient: b,
+            } => {
+                *a *= s;
+                *b *= s;
+            }
             Self::ViscousFriction { coefficient: a }
             | Self::DirectionDependentFriction { more: a }
             | Self::QuadraticDrag { factor: a }
@@ -202,6 +234,8 @@ impl AxisEffect {
             | Self::Quantization { step: a }
             | Self::Payload { mass: a, .. }
             | Self::Backlash { gap: a }
+            | Self::StiffnessDrift { change: a, .. }
+            | Self::InputGain { gain: a, .. }
             | Self::ForceStep { force: a, .. }
             | Self::SweptForce { force: a, .. }
             | Self::MassJump { mass: a, .. }
@@ -225,125 +259,5 @@ impl AxisEffect {
             }
         }
         other
-    }
-
-    /// Dry friction at a position and a speed, N.
-    pub(super) fn dry(&self, position: f64, speed: f64) -> f64 {
-        match *self {
-            Self::CoulombFriction { level } => level,
-            Self::FrictionZone { level, from } if position >= from => level,
-            Self::StribeckFriction {
-                level,
-                breakaway,
-                speed: fall,
-            } => level + breakaway * (-(speed / fall) * (speed / fall)).exp(),
-            _ => 0.0,
-        }
-    }
-
-    /// Every other force on the motor, N.
-    pub(super) fn force(&self, at: &Moment) -> f64 {
-        let (q, v) = (at.position, at.speed);
-        match self {
-            Self::ViscousFriction { coefficient } => -coefficient * v,
-            Self::DirectionDependentFriction { more } => -more * v.abs(),
-            Self::QuadraticDrag { factor } => -factor * v * v.abs(),
-            Self::Hysteresis { level, distance } => -level * at.bend / distance,
-            Self::ConstantForce { force } => *force,
-            Self::Gravity { force, turn, start } => -force * (TAU * (q - start) / turn).sin(),
-            Self::PositionForce { waves } => {
-                let one = |[a, length, phase]: &[f64; 3]| a * (TAU * q / length + phase).sin();
-                waves.iter().map(one).sum()
-            }
-            Self::Cogging {
-                sine,
-                cosine,
-                pitch,
-                order,
-                second,
-            } => {
-                let wave = |turn: f64| sine * turn.sin() + cosine * turn.cos();
-                wave(TAU * q / pitch) + second * wave(TAU * order * q / pitch)
-            }
-            Self::CableStiffness { stiffness } => -stiffness * q,
-            Self::CubicStiffness { cube } => -cube * q * q * q,
-            Self::PeriodicDisturbance {
-                sine,
-                cosine,
-                frequency,
-            } => {
-                let (s, c) = (TAU * frequency * at.time).sin_cos();
-                sine * s + cosine * c
-            }
-            Self::ForceStep { force, time } if at.time >= *time => *force,
-            Self::SweptForce {
-                force,
-                low,
-                high,
-                span,
-            } => {
-                let turns = at.time * (low + 0.5 * (high - low) * at.time / span);
-                force * (TAU * turns).sin()
-            }
-            Self::RandomForce { deviation, .. } => deviation * at.random,
-            _ => 0.0,
-        }
-    }
-
-    /// What the drive makes of a command.
-    pub(super) fn driven(&self, u: f64, position: f64) -> f64 {
-        match *self {
-            Self::ActuatorSaturation { softness } if softness > 0.0 => {
-                let part = softness.sqrt();
-                (part * u).tanh() / part
-            }
-            Self::PositionDependentGain { slope, curvature } => {
-                u * (1.0 + position * (slope + curvature * position))
-            }
-            _ => u,
-        }
-    }
-
-    /// What an encoder reads before it rounds.
-    pub(super) fn sensed(&self, y: f64, time: f64) -> f64 {
-        match *self {
-            Self::SensorCyclicError { sine, cosine, period } => {
-                let (s, c) = (TAU * y / period).sin_cos();
-                y + sine * s + cosine * c
-            }
-            Self::SensorDrift { drift, time_constant } => y - drift * (-time / time_constant).exp_m1(),
-            _ => y,
-        }
-    }
-
-    /// Mass more on the load, kg.
-    pub(super) fn mass(&self, time: f64, record: usize) -> f64 {
-        match *self {
-            Self::Payload { mass, record: own } if own == record => mass,
-            Self::MassJump { mass, time: from } if time >= from => mass,
-            _ => 0.0,
-        }
-    }
-
-    /// Highest rate at which the effect changes along a motion of this speed, rad/s.
-    pub(super) fn fastest(&self, speed: f64, mass: f64) -> f64 {
-        match *self {
-            Self::Hysteresis { level, distance } => {
-                (speed / distance).max((level.abs() / (distance * mass)).sqrt())
-            }
-            Self::Cogging {
-                pitch, order, second, ..
-            } => TAU * speed / pitch * if second == 0.0 { 1.0 } else { order.max(1.0) },
-            Self::PeriodicDisturbance { frequency, .. } | Self::SweptForce { high: frequency, .. } => {
-                TAU * frequency
-            }
-            Self::StribeckFriction {
-                level,
-                breakaway,
-                speed: fall,
-            } => (level + breakaway) / (fall * mass),
-            Self::CableStiffness { stiffness } => (stiffness.abs() / mass).sqrt(),
-            _ => 0.0,
-        }
     }
 }

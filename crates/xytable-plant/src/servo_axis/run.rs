@@ -1,6 +1,6 @@
 //! One record: the loop at its samples, the axis between them.
 
-use super::effect::Moment;
+use super::acting::Moment;
 use super::{AxisEffect, AxisMoves, Drive, Encoders, ServoAxis};
 use crate::{PlantError, split_seed};
 use rand::{RngExt, SeedableRng};
@@ -216,7 +216,7 @@ impl<'a> Axis<'a> {
             effects,
             record,
             bodies: machine.bodies(),
-            is_dry: effects.iter().any(|e| e.dry(f64::INFINITY, 0.0) > 0.0),
+            is_dry: effects.iter().any(AxisEffect::is_dry),
             lag: lag.sum(),
             random,
         }
@@ -277,23 +277,32 @@ impl<'a> Axis<'a> {
         }
     }
 
-    /// Forces on the motor but dry friction, and on the load.
-    fn forces(&self, x: &State, time: f64, held: &Held) -> [f64; 2] {
-        let [q, v, load, load_speed, bend] = *x;
-        let m = self.machine;
-        let mut drive = self.drive(held, time);
-        let at = Moment {
+    fn moment(&self, x: &State, time: f64) -> Moment {
+        let [position, speed, _, _, bend] = *x;
+        Moment {
             time,
-            position: q,
-            speed: v,
+            position,
+            speed,
             bend,
             random: self.random_at(time),
-        };
-        let mut force = -m.viscous_n_s_per_m * v - m.stiffness_n_per_m * q - m.offset_n;
-        for e in self.effects {
-            drive = e.driven(drive, q);
-            force += e.force(&at);
         }
+    }
+
+    /// What the drive gives.
+    fn driven(&self, at: &Moment, held: &Held) -> f64 {
+        let command = self.drive(held, at.time);
+        let effects = self.effects.iter();
+        effects.fold(command, |u, e| e.driven(u, at.position, self.record))
+    }
+
+    /// Forces on the motor but dry friction, and on the load.
+    fn forces(&self, x: &State, time: f64, held: &Held) -> [f64; 2] {
+        let [q, v, load, load_speed, _] = *x;
+        let m = self.machine;
+        let at = self.moment(x, time);
+        let drive = self.driven(&at, held);
+        let hidden: f64 = self.effects.iter().map(|e| e.force(&at)).sum();
+        let force = hidden - m.viscous_n_s_per_m * v - m.stiffness_n_per_m * q - m.offset_n;
         let [_, _, stiffness, damping] = self.bodies;
         let pull = stiffness * (q - load) + damping * (v - load_speed);
         [drive + force - pull, pull]
@@ -308,8 +317,10 @@ impl<'a> Axis<'a> {
         }
     }
 
-    fn dry(&self, position: f64, speed: f64) -> f64 {
-        self.effects.iter().map(|e| e.dry(position, speed)).sum()
+    fn dry(&self, x: &State, time: f64, held: &Held, sign: f64) -> f64 {
+        let at = self.moment(x, time);
+        let drive = self.driven(&at, held);
+        self.effects.iter().map(|e| e.dry(&at, drive, sign)).sum()
     }
 
     fn rates(&self, x: &State, time: f64, held: &Held, mode: Mode) -> State {
@@ -322,7 +333,7 @@ impl<'a> Axis<'a> {
         let speed = x[1];
         let acceleration = match mode {
             Mode::Stick => 0.0,
-            Mode::Slip(sign) => (force - sign * self.dry(x[0], speed)) / motor,
+            Mode::Slip(sign) => (force - sign * self.dry(x, time, held, sign)) / motor,
         };
         let bristle = self.effects.iter().find_map(|e| match e {
             AxisEffect::Hysteresis { distance, .. } => Some(speed - speed.abs() * x[4] / distance),
@@ -353,7 +364,7 @@ impl<'a> Axis<'a> {
                 () if x[1] != 0.0 => Mode::Slip(x[1].signum()),
                 () => {
                     let force = self.forces(x, time, held)[0];
-                    match force.abs() <= self.dry(x[0], 0.0) || stop == STOPS {
+                    match force.abs() <= self.dry(x, time, held, force.signum()) || stop == STOPS {
                         true => Mode::Stick,
                         false => Mode::Slip(force.signum()),
                     }

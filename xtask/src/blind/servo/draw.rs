@@ -69,10 +69,14 @@ const KINDS: [&str; 8] = [
 
 pub(super) fn machine(seed: u64, hidden: Option<&str>) -> Machine {
     let mut draw = Draw::new(seed, "machine");
-    // A cable beside a flexure is a flexure.
+    // A cable beside a flexure is a flexure, and there alone a stiffness may change.
     let kinds: Vec<&str> = KINDS
         .into_iter()
-        .filter(|k| hidden != Some("cable-stiffness") || !k.starts_with("flexure"))
+        .filter(|k| match hidden {
+            Some("cable-stiffness") => !k.starts_with("flexure"),
+            Some("stiffness-drift") => k.starts_with("flexure"),
+            _ => true,
+        })
         .collect();
     let kind = draw.one_of(&kinds);
     let count = if kind == "two axes" { 2 } else { 1 };
@@ -217,6 +221,28 @@ pub(super) fn effect(name: &str, seed: u64, on: &Drawn, samples: usize) -> Optio
             level: force,
             breakaway: force * draw.between(0.3, 1.0),
             speed: speed * draw.about(0.01, 0.2),
+        },
+        "friction-drift" => AxisEffect::FrictionDrift {
+            level: force,
+            change: force
+                * if sign > 0.0 {
+                    draw.about(0.3, 2.0)
+                } else {
+                    -draw.between(0.3, 0.9)
+                },
+            time_constant: time * draw.about(0.1, 1.0),
+        },
+        "load-dependent-friction" => AxisEffect::LoadDependentFriction {
+            level: force,
+            coefficient: 1e-3 * draw.about(0.5, 2.0),
+        },
+        "stiffness-drift" => AxisEffect::StiffnessDrift {
+            change: sign * force / stroke,
+            time_constant: time * draw.about(0.1, 1.0),
+        },
+        "input-gain" => AxisEffect::InputGain {
+            gain: 1e-3 * sign,
+            record: draw.one_of(&[0, 1, 2]),
         },
         "viscous-friction" => AxisEffect::ViscousFriction {
             coefficient: force / speed,

@@ -199,7 +199,6 @@ pub(crate) fn fit_lines(
         .copied()
         .find(|&f| f > 0.0)
         .unwrap_or(0.0);
-    let highest = lines.frequencies_hz.last().copied().unwrap_or(0.0);
     Ok(PoleFit {
         poles,
         fixed_integrators: m,
@@ -211,7 +210,7 @@ pub(crate) fn fit_lines(
         channels: (lines.n_y, lines.n_u),
         clock,
         delay_samples: set.delay_samples,
-        rigid_body_hz: set.rigid_body_hz.unwrap_or(lowest.max(0.01 * highest)),
+        rigid_body_hz: set.rigid_body_hz.unwrap_or(lowest),
     })
 }
 
@@ -239,8 +238,7 @@ impl PoleFit {
     ///
     /// With `Integrators::Fixed` these are exactly the estimated poles. With `Free` they are those whose natural
     /// frequency `|ln z| / (2 pi T_s)` is at least `rigid_body_hz` of the settings, by default the lowest line used
-    /// that is not zero, but no less than a hundredth of the highest: below the first line nothing tells a slow mode
-    /// from an integrator.
+    /// that is not zero: below it nothing tells a slow mode from an integrator.
     #[must_use]
     pub fn flexible_poles(&self) -> Vec<C64> {
         let flexible = self.flexible_indices();

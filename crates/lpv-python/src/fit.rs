@@ -5,6 +5,7 @@ use crate::model::Model;
 use crate::places::{PlaceArguments, to_estimate};
 use crate::{settings, worker};
 use lpv::lpv_core::{Discrete, FrfEstimate};
+use lpv::validation::judge_on_responses;
 use lpv::{FrozenDeviation, Identification, ModelFile, Moves, Summary, identify};
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -32,8 +33,11 @@ pub(crate) fn fit_frf(
         let identified = identify(&estimates, clock, &moves, &config, tell)?;
         let names = |letter: &str, n: usize| (1..=n).map(|i| format!("{letter}{i}")).collect();
         let (outputs, inputs) = first.unwrap_or_default();
+        let model = identified.model()?;
+        let mut summary = Summary::of_responses(&identified, &estimates, clock)?;
+        summary.verdict = Some(judge_on_responses(&model, &estimates, &summary, clock)?);
         Ok(ModelFile {
-            model: identified.model()?,
+            model,
             explanation: None,
             identification: Some(Identification {
                 written_by: "lpvident.fit_frf".to_owned(),
@@ -42,7 +46,7 @@ pub(crate) fn fit_frf(
                 outputs: names("y", outputs),
                 inputs: names("u", inputs),
                 config,
-                summary: Summary::of_responses(&identified, &estimates, clock)?,
+                summary,
                 sample_time: Some(clock.sample_time()),
                 frozen_deviation: FrozenDeviation::of(&identified, &estimates, clock)?,
             }),

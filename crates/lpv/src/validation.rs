@@ -14,6 +14,7 @@ use crate::signal::finite;
 pub use bands::Band;
 pub use check::{ErrorFigure, Evidence, FrozenCheck, OutputCheck, RecordCheck, Scope, Validation, validate};
 pub(crate) use check::{Known, validate_knowing};
+pub use frozen::judge_on_responses;
 use lpv_core::Frf;
 use lpv_numerics::statistics::amplitude_db;
 pub(crate) use rigid::check_axis;

@@ -3,12 +3,13 @@
 use super::bands::bands;
 use super::check::FrozenCheck;
 use super::frozen_error;
-use crate::PipelineError;
 use crate::progress::Progress;
 use crate::responses::measured::{join, measured_responses};
 use crate::responses::{periodic_responses, sample_noise};
+use crate::verdict::Verdict;
+use crate::{PipelineError, Summary};
 use experiment_data::Bundle;
-use lpv_core::{Frf, FrfEstimate, Purpose};
+use lpv_core::{Discrete, Frf, FrfEstimate, Model, Purpose};
 use lpv_diagnose::{Explained, response};
 use lpv_numerics::statistics::{amplitude_db, median};
 use lpv_simulate::{Frozen, Machine};
@@ -87,6 +88,23 @@ pub(super) fn frozen_check(
             ..Against::default()
         });
     }
+    let source = if any_held { "validation" } else { "estimation" };
+    let (check, estimates, responses) = compared(machine, traced, estimates, source)?;
+    Ok(Against {
+        check: Some(check),
+        noise,
+        estimates,
+        responses,
+    })
+}
+
+/// A model against responses within its range; with the responses as they are compared, and those of the model.
+fn compared(
+    machine: &Machine,
+    traced: Option<&Explained>,
+    estimates: Vec<FrfEstimate>,
+    source: &'static str,
+) -> Result<(FrozenCheck, Vec<FrfEstimate>, Vec<Frf>), PipelineError> {
     let estimates = estimates
         .into_iter()
         .map(|e| match (traced, e.is_of_held_input()) {
@@ -118,7 +136,7 @@ pub(super) fn frozen_check(
     }
     let known = !estimates.iter().any(FrfEstimate::covariance_is_assumed);
     let check = FrozenCheck {
-        source: if any_held { "validation" } else { "estimation" },
+        source,
         positions: estimates
             .iter()
             .filter_map(FrfEstimate::single_position)
@@ -129,12 +147,30 @@ pub(super) fn frozen_check(
         relative_rms_percent: crate::summary::relative_rms_percent(&model, &truth),
         bands: bands(&model, &estimates),
     };
-    Ok(Against {
-        check: Some(check),
-        noise,
-        estimates,
-        responses: model,
-    })
+    Ok((check, estimates, model))
+}
+
+/// What a model is worth that was made from these responses, and that no record has judged; the summary tells what is to be expected between
+/// their places.
+///
+/// # Errors
+/// A response without a place, of a model that depends on it.
+pub fn judge_on_responses(
+    model: &Model,
+    estimates: &[FrfEstimate],
+    summary: &Summary,
+    clock: Discrete,
+) -> Result<Verdict, PipelineError> {
+    /// Samples over which a model without records is judged.
+    const WITHOUT_RECORDS: usize = 10_000;
+    let machine = Machine::new(model, clock)?;
+    let (check, ..) = compared(&machine, None, estimates.to_vec(), "estimation")?;
+    let centre = machine.range().map_or_else(Vec::new, |r| r.centre());
+    let stability = super::stability(&machine.at(&centre)?.poles()?, WITHOUT_RECORDS);
+    let verdict = Verdict::of(Some(&check), &[], stability, false, &[]);
+    let undetermined = summary.frequency.as_ref().and_then(|f| f.undetermined.as_ref());
+    let verdict = verdict.with_expected(summary.between()).with_open(undetermined);
+    Ok(verdict.in_view_of(&summary.findings))
 }
 
 /// The response of motor and load at the lines of a measured one.

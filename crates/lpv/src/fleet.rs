@@ -98,7 +98,7 @@ pub struct Account {
 /// fault for what they say.
 ///
 /// # Errors
-/// [`FleetError::Twice`] for a bundle that is named twice; a model file that cannot be read; a result that cannot be written.
+/// [`FleetError::OtherList`] for a folder whose list has bundles that are not named here; [`FleetError::Twice`] for a bundle that is named twice; a model file that cannot be read; a result that cannot be written.
 pub fn run(
     bundles: &[PathBuf],
     task: &Task,
@@ -120,6 +120,12 @@ pub fn run(
         task: task.name().to_owned(),
         bundles: names.clone(),
     };
+    let before = read::<List>(&folder.join(LIST)).ok();
+    let left_out = before.and_then(|l| l.bundles.into_iter().find(|b| !names.contains(b)));
+    if let Some(bundle) = left_out {
+        let folder = folder.to_owned();
+        return Err(FleetError::OtherList { folder, bundle }.into());
+    }
     let place = Place::check(
         &folder.join(LIST),
         Kind::Fleet,

@@ -15,6 +15,17 @@ pub enum FleetError {
         /// The bundle.
         bundle: String,
     },
+    /// A folder that has rows of a list with other bundles.
+    #[error(
+        "{}: the list of this folder has {bundle}, which this command leaves out; give every shard the same bundles, or write to another folder",
+        folder.display()
+    )]
+    OtherList {
+        /// The folder.
+        folder: PathBuf,
+        /// A bundle of its list.
+        bundle: String,
+    },
     /// A fault of this library, in one bundle.
     #[error("this is a fault of the program; please report it with the command and the data")]
     Panic,

@@ -115,12 +115,7 @@ fn a_bundle_that_changed_or_was_stopped_is_done_again() {
     assert!(row.error.is_some() && row.exit_code == 2);
     // Another task has other results.
     let other = Task::Identify(Box::default());
-    assert_eq!(
-        run(&bundles[..1], &other, Shard::ALL, &out, &silent)
-            .unwrap()
-            .kept,
-        0
-    );
+    assert_eq!(run(&bundles, &other, Shard::ALL, &out, &silent).unwrap().kept, 0);
 }
 
 #[test]
@@ -130,6 +125,22 @@ fn what_does_not_belong_together_is_refused() {
     let bundles = [at("x"), at("y")];
     run(&bundles, &task(), Shard::ALL, &at("a"), &silent).unwrap();
     run(&bundles[..1], &task(), Shard::ALL, &at("b"), &silent).unwrap();
+    // What a shard of the same list did is not left out of it.
+    let fewer = run(&bundles[..1], &task(), Shard::ALL, &at("a"), &silent);
+    assert!(matches!(
+        fewer,
+        Err(PipelineError::Fleet(FleetError::OtherList { .. }))
+    ));
+    let more = [at("x"), at("y"), at("z")];
+    assert_eq!(
+        run(&more, &task(), Shard::ALL, &at("grown"), &silent)
+            .unwrap()
+            .rows
+            .len(),
+        3
+    );
+    run(&bundles, &task(), Shard::ALL, &at("grown2"), &silent).unwrap();
+    run(&more, &task(), Shard::ALL, &at("grown2"), &silent).unwrap();
     let refused = |folders: &[PathBuf]| match merge(folders) {
         Err(PipelineError::Fleet(error)) => error,
         other => panic!("{other:?}"),

@@ -278,6 +278,20 @@ pub enum Finding {
         /// Row before the first gap, from 1.
         row: usize,
     },
+    /// Times whose steps are not those of the sample rate.
+    #[error(
+        "{record}, column `{column}`: its steps are those of {hz:.6} Hz, and sample_rate says {sample_rate:.6}; correct sample_rate, or make one bundle for each rate"
+    )]
+    OtherRate {
+        /// The record.
+        record: String,
+        /// The column of times.
+        column: String,
+        /// The rate of the column, Hz.
+        hz: f64,
+        /// That of the bundle, Hz.
+        sample_rate: f64,
+    },
     /// Times that stand still or go back.
     #[error(
         "{record}, column `{column}`: stands still or goes back {}, first behind row {row}; leave out the rows that are there twice, or sort them",

@@ -4,6 +4,7 @@ mod clock;
 mod command;
 mod gaps;
 mod lay;
+mod names;
 mod pairs;
 mod period;
 mod position;
@@ -12,6 +13,7 @@ mod roles;
 mod sampling;
 mod see;
 mod stated;
+mod time_unit;
 mod write;
 
 use crate::PipelineError;
@@ -26,6 +28,7 @@ use see::Seen;
 use serde::Serialize;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+pub(crate) use time_unit::seconds;
 
 /// What the user knows better than the guess.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -151,6 +154,8 @@ struct Plan<'a> {
     rate: Option<f64>,
     /// Rates that it may be, where it is asked for or in doubt.
     rates: Vec<f64>,
+    /// Whether the files have several.
+    rates_differ: bool,
     groups: Groups,
     /// Units by column, where they are known.
     units: Vec<(String, String)>,
@@ -205,6 +210,9 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
             first,
             "the files have no column in common; make one bundle for each kind of file".to_owned(),
         ));
+    }
+    if roles::is_response(&common) {
+        return Err(refuse(first, RESPONSE.to_owned()));
     }
     guesses.extend(see::passed_over(&seen, &common));
     check_known(first, known, &common)?;
@@ -295,6 +303,7 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
         }),
         rate: sampling.hz,
         rates: sampling.others,
+        rates_differ: sampling.rates_differ,
         places: position::places_in_names(&names).filter(|_| groups.scheduling.is_empty() && names.len() > 1),
         groups,
         units,
@@ -342,6 +351,12 @@ fn check_known(first: &Path, known: &Known, common: &[String]) -> Result<(), Pip
     }
     Ok(())
 }
+
+/// What to do with a frequency response.
+const RESPONSE: &str = "these columns are those of a frequency response and no record in time; write an experiment.toml with \
+    `kind = \"response\"` for this file, and the columns `frequency` in Hz, `y/u re` and `y/u im` for each output y and input u \
+    (`columns = { \"y/u re\" = ... }` where they have other names; magnitude in dB and phase in degrees are \
+    10^(dB/20) (cos + i sin)); see docs/experiment-format.md";
 
 /// Why a file cannot be a record.
 const UNNAMEABLE: &str =

@@ -1,5 +1,7 @@
 //! A column of times or sample numbers that is kept beside the signals: does it advance evenly?
 
+use crate::new::seconds;
+use crate::signal::steps_of_counter;
 use lpv_numerics::statistics::{median, quantile};
 
 /// What a column of times says.
@@ -51,6 +53,18 @@ pub(super) fn is_clock(name: &str) -> bool {
         )
 }
 
+/// The rate of a column of times in this unit, where it is another one than that of the samples.
+pub(super) fn other_rate(t: &[f64], unit: Option<&str>, sample_rate: f64) -> Option<f64> {
+    /// Part by which the rates may differ.
+    const ALIKE: f64 = 0.01;
+    let seconds = seconds(unit?)?;
+    let steps = steps_of_counter(t, None);
+    // Of many, the mean: a coarse clock tells no single step.
+    let step = (steps.len() >= 4 * SPAN).then(|| steps.iter().sum::<f64>() / steps.len() as f64)?;
+    let hz = 1.0 / (seconds * step);
+    (step > 0.0 && (hz / sample_rate - 1.0).abs() > ALIKE).then_some(hz)
+}
+
 /// Samples over which a step is averaged: a coarse clock counts some samples alike.
 const SPAN: usize = 16;
 /// Scatter of a span, in samples, up to which a missing sample can be seen.
@@ -61,8 +75,14 @@ pub(super) fn uneven(t: &[f64]) -> Option<Uneven> {
     if t.len() < 4 * SPAN {
         return None;
     }
-    let steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
-    let over: Vec<f64> = (0..t.len() - SPAN).map(|k| t[k + SPAN] - t[k]).collect();
+    let steps = steps_of_counter(t, None);
+    let sums: Vec<f64> = std::iter::once(0.0)
+        .chain(steps.iter().scan(0.0, |at, d| {
+            *at += d;
+            Some(*at)
+        }))
+        .collect();
+    let over: Vec<f64> = (0..t.len() - SPAN).map(|k| sums[k + SPAN] - sums[k]).collect();
     let step = median(&over) / SPAN as f64;
     if step.is_nan() || step <= 0.0 {
         return None;
@@ -173,6 +193,30 @@ mod tests {
                     behind: 100
                 })
             );
+        }
+    }
+
+    #[test]
+    fn the_rate_of_a_clock_is_held_against_that_of_the_samples() {
+        for rate in [0.5, 40.0, 2e3, 1.7e5] {
+            for (unit, scale) in [("s", 1.0), ("ms", 1e3), ("us", 1e6)] {
+                let t: Vec<f64> = (0..500).map(|k| 7.0 + scale * f64::from(k) / rate).collect();
+                assert_eq!(other_rate(&t, Some(unit), rate), None);
+                let found = other_rate(&t, Some(unit), 2.0 * rate).unwrap();
+                assert!((found / rate - 1.0).abs() < 1e-6, "{found} {rate}");
+                assert_eq!(other_rate(&t, None, 2.0 * rate), None);
+            }
+        }
+    }
+
+    #[test]
+    fn counters_that_start_again_are_even() {
+        for (full, step) in [(256.0, 1.0), (65_536.0, 500.0), (4_294_967_296.0, 250_000.0)] {
+            let t: Vec<f64> = (0..40_000)
+                .map(|k| (0.9 * full + step * f64::from(k)) % full)
+                .map(f64::floor)
+                .collect();
+            assert_eq!(uneven(&t), None, "{full}");
         }
     }
 

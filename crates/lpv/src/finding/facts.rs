@@ -25,6 +25,7 @@ impl Finding {
             | Self::PositionJumps { .. }
             | Self::LostSamples { .. }
             | Self::DoubleSamples { .. }
+            | Self::OtherRate { .. }
             | Self::ControllerMismatch { .. }
             | Self::FeedbackOnly { .. }
             | Self::PeriodDrifts { .. }
@@ -58,6 +59,7 @@ impl Finding {
             | Self::PositionJumps { record, .. }
             | Self::LostSamples { record, .. }
             | Self::DoubleSamples { record, .. }
+            | Self::OtherRate { record, .. }
             | Self::ControllerMismatch { record, .. }
             | Self::FeedbackOnly { record, .. }
             | Self::PeriodDrifts { record, .. }
@@ -89,6 +91,7 @@ impl Finding {
             | Self::PositionJumps { column, .. }
             | Self::LostSamples { column, .. }
             | Self::DoubleSamples { column, .. }
+            | Self::OtherRate { column, .. }
             | Self::ControllerMismatch { column, .. }
             | Self::PeriodDrifts { column, .. }
             | Self::LevelDrifts { column, .. }

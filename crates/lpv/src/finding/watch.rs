@@ -1,6 +1,6 @@
 //! One look at a record while it is read, whole or a period at a time, and what all looks say together.
 
-use super::clock::{Uneven, is_clock, uneven};
+use super::clock::{Uneven, is_clock, other_rate, uneven};
 use super::copies::Prints;
 use super::dead_time::{dead_time, trend};
 use super::held::held;
@@ -26,6 +26,8 @@ pub(crate) struct Watch<'a> {
     controller: Option<&'a Controller>,
     /// What the outputs are; positions where nobody says.
     outputs: Option<&'a ChannelGroup>,
+    /// The sample rate, and the group in which columns of times are.
+    times: Option<(f64, &'a ChannelGroup)>,
     parts: usize,
     record: String,
     findings: Vec<Finding>,
@@ -66,6 +68,7 @@ impl<'a> Watch<'a> {
         let description = bundle.description();
         Self {
             outputs: Some(&description.channels.output),
+            times: Some((description.sample_rate_hz, &description.channels.auxiliary)),
             ..Self::with(description.controller.as_ref())
         }
     }
@@ -74,6 +77,7 @@ impl<'a> Watch<'a> {
         Self {
             controller,
             outputs: None,
+            times: None,
             parts: 0,
             record: String::new(),
             findings: Vec::new(),
@@ -149,6 +153,15 @@ impl<'a> Watch<'a> {
         for (name, t) in named(&part.auxiliary).filter(|(name, _)| is_clock(name)) {
             if let Some(found) = clock_finding(record.clone(), name.to_owned(), t) {
                 self.add(found);
+            } else if let Some((sample_rate, group)) = self.times
+                && let Some(hz) = other_rate(t, unit_of(group, name), sample_rate)
+            {
+                self.add(Finding::OtherRate {
+                    record: record.clone(),
+                    column: name.to_owned(),
+                    hz,
+                    sample_rate,
+                });
             }
         }
         // What is wrong with the signals themselves is wrong in the controller's too.
@@ -355,6 +368,12 @@ fn proportional(r: &[f64], u: &[f64]) -> bool {
     let left: f64 = r.iter().zip(u).map(|(r, u)| (r - factor * u).powi(2)).sum();
     let size: f64 = r.iter().map(|r| r * r).sum();
     size > 0.0 && left <= 1e-18 * size
+}
+
+/// The unit of a column, where the description states it.
+fn unit_of<'a>(group: &'a ChannelGroup, name: &str) -> Option<&'a str> {
+    let i = group.columns.iter().position(|c| c == name)?;
+    group.units.get(i).map(String::as_str).filter(|u| !u.is_empty())
 }
 
 fn named(signals: &Signals) -> impl Iterator<Item = (&str, &[f64])> {

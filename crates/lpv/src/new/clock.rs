@@ -1,5 +1,7 @@
 //! What a column of time stamps says about the samples.
 
+use crate::signal::steps_of_counter;
+
 /// A step that is taken as even may differ from the mean by this part.
 const EVEN: f64 = 0.02;
 
@@ -61,16 +63,11 @@ pub(super) fn clock_of(time: &[f64], time_of_day: bool) -> Clock {
     if let Some(row) = time.iter().position(|t| !t.is_finite()) {
         return Clock::Uneven(Some(row + 1));
     }
-    let mut steps: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();
+    let steps = steps_of_counter(time, time_of_day.then_some(86_400.0));
     if steps.is_empty() {
         return Clock::Uneven(None);
     }
     let usual = lpv_numerics::statistics::median(&steps);
-    let day = if time_of_day { 86_400.0 } else { 0.0 };
-    for around in [65_536.0, 4_294_967_296.0, day] {
-        let wraps = |d: f64| d < 0.0 && (d + around - usual).abs() <= NEAR * usual.abs();
-        steps.iter_mut().filter(|d| wraps(**d)).for_each(|d| *d += around);
-    }
     if let Some(back) = steps.iter().position(|d| *d < 0.0) {
         return Clock::Uneven(Some(back + 2));
     }

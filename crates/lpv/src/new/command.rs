@@ -10,6 +10,9 @@ const MOST_FILES: usize = 6;
 /// only the user knows.
 pub(super) fn to_complete(files: &[PathBuf], plan: &Plan<'_>) -> Option<String> {
     let known: &Known = plan.known;
+    if plan.rates_differ {
+        return None;
+    }
     let mut options = String::new();
     if plan.rate.is_none() {
         options += " --sample-rate HZ";

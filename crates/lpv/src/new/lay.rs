@@ -1,9 +1,11 @@
 //! The columns by role: first by name and unit, then by what they do.
 
 use super::clock::{Clock, clock_of, counts_rows};
-use super::rate::{self, Physics, TimeColumn};
-use super::roles::{Role, base_factor, is_speed, role_of, role_of_unit, unit_of};
+use super::names::unit_of;
+use super::rate::{Physics, TimeColumn};
+use super::roles::{Role, base_factor, is_difference, is_speed, role_of, role_of_unit};
 use super::see::Seen;
+use super::time_unit;
 use super::{Groups, Known, RecordFile, position};
 use std::collections::HashSet;
 
@@ -18,7 +20,10 @@ pub(super) fn by_name(columns: &[String], seen: &[Seen], known: &Known) -> Group
         } else {
             unit
         };
-        role_of(name).or_else(|| role_of_unit(unit))
+        match is_difference(name) {
+            true => None,
+            false => role_of(name).or_else(|| role_of_unit(unit)),
+        }
     };
     let pick = |given: &Vec<String>, wanted: Role| -> Vec<String> {
         if given.is_empty() {
@@ -117,7 +122,17 @@ impl Groups {
         let rival = columns.iter().filter(free).find_map(|other| {
             let is_clock = container(other) != container(&name) && (by_name(&other) || advances(&other));
             let own = clock(other)?.step().filter(|_| is_clock)?;
-            (!rate::is_same_step(own, step?)).then(|| (other.clone(), own))
+            (!time_unit::is_same_step(own, step?)).then(|| (other.clone(), own))
+        });
+        let begin = |name: &String| column(name).and_then(|x| x.first().copied());
+        let late = named.iter().find_map(|other| {
+            /// Part of a step by which clocks of the same samples may differ.
+            const ALIKE: f64 = 0.02;
+            let apart = begin(other)? - begin(&name)?;
+            let length = step? * column(&name)?.len() as f64;
+            let is_other = container(other) != container(&name) && clock(other)?.step().is_some();
+            let is_late = (ALIKE * step?..length).contains(&apart.abs());
+            (is_other && is_late).then(|| ((*other).clone(), apart))
         });
         let named: HashSet<&String> = named.into_iter().collect();
         for group in self.all() {
@@ -130,6 +145,7 @@ impl Groups {
             first: column(&name).and_then(|x| x.first().copied()).unwrap_or(0.0),
             clocks: Vec::new(),
             rival,
+            late,
             name,
         })
     }

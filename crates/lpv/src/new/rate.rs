@@ -1,8 +1,8 @@
 //! The sample rate from a column that tells the time.
 
 use super::clock::Clock;
-use super::roles::unit_of;
 use super::stated::Stated;
+use super::time_unit::{UNITS, is_in_days, seconds, stated_unit, unit_of_stamps};
 
 /// A step of this many seconds or more is asked about where nothing but the number says that it is in seconds: positioning
 /// machines are logged faster, and in milliseconds.
@@ -10,9 +10,6 @@ const ASKED: f64 = 0.15;
 
 /// From here on it is taken for seconds, and the doubt is written down.
 const DOUBTED: f64 = 0.02;
-
-/// Units of time, with the seconds in one.
-const UNITS: [(&str, f64); 4] = [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
 
 /// The time column, as far as it was found.
 #[derive(Debug, Clone)]
@@ -25,8 +22,23 @@ pub(super) struct TimeColumn {
     pub(super) first: f64,
     /// Another column that advances evenly, by other steps: the clock of other signals.
     pub(super) rival: Option<(String, f64)>,
+    /// Another column of times with the same steps that begins so much later, as that of another device.
+    pub(super) late: Option<(String, f64)>,
     /// For each file: its name and what the column says in it.
     pub(super) clocks: Vec<(String, Clock)>,
+}
+
+impl TimeColumn {
+    /// The first file in which it has other steps than in the files before.
+    pub(super) fn of_another_rate(&self) -> Option<&str> {
+        let mut steps = self
+            .clocks
+            .iter()
+            .filter_map(|(file, clock)| Some((file, clock.step()?)));
+        let (_, first) = steps.next()?;
+        let (file, _) = steps.find(|(_, step)| (step / first - 1.0).abs() > 1e-3)?;
+        Some(file)
+    }
 }
 
 /// What speed columns say: for one unit of time, the ratio of a speed column to the differences of a position column.
@@ -83,7 +95,7 @@ pub(super) fn rate_of(time: &TimeColumn, hints: &Hints) -> Rate {
                 let place = row.map_or(String::new(), |r| format!(" (row {r})"));
                 return Rate::ask(format!(
                     "the column `{name}` does not advance evenly in {file}{place}; bring all signals to even steps, in MATLAB \
-                     with this column as t: ti = t(1):median(diff(t)):t(end); u = interp1(t, u, ti)"
+                     with this column as t: [t, k] = unique(t); ti = linspace(t(1), t(end), numel(t)); u = interp1(t, u(k), ti)"
                 ));
             }
             Clock::Jitter { step, largest } => {
@@ -93,9 +105,7 @@ pub(super) fn rate_of(time: &TimeColumn, hints: &Hints) -> Rate {
             Clock::Even(step) | Clock::Lost { step, .. } => *step,
         };
         if first.is_some_and(|f| (step / f - 1.0).abs() > 1e-3) {
-            return Rate::ask(format!(
-                "{file} has another rate than the files before it; make one bundle for each rate"
-            ));
+            return Rate::ask(another_rate(file));
         }
         first = first.or(Some(step));
     }
@@ -111,6 +121,13 @@ pub(super) fn rate_of(time: &TimeColumn, hints: &Hints) -> Rate {
             ),
             candidates: vec![nice(1.0 / step), nice(1.0 / own)],
         };
+    }
+    if let Some((other, apart)) = &time.late {
+        return Rate::ask(format!(
+            "`{other}` begins {} after `{name}`: the signals are not of the same instants; bring all to one clock, in MATLAB with \
+             these columns as t and t2: u2 = interp1(t2, u2, t)",
+            nice_size(*apart)
+        ));
     }
     let found = |(unit, seconds): (&'static str, f64), why: &str| {
         let scattered = if scatter > 0.0 {
@@ -138,6 +155,14 @@ pub(super) fn rate_of(time: &TimeColumn, hints: &Hints) -> Rate {
     };
     if time.is_stamp {
         return found(UNITS[0], ", which tells dates or times");
+    }
+    if stated.is_none() && is_in_days(name, time.first, step) {
+        return Rate::Found {
+            hz: nice(1.0 / (86_400.0 * step)),
+            how: format!("from the column `{name}`, which counts days as spreadsheets and MATLAB do"),
+            unit: None,
+            or_else: None,
+        };
     }
     if let Some(stated) = stated {
         return match seconds(stated) {
@@ -196,51 +221,11 @@ pub(super) fn rate_of(time: &TimeColumn, hints: &Hints) -> Rate {
     }
 }
 
-/// Whether two steps are one, in the same or another unit of time.
-pub(super) fn is_same_step(a: f64, b: f64) -> bool {
-    let ratio = (a / b).max(b / a);
-    UNITS.iter().any(|(_, s)| (ratio * s - 1.0).abs() < 0.01)
-}
-
-/// The unit in which a known rate agrees with the time column; none if no unit does.
-pub(super) fn agreeing_unit(step: f64, hz: f64) -> Option<&'static str> {
-    UNITS
-        .iter()
-        .find(|(_, seconds)| (step * seconds * hz - 1.0).abs() < 0.01)
-        .map(|u| u.0)
-}
-
-/// The unit that the name of a time column states.
-fn stated_unit(column: &str) -> Option<&str> {
-    if let Some(unit) = unit_of(column) {
-        return Some(unit);
-    }
-    let parts = column.rsplit_once(['_', '/', ',', ' ', '.', '-']);
-    match parts.map(|(_, end)| end.trim()) {
-        Some(end @ ("s" | "ms" | "us" | "µs" | "ns" | "min" | "sec" | "seconds" | "milliseconds")) => {
-            Some(end)
-        }
-        _ => ["Ms", "Us", "Ns", "MS", "Sec"]
-            .into_iter()
-            .find(|end| column.len() > end.len() && column.ends_with(end)),
-    }
-}
-
-/// Seconds in a unit of time.
-pub(super) fn seconds(unit: &str) -> Option<f64> {
-    match unit.trim().to_lowercase().as_str() {
-        "s" | "sec" | "second" | "seconds" | "sekunden" => Some(1.0),
-        "ms" | "msec" | "millisecond" | "milliseconds" => Some(1e-3),
-        "us" | "µs" | "μs" | "usec" | "microseconds" => Some(1e-6),
-        "ns" | "nsec" | "nanoseconds" => Some(1e-9),
-        "min" | "minutes" => Some(60.0),
-        _ => None,
-    }
-}
-
-/// Times since 1970 lie between 2001 and 2096 in one unit only.
-fn unit_of_stamps(first: f64) -> Option<(&'static str, f64)> {
-    UNITS.into_iter().find(|(_, s)| (1e9..4e9).contains(&(first * s)))
+/// What is said of a file whose column of times has other steps than the files before it.
+pub(super) fn another_rate(file: &str) -> String {
+    format!(
+        "{file} has another rate than the files before it; make one bundle for each rate, of the files that have it"
+    )
 }
 
 /// The unit in which the steps are an interval that the file states, and what states it.
@@ -260,6 +245,11 @@ fn unit_by_physics(physics: &Physics, step: f64) -> Option<(&'static str, f64)> 
     (physics.units_known || found.1 < 1.0).then_some(found)
 }
 
+/// A number of either sign, rounded.
+fn nice_size(x: f64) -> f64 {
+    x.signum() * nice(x.abs())
+}
+
 /// A round number where the rate nearly is one.
 pub(super) fn nice(rate: f64) -> f64 {
     let digits = 10f64.powi(4 - rate.log10().floor() as i32);
@@ -273,6 +263,7 @@ pub(super) fn nice(rate: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::time_unit::{agreeing_unit, is_same_step};
     use super::*;
 
     fn column(name: &str, unit: &str, first: f64, step: f64) -> TimeColumn {
@@ -282,6 +273,7 @@ mod tests {
             is_stamp: false,
             first,
             rival: None,
+            late: None,
             clocks: vec![("a.csv".to_owned(), Clock::Even(step))],
         }
     }
@@ -314,7 +306,11 @@ mod tests {
             ("time_us", "", 0.0, 50.0, Some(20_000.0)),
             ("timeMs", "", 0.0, 0.5, Some(2000.0)),
             ("t", "ms", 0.0, 0.1, Some(10_000.0)),
-            ("t", "days", 0.0, 0.1, None),
+            ("t", "days", 0.0, 1e-6, Some(11.574)),
+            ("t", "moons", 0.0, 0.1, None),
+            ("Date", "", 45_000.3, 0.0005 / 86_400.0, Some(2000.0)),
+            ("t", "", 739_000.0, 0.01 / 86_400.0, Some(100.0)),
+            ("t", "", 45_000.0, 0.001, Some(1000.0)),
             ("time", "", 0.0, 10.0, None),
             ("time", "", 0.0, 1.0, None),
             ("time", "", 0.0, 0.25, None),
@@ -323,11 +319,12 @@ mod tests {
             ("stamp", "", 1_516_615_200_000.0, 10.0, Some(100.0)),
             ("stamp", "", 1_516_615_200_000_000.0, 50.0, Some(20_000.0)),
         ] {
-            assert_eq!(
-                hz(&column(name, unit, first, step), None, &[]),
-                rate,
-                "{name} {step}"
-            );
+            let found = hz(&column(name, unit, first, step), None, &[]);
+            let is_rate = match (found, rate) {
+                (Some(a), Some(b)) => (a / b - 1.0).abs() < 1e-4,
+                (a, b) => a == b,
+            };
+            assert!(is_rate, "{name} {step}: {found:?}");
         }
     }
 

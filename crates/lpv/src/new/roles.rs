@@ -1,5 +1,7 @@
 //! What a column's name and unit say about its role.
 
+use super::names::{plain_name, unit_of, words};
+
 /// What a column holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
@@ -118,11 +120,85 @@ const LETTERS: [(Role, &[&str]); 5] = [
     (Role::Output, &["y", "q", "x", "z", "phi"]),
 ];
 
+/// What is commanded and moves is a setpoint: a `position command`, a `commanded speed`.
+const COMMANDED: &[&str] = &["command", "commanded", "cmd", "demanded"];
+const MOTIONS: &[&str] = &[
+    "pos",
+    "position",
+    "angle",
+    "velocity",
+    "speed",
+    "vel",
+    "acc",
+    "accel",
+    "acceleration",
+    "theta",
+    "omega",
+];
+
+/// Whether a column is the difference of two others by its name, such as a following error.
+pub(super) fn is_difference(column: &str) -> bool {
+    const WORDS: [&str; 14] = [
+        "error",
+        "err",
+        "fehler",
+        "schleppfehler",
+        "following",
+        "followerr",
+        "diff",
+        "difference",
+        "differenz",
+        "deviation",
+        "abweichung",
+        "lag",
+        "residual",
+        "erreur",
+    ];
+    words(&plain_name(column))
+        .iter()
+        .any(|w| WORDS.contains(&w.as_str()))
+}
+
+/// Whether the columns are those of a frequency response: its frequency and what it is there.
+pub(super) fn is_response(columns: &[String]) -> bool {
+    const AT: [&str; 5] = ["frequency", "freq", "frequenz", "omega", "hz"];
+    const WHAT: [&str; 14] = [
+        "mag",
+        "magnitude",
+        "amplitude",
+        "gain",
+        "phase",
+        "re",
+        "im",
+        "real",
+        "imag",
+        "imaginary",
+        "db",
+        "coherence",
+        "betrag",
+        "verstärkung",
+    ];
+    let of = |column: &String| {
+        let mut all = words(&plain_name(column));
+        all.extend(unit_of(column).map(str::to_lowercase));
+        all
+    };
+    let has = |column: &String, list: &[&str]| of(column).iter().any(|w| list.contains(&w.as_str()));
+    let is_time = columns.iter().any(|c| role_of(c) == Some(Role::Time));
+    !is_time
+        && columns.iter().any(|c| has(c, &AT))
+        && columns.iter().filter(|c| has(c, &WHAT)).count() >= columns.len().div_ceil(2).min(2)
+}
+
 /// The role that the name suggests; none where it says nothing.
 pub(super) fn role_of(column: &str) -> Option<Role> {
     let name = plain_name(column);
     let words = words(&name);
     let lower = name.to_lowercase();
+    let has = |of: &[&str]| words.iter().any(|w| of.contains(&w.as_str()));
+    if has(COMMANDED) && has(MOTIONS) {
+        return Some(Role::Reference);
+    }
     for (role, parts) in PARTS {
         let inside = |part: &&str| part.chars().count() > 3 && lower.contains(*part);
         if words.iter().any(|w| parts.contains(&w.as_str())) || parts.iter().any(inside) {
@@ -219,48 +295,6 @@ pub(super) fn base_factor(unit: &str) -> Option<f64> {
     })
 }
 
-/// Of a struct only the field says what it is, and a unit in brackets does not count.
-fn plain_name(column: &str) -> String {
-    let column = column.split("(:").next().unwrap_or(column);
-    let field = match column.find(['[', '(']) {
-        Some(open) => column[..open].rsplit('.').next().unwrap_or(column),
-        None => column.rsplit('.').next().unwrap_or(column),
-    };
-    field.trim().to_owned()
-}
-
-/// The words of a name in small letters, apart where anything but a letter or a capital after a small letter parts them.
-fn words(name: &str) -> Vec<String> {
-    let mut all = vec![String::new()];
-    let mut small_before = false;
-    for c in name.chars() {
-        let begins = c.is_uppercase() && small_before;
-        if (begins || !c.is_alphabetic()) && all.last().is_some_and(|w| !w.is_empty()) {
-            all.push(String::new());
-        }
-        if c.is_alphabetic()
-            && let Some(word) = all.last_mut()
-        {
-            word.extend(c.to_lowercase());
-        }
-        small_before = c.is_lowercase();
-    }
-    all.retain(|w| !w.is_empty());
-    all
-}
-
-/// The unit in brackets behind a name: `force [N]`, `pos (mm)`.
-pub(super) fn unit_of(column: &str) -> Option<&str> {
-    let open = column.rfind(['[', '('])?;
-    let inside = column
-        .get(open + 1..)?
-        .trim_end()
-        .strip_suffix([']', ')'])?
-        .trim();
-    // The column of a matrix is no unit.
-    (!inside.is_empty() && !inside.contains([':', '='])).then_some(inside)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -290,8 +324,39 @@ mod tests {
             ("uEst", None),
             ("temperature", None),
             ("", None),
+            ("Position Command", Some(Role::Reference)),
+            ("commanded_speed [mm/s]", Some(Role::Reference)),
+            ("motor_cmd", Some(Role::Input)),
+            ("Position Actual", Some(Role::Output)),
         ] {
             assert_eq!(role_of(name), role, "{name}");
+        }
+        for name in [
+            "Error (mm)",
+            "Axis1.PosDiff",
+            "following_error",
+            "Schleppfehler",
+            "trackErr",
+        ] {
+            assert!(is_difference(name), "{name}");
+        }
+        for name in ["terror", "position", "lagerkraft", "y"] {
+            assert!(!is_difference(name), "{name}");
+        }
+        let all = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>();
+        for names in [
+            &["Frequency [Hz]", "Mag [dB]", "Phase [deg]"][..],
+            &["f (Hz)", "y/u re", "y/u im"],
+            &["freq", "real", "imag", "coherence"],
+        ] {
+            assert!(is_response(&all(names)), "{names:?}");
+        }
+        for names in [
+            &["t", "freq_cmd", "gain", "phase"][..],
+            &["t", "u", "y"],
+            &["frequency", "u", "y", "z"],
+        ] {
+            assert!(!is_response(&all(names)), "{names:?}");
         }
         assert_eq!(unit_of("force [N]"), Some("N"));
         assert_eq!(unit_of("pos (mm) "), Some("mm"));

@@ -2,6 +2,7 @@
 
 use super::clock::Clock;
 use super::rate::{self, Hints, Rate, TimeColumn, nice};
+use super::time_unit;
 
 /// What a draft says about its rate.
 #[derive(Debug, Default)]
@@ -13,6 +14,8 @@ pub(super) struct Sampling {
     pub(super) unit: Option<String>,
     pub(super) guess: Option<String>,
     pub(super) question: Option<String>,
+    /// Whether the files have several rates, which no option makes one.
+    pub(super) rates_differ: bool,
 }
 
 impl Sampling {
@@ -27,14 +30,22 @@ impl Sampling {
 
 /// The rate, from the surest of what there is.
 pub(super) fn decide(time: Option<&TimeColumn>, given_hz: Option<f64>, hints: &Hints) -> Sampling {
-    match (time, given_hz) {
-        (None, Some(hz)) => Sampling {
-            hz: Some(hz),
-            ..Sampling::default()
-        },
-        (None, None) => without_time(hints),
-        (Some(time), Some(hz)) => given(time, hz),
-        (Some(time), None) => from_time(time, hints),
+    let Some(time) = time else {
+        return match given_hz {
+            Some(hz) => Sampling {
+                hz: Some(hz),
+                ..Sampling::default()
+            },
+            None => without_time(hints),
+        };
+    };
+    let decided = match given_hz {
+        Some(hz) => given(time, hz),
+        None => from_time(time, hints),
+    };
+    Sampling {
+        rates_differ: time.of_another_rate().is_some(),
+        ..decided
     }
 }
 
@@ -56,7 +67,7 @@ fn from_time(time: &TimeColumn, hints: &Hints) -> Sampling {
                 others: or_else.into_iter().collect(),
                 unit: unit.map(str::to_owned),
                 guess: Some(format!("sample_rate = {hz} {how}{doubt}{differs}")),
-                question: None,
+                ..Sampling::default()
             }
         }
         Rate::Ask { problem, candidates } => {
@@ -100,14 +111,16 @@ fn given(time: &TimeColumn, hz: f64) -> Sampling {
         hz: Some(hz),
         ..Sampling::default()
     };
-    if let Some(step) = time.clocks.first().and_then(|(_, clock)| clock.step()) {
-        match rate::agreeing_unit(step, hz) {
+    if let Some(file) = time.of_another_rate() {
+        sampling.question = Some(format!("sample_rate: {}", rate::another_rate(file)));
+    } else if let Some(step) = time.clocks.first().and_then(|(_, clock)| clock.step()) {
+        match time_unit::agreeing_unit(step, hz) {
             Some(unit) => sampling.unit = Some(unit.to_owned()),
             // The rate of another clock was given.
             None if time
                 .rival
                 .as_ref()
-                .is_some_and(|(_, own)| rate::agreeing_unit(*own, hz).is_some()) => {}
+                .is_some_and(|(_, own)| time_unit::agreeing_unit(*own, hz).is_some()) => {}
             None => {
                 sampling.question = Some(format!(
                     "sample_rate: {hz} Hz is given, but the column `{}` has steps of {step}; which is right?",

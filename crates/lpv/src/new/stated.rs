@@ -1,7 +1,7 @@
 //! Sample intervals and rates that a file states beside its samples: settings, and lines above the names.
 
-use super::rate::seconds;
-use super::roles::unit_of;
+use super::names::unit_of;
+use super::time_unit::seconds;
 use experiment_data::Scalar;
 
 /// An interval that a file states.

@@ -1,6 +1,6 @@
 //! The text of the draft.
 
-use super::roles::unit_of;
+use super::names::unit_of;
 use super::{Plan, RecordFile};
 use experiment_data::Text;
 use std::collections::HashSet;

@@ -63,7 +63,7 @@ pub static KINDS: [&[Effect]; 30] = [
     from_ref(&mass_jump::EFFECT),
     &cubic_stiffness::EFFECTS,
     from_ref(&stiffness_drift::EFFECT),
-    &backlash::EFFECTS,
+    from_ref(&backlash::EFFECT),
     from_ref(&scheduling_rate::EFFECT),
     from_ref(&second_scheduling::EFFECT),
     from_ref(&constant_force::EFFECT),

@@ -98,7 +98,8 @@ pub struct Account {
 /// fault for what they say.
 ///
 /// # Errors
-/// [`FleetError::OtherList`] for a folder whose list has bundles that are not named here; [`FleetError::Twice`] for a bundle that is named twice; a model file that cannot be read; a result that cannot be written.
+/// [`FleetError::OtherList`] for a folder whose list has bundles that are not named here; [`FleetError::Twice`] for a bundle that is
+/// named twice; a model file that cannot be read; a result that cannot be written.
 pub fn run(
     bundles: &[PathBuf],
     task: &Task,

@@ -5,6 +5,7 @@ use super::bands::Band;
 use super::frozen::{Against, frozen_check};
 use super::record::{Context, is_refitted};
 use super::rigid::AxisCheck;
+use super::stable::WITHOUT_RECORDS;
 use crate::diagnose::{is_traced_on_responses, placed};
 use crate::finding::{self, Finding};
 use crate::progress::{Counter, Progress};
@@ -317,8 +318,6 @@ pub(crate) fn validate_knowing(
         records.push(along.check);
         runs.push((record.clone(), along.open, along.closed));
     }
-    /// Samples over which a model without records is judged.
-    const WITHOUT_RECORDS: usize = 10_000;
     /// Places along each scheduling signal at which it must be stable.
     const PLACES: usize = 9;
     let longest = runs.iter().map(|(record, ..)| record.len()).max();

@@ -3,6 +3,7 @@
 use super::bands::bands;
 use super::check::FrozenCheck;
 use super::frozen_error;
+use super::stable::WITHOUT_RECORDS;
 use crate::progress::Progress;
 use crate::responses::measured::{join, measured_responses};
 use crate::responses::{periodic_responses, sample_noise};
@@ -161,8 +162,6 @@ pub fn judge_on_responses(
     summary: &Summary,
     clock: Discrete,
 ) -> Result<Verdict, PipelineError> {
-    /// Samples over which a model without records is judged.
-    const WITHOUT_RECORDS: usize = 10_000;
     let machine = Machine::new(model, clock)?;
     let (check, ..) = compared(&machine, None, estimates.to_vec(), "estimation")?;
     let centre = machine.range().map_or_else(Vec::new, |r| r.centre());

@@ -3,6 +3,9 @@
 use crate::verdict::Stability;
 use lpv_core::num_complex::Complex;
 
+/// Samples over which a model without records is judged.
+pub(super) const WITHOUT_RECORDS: usize = 10_000;
+
 /// What poles do over so many samples.
 pub(crate) fn stability(poles: &[Complex<f64>], samples: usize) -> Stability {
     /// Growth, as a power of e, up to which a pole keeps or loses what it is given ...

@@ -24,7 +24,7 @@ pub(crate) use work::{logged, publish};
 use xytable_plant::{HiddenEffect, MachineParameters, VerifiedController, split_seed};
 
 /// Effects that the contract of `diagnosis.json` asks for; whatever else the plant can hide is outside.
-pub(crate) const CATALOGUE: [&str; 22] = [
+pub(crate) const CATALOGUE: [&str; 23] = [
     "coulomb-friction",
     "stribeck-friction",
     "viscous-friction",
@@ -41,6 +41,7 @@ pub(crate) const CATALOGUE: [&str; 22] = [
     "cubic-stiffness",
     "scheduling-rate",
     "second-scheduling",
+    "constant-force",
     "periodic-disturbance",
     "abbe-offset",
     "sensor-gain",

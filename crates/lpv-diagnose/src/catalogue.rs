@@ -66,7 +66,7 @@ pub static KINDS: [&[Effect]; 30] = [
     from_ref(&backlash::EFFECT),
     from_ref(&scheduling_rate::EFFECT),
     from_ref(&second_scheduling::EFFECT),
-    from_ref(&constant_force::EFFECT),
+    &constant_force::EFFECTS,
     &periodic_disturbance::EFFECTS,
     from_ref(&abbe_offset::EFFECT),
     &sensor_gain::EFFECTS,
@@ -106,10 +106,13 @@ pub(crate) fn is_rough(effect: &Effect) -> bool {
 pub(crate) fn is_itself(effect: &Effect, values: &[f64], machine: &Base, tracks: &[Track]) -> bool {
     /// Times the speed that creeps at which the sign is reached: its hyperbolic tangent is 0.96.
     const REACHED: f64 = 2.0;
-    let is_held = tracks.iter().all(|t| t.follows);
-    if is_held && cable_stiffness::EFFECTS.iter().any(|e| e.is(effect)) {
+    if let (true, [linear, cubic]) = (cable_stiffness::EFFECTS.iter().any(|e| e.is(effect)), values) {
         // No cable pushes away; a position force may.
-        return values[0] > 0.0;
+        let farthest = match tracks.iter().all(|t| t.follows) {
+            true => 0.0,
+            false => Track::farthest(tracks, effect.place.first()),
+        };
+        return linear + cubic * farthest * farthest > 0.0;
     }
     if cogging::EFFECTS.iter().any(|e| e.is(effect)) && values.len() == cogging::TWO_WAVES {
         return cogging::are_apart(values, Track::travel(tracks, effect.place.first()));

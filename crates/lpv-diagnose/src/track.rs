@@ -85,6 +85,12 @@ impl Track {
         tracks.iter().map(travel).fold(0.0, f64::max)
     }
 
+    /// Largest distance of an output from zero in some records.
+    pub(crate) fn farthest(tracks: &[Self], output: usize) -> f64 {
+        let distances = tracks.iter().flat_map(|t| &t.outputs).map(|y| y[output].abs());
+        distances.fold(0.0, f64::max)
+    }
+
     /// The longest of some records in time.
     pub(crate) fn longest(tracks: &[Self]) -> f64 {
         let duration = |t: &Self| t.step * t.samples as f64;

@@ -153,11 +153,12 @@ fn has_no_name(wrong: &Wrong) {
 }
 
 #[test]
-fn a_constant_force_has_no_name() {
-    has_no_name(&Wrong {
+fn a_constant_force_of_the_second_axis() {
+    let wrong = Wrong {
         force: 0.3,
         ..Wrong::default()
-    });
+    };
+    finds(&wrong, ("constant-force", Place::Motor(1)), 0.3);
 }
 
 #[test]

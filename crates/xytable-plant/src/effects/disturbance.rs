@@ -58,6 +58,10 @@ impl Effect for Constant {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
         forces.push_ends(at.machine, [self.0; 2]);
     }
+    fn facts(&self, machine: &MachineParameters) -> Vec<(&'static str, f64)> {
+        let force = severity_of(self.0, machine);
+        vec![("left_force", force), ("right_force", force)]
+    }
 }
 
 /// Amplitude at each end, N.

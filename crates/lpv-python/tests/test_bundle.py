@@ -80,12 +80,34 @@ def test_frames(tmp_path: Path) -> None:
         ({"u": np.ones(N - 1)}, "samples|rows|length"),
         ({"periods": 7}, "unknown option `periods`"),
         ({"name": "../out"}, "use letters"),
+        ({"period": 12.5}, "period = 12.5"),
+        ({"period": True}, "period = True"),
+        ({"use": 1}, "use = 1"),
     ],
 )
 def test_wrong_arrays_are_refused(change: dict, message: str) -> None:
     with pytest.raises(lpvident.BundleError, match=message):
         bundle = lpvident.Bundle.from_arrays({**signals(1), **change}, sample_rate=10)
         bundle.record(0)
+
+
+def test_wrong_settings_are_refused_before_anything_is_written(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame({"force": np.ones(N), "x": np.ones(N)}, index=np.arange(N) * 0.1)
+    folder = tmp_path / "made"
+    for call, message in [
+        (lambda: lpvident.Bundle.from_arrays(signals(1), sample_rate=10, folder=folder, units={"y3": "m"}), "no column `y3`; there are y1"),
+        (lambda: lpvident.Bundle.from_arrays(signals(1), sample_rate=10, folder=folder, units={"y1": 1}), "no text: 1"),
+        (lambda: lpvident.Bundle.from_arrays(signals(1), sample_rate=-10, folder=folder), "samples a second"),
+        (lambda: lpvident.Bundle.from_arrays(signals(1), sample_rate=math.nan, folder=folder), "samples a second"),
+        (lambda: lpvident.Bundle.from_arrays([signals(1), {**signals(2), "period": "5"}], sample_rate=10, folder=folder), "record 1: period"),
+        (lambda: lpvident.Bundle.from_frames(frame, outputs=["x"], inputs="x", folder=folder), "`x` is given twice"),
+    ]:
+        with pytest.raises(lpvident.BundleError, match=message):
+            call()
+        assert not folder.exists()
+    with pytest.raises(lpvident.SettingError, match="progress = 'yes'"):
+        lpvident.Bundle.from_arrays(signals(1), sample_rate=10).inspect(progress="yes")  # type: ignore[arg-type]
 
 
 def test_errors_have_fields(tmp_path: Path) -> None:

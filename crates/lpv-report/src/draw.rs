@@ -36,7 +36,7 @@ pub(crate) fn document(layout: &Layout, mode: Mode) -> String {
         }
         Mode::Inline { .. } => String::new(),
     };
-    let name = text::escape(&layout.figure.title);
+    let name = text::escape(&layout.figure.spoken());
     svg.push(&format!(
         "<svg{size} viewBox=\"0 0 {width} {height}\" font-family=\"{FONTS}\" role=\"img\" aria-label=\"{name}\">"
     ));

@@ -1,6 +1,6 @@
 //! A figure: a grid of panels with one title, one caption and one legend policy.
 
-use crate::{Panel, ReportError};
+use crate::{Panel, ReportError, text};
 
 /// A grid of panels.
 ///
@@ -127,6 +127,28 @@ impl Figure {
     pub fn legend(mut self, legend: Legend) -> Self {
         self.legend = legend;
         self
+    }
+
+    /// What it shows, for those who do not see it: its title, else what its panels show.
+    pub(crate) fn spoken(&self) -> String {
+        if !self.title.is_empty() {
+            return text::plain(&self.title);
+        }
+        let of = |p: &Panel| {
+            let axes = [&p.y.label, &p.x.label].map(|label| text::plain(label));
+            let axes = axes
+                .into_iter()
+                .filter(|a| !a.is_empty())
+                .collect::<Vec<_>>()
+                .join(" over ");
+            match p.title.is_empty() {
+                true => axes,
+                false => format!("{}: {axes}", text::plain(&p.title)),
+            }
+        };
+        let mut all: Vec<String> = self.panels.iter().map(of).collect();
+        all.dedup();
+        all.join("; ")
     }
 
     /// The same for a phone: panels below each other, or in pairs where they were small.

@@ -48,8 +48,8 @@ use lpv_report::Figure;
 pub use noise::NoiseSource;
 use noise::{roughness, unrepeated};
 pub use places::PlaceName;
-pub(crate) use places::placed;
 use places::record_names;
+pub(crate) use places::{in_units, placed};
 pub use record_errors::{ForceErrors, FreeRun, RecordErrors, RunErrors};
 use records::{check_records, split, wrong_controller};
 pub(crate) use responses::is_traced_on_responses;
@@ -319,6 +319,7 @@ fn of_moves(
     };
     let mut axis = axis::errors(&found, &start, band, &fit_records, &fitted)?;
     axis.extend(axis::errors(&found, &start, band, &judge_records, &judged)?);
+    reasons.extend(axis::runs_away(&axis, [&fitted, &judged], bundle));
     let records = match is_observed {
         true => {
             let records: Vec<&Record> = fit_records.iter().chain(&judge_records).collect();

@@ -317,7 +317,6 @@ fn axes(bundle: &Bundle, config: &IdentifyConfig, progress: Progress<'_>) -> Res
             .collect(),
     )?;
     progress("inverse dynamics", 1, 1);
-    let units = &channels.output.units;
     let axes: Vec<AxisSummary> = found
         .model
         .axes()
@@ -328,7 +327,7 @@ fn axes(bundle: &Bundle, config: &IdentifyConfig, progress: Progress<'_>) -> Res
             AxisSummary::new(
                 &records[0].inputs.names[i],
                 &records[0].outputs.names[i],
-                units.get(i).map_or("", String::as_str),
+                [&channels.input.units, &channels.output.units].map(|u| u.get(i).map_or("", String::as_str)),
                 axis,
                 account,
             )

@@ -42,7 +42,12 @@ impl Moves {
     ) -> Result<Self, PipelineError> {
         let description = bundle.description();
         let Some(controller) = &description.controller else {
-            return Ok(Self::none("the bundle has no [controller]"));
+            return Ok(Self::none(match description.channels.reference.is_empty() {
+                true => {
+                    "without a reference there is no loop to close, and moves are fitted in closed loop alone"
+                }
+                false => "the bundle has no [controller]",
+            }));
         };
         let Some(noise) = responses
             .noise

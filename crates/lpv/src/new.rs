@@ -4,6 +4,7 @@ mod clock;
 mod command;
 mod gaps;
 mod lay;
+mod motion;
 mod names;
 mod pairs;
 mod period;
@@ -22,6 +23,7 @@ pub use crate::output::Overwrite;
 use clock::Clock;
 use experiment_data::Text;
 use gaps::{lost, part_of};
+use position::Places;
 use rate::TimeColumn;
 use schemars::JsonSchema;
 use see::Seen;
@@ -162,8 +164,8 @@ struct Plan<'a> {
     text: Option<Text>,
     records: Vec<RecordFile>,
     known: &'a Known,
-    /// Whether the names of the files speak of places, and no column does.
-    places: Option<Vec<String>>,
+    /// Where no column tells them.
+    places: Option<Places>,
 }
 
 /// Looks at the files and drafts their description.
@@ -304,7 +306,7 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
         rate: sampling.hz,
         rates: sampling.others,
         rates_differ: sampling.rates_differ,
-        places: position::places_in_names(&names).filter(|_| groups.scheduling.is_empty() && names.len() > 1),
+        places: position::of_files(&names, &seen).filter(|_| groups.scheduling.is_empty() && names.len() > 1),
         groups,
         units,
         text: see::text(&seen),

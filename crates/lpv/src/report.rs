@@ -301,18 +301,21 @@ fn tone(worth: Worth) -> Tone {
 
 fn axes(found: &[AxisSummary]) -> Table {
     let head = ["axis", "parameter", "value", "standard deviation"];
-    let mut table = Table::new("Servo axes, in the units of the input and the output.", head);
+    let mut table = Table::new("Servo axes.", head);
     for a in found {
-        for (name, [value, deviation]) in [
+        for ((name, [value, deviation]), unit) in [
             (a.kind.as_str(), a.inertia),
             ("viscous friction", a.viscous),
             ("offset", a.offset),
-        ] {
+        ]
+        .into_iter()
+        .zip(&a.units)
+        {
             table = table.row([
                 Cell::text(format!("{} to {}", a.input, a.output)),
                 Cell::text(name),
-                Cell::number(value, Format::Significant(5)),
-                Cell::number(deviation, Format::Significant(2)),
+                Cell::number(value, Format::Significant(5)).unit(unit),
+                Cell::number(deviation, Format::Significant(2)).unit(unit),
             ]);
         }
     }

@@ -16,6 +16,9 @@ use crate::memory::Allowance;
 use std::collections::HashMap;
 use std::path::Path;
 
+/// Part of an interval by which a channel may begin later than another.
+const LATE: f64 = 0.02;
+
 /// The named channels, in the order of the names.
 pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
     let mut tdms = Tdms::open(path)?;
@@ -49,12 +52,31 @@ pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordE
         .collect()
 }
 
-/// Every channel of real numbers, and what else the file holds.
+/// Every channel of real numbers that begins with the longest, and what else the file holds.
 pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
     let tdms = Tdms::open(path)?;
     let mut contents = Contents::default();
-    for (name, channel) in names_of(&tdms.channels).into_iter().zip(&tdms.channels) {
+    let names = names_of(&tdms.channels);
+    let numbers = tdms
+        .channels
+        .iter()
+        .zip(&names)
+        .filter(|(c, _)| c.number().is_ok());
+    let first = numbers.min_by_key(|(c, _)| std::cmp::Reverse(c.length));
+    for (name, channel) in names.iter().cloned().zip(&tdms.channels) {
+        let late = first.map_or(0.0, |(first, _)| channel.start_s - first.start_s);
         match channel.number() {
+            Ok(_) if late.abs() > LATE * channel.interval_s.unwrap_or(0.0) => {
+                contents.passed_over.push(PassedOver {
+                    what: format!(
+                        "begins {late} s after `{}`, by `wf_start_offset`",
+                        first.map_or("", |(_, name)| name.as_str())
+                    ),
+                    name,
+                    remedy: "bring all signals to the same instants, in Python: numpy.interp(t, channel.time_track(), channel[:])"
+                        .to_owned(),
+                });
+            }
             Ok(_) => contents.columns.push(Column {
                 name,
                 rows: channel.length,

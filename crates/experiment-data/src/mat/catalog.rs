@@ -284,6 +284,13 @@ fn remedy(name: &str, what: &str) -> String {
             "in MATLAB: G = chgFreqUnit({name}, 'Hz'); frequency = G.Frequency; response = permute(G.ResponseData, [3 1 2]); save('x.mat', \
              'frequency', 'response'), for a record with kind = \"response\""
         );
+    } else if has("several fields") {
+        return format!(
+            "in Python with h5py: table = file['{}'][()]; then new['t'] = table['t'] for each field, into a new file",
+            name.replace('.', "/")
+        );
+    } else if has("cell array") {
+        format!("t = {name}{{1}}.t; u = {name}{{1}}.u; y = {name}{{1}}.y;")
     } else if has("object") {
         format!("u = {name}.u; y = {name}.y;")
     } else {

@@ -19,6 +19,9 @@ use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
+/// What h5py compresses with where told so.
+const LZF: u16 = 32_000;
+
 /// More variables than any measurement has; a damaged file may have groups that contain themselves.
 const MOST_VARIABLES: usize = 100_000;
 
@@ -338,7 +341,14 @@ impl<'a> Walk<'a> {
             _ => return Err(too_much()),
         };
         if let Some(other) = dataset.filters().into_iter().find(|id| !matches!(id, 1..=3)) {
-            return unsupported(format!("HDF5 filter {other}"), "deflate, shuffle, checksums");
+            let found = match other {
+                LZF => "the HDF5 filter lzf".to_owned(),
+                other => format!("the HDF5 filter {other}"),
+            };
+            return unsupported(
+                found,
+                "deflate, shuffle, checksums; in Python, into a new file: new[name] = old[name][()]",
+            );
         }
         // A part is unpacked as a whole, whatever the data set has of it.
         let most = FREELY.max(self.bytes.saturating_mul(MOST_A_BYTE));

@@ -69,7 +69,7 @@ fn what_is_no_column_of_numbers_is_named() {
         (
             "plain_hdf5.mat",
             "packed",
-            "`packed` with HDF5 filter 32000 is not supported",
+            "`packed` with the HDF5 filter lzf is not supported",
         ),
         ("snappy.parquet", "text", "holds texts or bytes"),
         ("snappy.parquet", "time", "holds dates or times"),

@@ -136,7 +136,7 @@ fn a_servo_axis_gives_its_mass_friction_and_offset() {
     assert_eq!(body.axes()[0].inertia, number(axis, "/inertia/0"));
     let text = desk.done("identify bundle --structure rigid-body -o model.json");
     assert!(
-        text.contains("mass 2.99") && text.contains("viscous friction"),
+        text.contains("mass 3.00000 u s^2/m (") && text.contains("viscous friction 8.00000 u s/m ("),
         "{text}"
     );
     let check = desk.json("validate model.json bundle --json");

@@ -72,12 +72,55 @@ fn settings_tell_the_rate() {
             .contains("sample_rate = 10, as `Ts` = 0.1 says")
     );
     desk.done("inspect table");
-    desk.write("above/a.csv", format!("# sample rate: 0.01 kHz\n{rows}"));
+    for line in [
+        "# sample rate: 0.01 kHz",
+        "rig 3, dt=100ms, N=7",
+        "Abtastrate,10",
+        "Ts,0.1s",
+    ] {
+        desk.write("above/a.csv", format!("{line}\n{rows}"));
+        let said = desk.done("new above/a.csv --force");
+        assert!(said.contains("sample_rate = 10, as the line"), "{line}: {said}");
+        desk.done("inspect above");
+    }
+    // Milliseconds without a word are asked about.
+    let mut values = signals().to_vec();
+    values.push(named("Ts", array(1, &[250.0])));
+    desk.write("slow/a.mat", write_values(&values).unwrap());
+    let said = desk.done("new slow/a.mat");
     assert!(
-        desk.done("new above/a.csv")
-            .contains("sample_rate = 10, as the line")
+        said.contains("`Ts` = 250 says no unit: 0.004 Hz, or 4 Hz"),
+        "{said}"
     );
-    desk.done("inspect above");
+}
+
+/// A number in each file that is named after a place is the place; what is the same in all, or named after something else, is not.
+#[test]
+fn a_number_in_each_file_is_its_place() {
+    let desk = Desk::new();
+    let (u, y) = mode_record();
+    let places = [-0.3, 0.0, 1.25e-3];
+    for (k, place) in places.iter().enumerate() {
+        let numbers = [
+            ("x_pos", *place),
+            ("y0", 2.0),
+            ("temperature", 20.0 + k as f64),
+            ("fs", 10.0),
+        ];
+        let mut values = vec![named("u", array(u.len(), &u)), named("y", array(y.len(), &y))];
+        values.extend(numbers.map(|(name, value)| named(name, array(1, &[value]))));
+        desk.write(&format!("at/m{k}.mat"), write_values(&values).unwrap());
+    }
+    let said = desk.done("new at/m0.mat at/m1.mat at/m2.mat");
+    assert!(
+        said.contains("`x_pos`, a single number in each file, is the position"),
+        "{said}"
+    );
+    let bundle = Bundle::open(&desk.path("at")).unwrap();
+    for (k, place) in places.iter().enumerate() {
+        let position = bundle.load(k).unwrap().position.unwrap();
+        assert_eq!(position[0], *place);
+    }
 }
 
 #[test]

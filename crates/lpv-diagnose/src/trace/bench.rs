@@ -124,7 +124,8 @@ impl<'a> Bench<'a> {
     pub(super) fn lasts(&self, model: &Explained, i: usize) -> bool {
         /// Records over which what changes so slowly is a straight line, which a force may cause too.
         const STRAIGHT: f64 = 10.0;
-        /// Part of a record before and after a change: a wrong beginning looks like one that comes at once.
+        /// Part of a record before and after a change, and that a slow one takes: a wrong beginning looks like one that comes, or is over,
+        /// at once.
         const SIDE: f64 = 0.03;
         let tracks = self.case.fitted;
         let longest = Track::longest(tracks);
@@ -135,7 +136,7 @@ impl<'a> Bench<'a> {
         let step = tracks.first().map_or(0.0, |t| t.step);
         let (effect, values) = &model.effects[i];
         values.iter().zip(effect.parameters).all(|(v, p)| match p.scale {
-            Scale::Duration => *v >= step && *v <= STRAIGHT * longest,
+            Scale::Duration => *v >= step.max(SIDE * shortest) && *v <= STRAIGHT * longest,
             Scale::Instant => *v >= SIDE * shortest && *v <= (1.0 - SIDE) * longest,
             Scale::Frequency => v * longest >= 1.0,
             _ => true,

@@ -28,8 +28,10 @@ def listener(progress: Progress) -> Iterator[Callable[[str, int, int], Any] | No
             yield bar
         finally:
             bar.close()
-    else:
+    elif callable(progress):
         yield progress
+    else:
+        raise SettingError(f"progress = {progress!r}: give True, or a function of the step, the parts done and all parts")
 
 
 class _Bar:

@@ -17,6 +17,8 @@ from .errors import BundleError
 #: Options of a record beside its signals.
 OPTIONS = ("period", "use", "position", "injection", "name")
 
+_KINDS = {"period": "the samples a period, a whole number", "use": '"estimation" or "validation"'}
+
 
 def toml(value: Any) -> str:
     """A value in TOML; tables are inline."""
@@ -48,8 +50,9 @@ def write_bundle(
     lines = [f"{key} = {toml(value)}" for key, value in {"format": 2, **head}.items() if value is not None]
     for role, group in channels.items():
         lines += ["", f"[channels.{role}]", *(f"{key} = {toml(value)}" for key, value in group.items())]
-    (folder / "records").mkdir(parents=True, exist_ok=True)
-    for number, (signals, options) in enumerate(records):
+    names: list[str] = []
+    # Before anything is written.
+    for number, (_, options) in enumerate(records):
         unknown = [name for name in options if name not in OPTIONS]
         if unknown:
             raise BundleError(f"record {number}: unknown option `{unknown[0]}`; known: {', '.join(OPTIONS)}", record=number)
@@ -57,9 +60,16 @@ def write_bundle(
         if not all(c.isalnum() or c in "._-" for c in name) or name.startswith("."):
             raise BundleError(f"record {number}: name `{name}`: use letters, digits, `_`, `-` and `.`", record=number)
         file = folder / "records" / f"{name}.npz"
-        if file.exists():
+        if name in names or file.exists():
             raise BundleError(f"record {number}: the name `{name}` is taken", record=number, path=file)
-        with zipfile.ZipFile(file, "w") as out:
+        for option, kind in (("period", (int, np.integer)), ("use", str)):
+            value = options.get(option)
+            if value is not None and (isinstance(value, bool) or not isinstance(value, kind)):
+                raise BundleError(f"record {number}: {option} = {value!r}: give {_KINDS[option]}", record=number)
+        names.append(name)
+    (folder / "records").mkdir(parents=True, exist_ok=True)
+    for name, (signals, options) in zip(names, records):
+        with zipfile.ZipFile(folder / "records" / f"{name}.npz", "w") as out:
             # Not by savez, whose own arguments are names of columns too.
             for column, samples in signals.items():
                 with out.open(f"{column}.npy", "w", force_zip64=True) as array:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import json
+import math
 import os
 import shutil
 import tempfile
@@ -168,6 +170,20 @@ class Bundle:
 
     @classmethod
     def _written(cls, folder: Any, head: Any, roles: Any, units: Any, records: Any) -> Bundle:
+        rate = head["sample_rate"]
+        if not (math.isfinite(rate) and rate > 0.0):
+            raise BundleError(f"sample_rate = {rate:g}: give the samples a second, finite and above zero")
+        known = [c for own in roles.values() for c in own]
+        twice = [c for k, c in enumerate(known) if c in known[:k]]
+        if twice:
+            raise BundleError(f"column `{twice[0]}` is given twice: a column has one role", column=twice[0])
+        for column, unit in (units or {}).items():
+            if column not in known:
+                near = difflib.get_close_matches(str(column), known, 1)
+                told = f"; nearest: `{near[0]}`" if near else f"; there are {', '.join(known)}"
+                raise BundleError(f"units: no column `{column}`{told}", column=column)
+            if not isinstance(unit, str):
+                raise BundleError(f"units: the unit of `{column}` is no text: {unit!r}", column=column)
         channels = {}
         for role, own in roles.items():
             channels[role] = {"columns": own}

@@ -5,6 +5,7 @@ use crate::validation::{AxisCheck, check_axis};
 use experiment_data::Bundle;
 use lpv_core::{AxisOutput, ControllerState, Discrete, Record};
 use lpv_diagnose::{Base, Explained, Trace, Track};
+use lpv_numerics::statistics::range;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -64,6 +65,29 @@ pub(super) fn errors(
         });
     }
     Ok(all)
+}
+
+/// What to say where the model with its effects, let run free, leaves records by more than they travel.
+pub(super) fn runs_away(errors: &[AxisErrors], tracks: [&[Track]; 2], bundle: &Bundle) -> Option<String> {
+    let travel = |name: &str| {
+        let track = tracks.into_iter().flatten().find(|t| t.name == name)?;
+        let (low, high) = range(&track.outputs.iter().map(|y| y[0]).collect::<Vec<_>>());
+        Some(high - low)
+    };
+    let leaves = |e: &&AxisErrors| {
+        let travel = travel(&e.record);
+        e.after.open_loop_position_rms > e.before.open_loop_position_rms
+            && travel.is_some_and(|travel| e.after.open_loop_position_rms > travel)
+    };
+    let left: Vec<&str> = errors.iter().filter(leaves).map(|e| e.record.as_str()).collect();
+    let of_input = bundle.description().channels.input.columns.first()?;
+    (!left.is_empty()).then(|| {
+        format!(
+            "let run free by {of_input} over a whole record, the model with its effects leaves {} by more than the record travels: small \
+             forces add up; simulate it in closed loop, or over short horizons",
+            left.join(", ")
+        )
+    })
 }
 
 /// Why motor and load took the place of a rigid axis, where they did.

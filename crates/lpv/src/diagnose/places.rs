@@ -71,16 +71,27 @@ pub(crate) fn placed(effect: &Effect, bundle: &Bundle) -> String {
 /// second output.
 pub(super) fn units(template: &str, bundle: &Bundle, channel: usize) -> String {
     let channels = &bundle.description().channels;
-    let unit = |units: &[String], i: usize, name: &str| match units.get(i) {
-        Some(unit) if unit.contains(['/', ' ']) => format!("({unit})"),
-        Some(unit) if !unit.is_empty() => unit.clone(),
-        _ => name.to_owned(),
+    let unit = |units: &[String], i: usize, name: &str| {
+        let own = units.get(i).filter(|unit| !unit.is_empty());
+        own.map_or(name, String::as_str).to_owned()
     };
-    let word = |w: &str| match w {
-        "u" => unit(&channels.input.units, channel, "u"),
-        "y" => unit(&channels.output.units, channel, "y"),
-        "y2" => unit(&channels.output.units, 1, "y2"),
-        other => other.to_owned(),
+    let of_all = [
+        unit(&channels.input.units, channel, "u"),
+        unit(&channels.output.units, channel, "y"),
+        unit(&channels.output.units, 1, "y2"),
+    ];
+    in_units(template, &of_all)
+}
+
+/// A template in `u`, `y` and `y2` with these units.
+pub(crate) fn in_units(template: &str, units: &[String]) -> String {
+    let word = |w: &str| {
+        let letter = ["u", "y", "y2"].iter().position(|letter| *letter == w);
+        match letter.and_then(|k| units.get(k)) {
+            Some(unit) if unit.contains(['/', ' ']) => format!("({unit})"),
+            Some(unit) => unit.clone(),
+            None => w.to_owned(),
+        }
     };
     let mut out = String::new();
     let mut rest = template;
@@ -90,8 +101,10 @@ pub(super) fn units(template: &str, bundle: &Bundle, channel: usize) -> String {
         rest = &rest[end + 1..];
     }
     out.push_str(&word(rest));
-    if out == "N s^2/m" {
-        return "kg".to_owned();
+    match out.as_str() {
+        "N s^2/m" => return "kg".to_owned(),
+        "(N m) s^2/rad" | "Nm s^2/rad" => return "kg m^2".to_owned(),
+        _ => {}
     }
     match out.strip_prefix('(').and_then(|o| o.strip_suffix(')')) {
         Some(plain) if !plain.contains(['(', ')']) => plain.to_owned(),

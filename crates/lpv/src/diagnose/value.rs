@@ -27,7 +27,7 @@ impl Value {
 
 impl Value {
     /// With as many digits as its deviation lets one know, six at the most.
-    pub(super) fn in_short(&self) -> String {
+    pub(crate) fn in_short(&self) -> String {
         let known = self
             .std
             .filter(|s| *s > 0.0)

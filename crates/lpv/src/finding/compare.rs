@@ -27,6 +27,31 @@ pub(crate) struct Voice {
     pub(crate) noise: Vec<Vec<f64>>,
 }
 
+impl Voice {
+    /// The same on some of its lines.
+    fn on(&self, lines: &[usize]) -> Self {
+        fn part<T: Copy>(all: &[Vec<T>], lines: &[usize]) -> Vec<Vec<T>> {
+            all.iter()
+                .map(|x| lines.iter().map(|k| x[*k]).collect())
+                .collect()
+        }
+        let each = self.outputs.len() * self.inputs.len();
+        let responses = lines
+            .iter()
+            .flat_map(|k| &self.response[k * each..(k + 1) * each]);
+        Self {
+            record: self.record.clone(),
+            position: self.position.clone(),
+            frequencies_hz: lines.iter().map(|k| self.frequencies_hz[*k]).collect(),
+            outputs: part(&self.outputs, lines),
+            inputs: part(&self.inputs, lines),
+            references: part(&self.references, lines),
+            response: responses.copied().collect(),
+            noise: part(&self.noise, lines),
+        }
+    }
+}
+
 /// Names of the channels.
 pub(crate) struct Names<'a> {
     pub(crate) outputs: &'a [String],
@@ -112,6 +137,8 @@ fn odd_ones(voices: &[Voice], names: &Names<'_>) -> Vec<Finding> {
     }
     let mut found = Vec::new();
     for i in 0..ny {
+        let heard = heard(&voices, i);
+        let voices: Vec<&Voice> = heard.iter().collect();
         // The middle one of three is not that of the odd one, whether it is among them or not.
         let of_all = (voices.len() > 2).then(|| responses(&voices, i, nu, &middle));
         let by_middle = |v: &Voice| match &of_all {
@@ -161,6 +188,26 @@ fn odd_ones(voices: &[Voice], names: &Names<'_>) -> Vec<Finding> {
     }
     found.dedup_by(|a, b| a.place() == b.place());
     found
+}
+
+/// The records on the lines on which all of them stand out of the noise of this output: on the others a ratio is that of two noises.
+/// On all lines where too few do.
+fn heard(voices: &[&Voice], i: usize) -> Vec<Voice> {
+    /// Most noise in parts of the output.
+    const MOST: f64 = 0.3;
+    let lines = 0..voices.first().map_or(0, |v| v.frequencies_hz.len());
+    let stands_out = |k: &usize| {
+        voices
+            .iter()
+            .all(|v| v.noise[i][*k] < MOST * v.outputs[i][*k].norm())
+    };
+    let heard: Vec<usize> = lines.clone().filter(stands_out).collect();
+    let lines = if heard.len() < LINES {
+        lines.collect()
+    } else {
+        heard
+    };
+    voices.iter().map(|v| v.on(&lines)).collect()
 }
 
 /// The records that say something about one: all others, and with several inputs those of other places.

@@ -21,8 +21,45 @@ pub(super) struct Wrap {
     pub(super) sample: usize,
 }
 
-/// Jumps of one size where all else is smooth, of a size that counters have; the motion goes on behind each as it was before.
+/// A counter that ran over, if this is one.
 pub(super) fn wrap(x: &[f64]) -> Option<Wrap> {
+    by_jumps(x).or_else(|| by_bends(x))
+}
+
+/// Whole counts of an unsigned or signed counter whose motion is smooth only where its steps are the shortest way round: a motor may go a
+/// quarter of the range from one sample to the next.
+fn by_bends(x: &[f64]) -> Option<Wrap> {
+    /// Part of the squared second differences that is left of them.
+    const LESS: f64 = 0.1;
+    let (low, high) = lpv_numerics::statistics::range(x);
+    let fits = |m: &f64| {
+        let is_within = low >= 0.0 && high < *m || low >= -0.5 * m && high < 0.5 * m;
+        is_within && high - low > JUMP * m
+    };
+    let modulus = BITS.map(|bits| 2f64.powi(bits)).find(fits)?;
+    if x.iter().any(|v| v.fract() != 0.0) {
+        return None;
+    }
+    let steps: Vec<f64> = x.windows(2).map(|w| w[1] - w[0]).collect();
+    let bends = |steps: &[f64]| steps.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum::<f64>();
+    let shortest: Vec<f64> = steps
+        .iter()
+        .map(|d| d - modulus * (d / modulus).round())
+        .collect();
+    let jumps = || (0..steps.len()).filter(|k| steps[*k] != shortest[*k]);
+    // What jumps to another level and rests there is a switch.
+    let moves =
+        |k: &usize| *k > 0 && shortest[k - 1] != 0.0 || shortest.get(k + 1).is_some_and(|d| *d != 0.0);
+    let moving = jumps().filter(moves).count();
+    (2 * moving > jumps().count() && bends(&shortest) < LESS * bends(&steps)).then_some(Wrap {
+        modulus,
+        times: jumps().count(),
+        sample: jumps().next()? + 1,
+    })
+}
+
+/// Jumps of one size where all else is smooth, of a size that counters have; the motion goes on behind each as it was before.
+fn by_jumps(x: &[f64]) -> Option<Wrap> {
     let (low, high) = lpv_numerics::statistics::range(x);
     let steps: Vec<f64> = x.windows(2).map(|w| w[1] - w[0]).collect();
     let largest = steps.iter().map(|d| d.abs()).fold(0.0, f64::max);
@@ -167,6 +204,33 @@ mod tests {
                 None => assert_eq!(jumps, 0, "{seed}: {bits} bits, scale {scale}"),
             }
         }
+    }
+
+    /// A fast motor: up to a quarter of the range from sample to sample, about zero or about the middle.
+    #[test]
+    fn fast_counters_are_found_and_noise_is_none() {
+        let mut found = 0;
+        for seed in 0..60 {
+            let mut random = Random::new(90 + seed);
+            let modulus = 2f64.powi(8 + (seed % 25) as i32);
+            let size = modulus * random.between(5.0, 45.0);
+            let start = [0.0, 0.5 * modulus, random.between(0.0, modulus)][seed as usize % 3];
+            let low = if seed % 2 == 0 { 0.0 } else { -0.5 * modulus };
+            let x = motion(&mut random, 4000, size);
+            let counts: Vec<f64> = x
+                .iter()
+                .map(|v| (v + start).round().rem_euclid(modulus) + low)
+                .collect();
+            found += usize::from(wrap(&counts).is_some_and(|w| w.modulus == modulus));
+            let noise: Vec<f64> = (0..4000).map(|_| random.between(0.0, modulus).floor()).collect();
+            assert_eq!(wrap(&noise), None, "{seed}");
+            let inside: Vec<f64> = x
+                .iter()
+                .map(|v| (0.4 * modulus * (v / size).sin()).round())
+                .collect();
+            assert_eq!(wrap(&inside), None, "{seed}");
+        }
+        assert!(found >= 55, "{found} of 60");
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! The columns by role: first by name and unit, then by what they do.
 
 use super::clock::{Clock, clock_of, counts_rows};
+use super::motion::{base_factor, is_speed};
 use super::names::unit_of;
 use super::rate::{Physics, TimeColumn};
-use super::roles::{Role, base_factor, is_difference, is_speed, role_of, role_of_unit};
+use super::roles::{Role, is_difference, role_of, role_of_unit};
 use super::see::Seen;
 use super::time_unit;
 use super::{Groups, Known, RecordFile, position};

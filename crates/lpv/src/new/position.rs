@@ -1,10 +1,18 @@
 //! Which column is the position on which the dynamics depend.
 
-use super::RecordFile;
 use super::roles::{Role, is_no_position, role_of};
+use super::see::Seen;
+use super::{RecordFile, stated};
 
 /// No machine is scheduled by more signals.
 const MOST_TAKEN: usize = 64;
+
+/// The place of each record.
+pub(super) struct Places {
+    /// The number beside the signals that tells it; none where the names of the files may.
+    pub(super) number: Option<String>,
+    pub(super) values: Vec<String>,
+}
 
 /// The columns that rest in every file and differ between files. Of several, those whose names speak of a position; and of
 /// columns that tell the same twice, the first.
@@ -80,9 +88,44 @@ fn is_same(a: &[f64], b: &[f64]) -> bool {
     dot(&a, &b).powi(2) >= (1.0 - 1e-6) * dot(&a, &a) * dot(&b, &b)
 }
 
+/// Where each file was measured: by a single number of each, else by its name.
+pub(super) fn of_files(names: &[String], seen: &[Seen]) -> Option<Places> {
+    let in_numbers = || {
+        let (number, values) = place_in_numbers(seen)?;
+        let values = values.iter().map(|v| format!("{v:?}")).collect();
+        Some(Places {
+            number: Some(number),
+            values,
+        })
+    };
+    let in_names = || places_in_names(names).map(|values| Places { number: None, values });
+    in_numbers().or_else(in_names)
+}
+
+/// The single number that all files have, with another value in some, and a name that speaks of a place; none where two do.
+fn place_in_numbers(seen: &[Seen]) -> Option<(String, Vec<f64>)> {
+    let speaks = |name: &str| {
+        let role = role_of(name);
+        matches!(role, Some(Role::Scheduling | Role::Output | Role::Reference))
+            && !is_no_position(name)
+            && !stated::is_clock(name)
+    };
+    let values_of = |name: &str| -> Option<Vec<f64>> {
+        let of = |s: &Seen| s.scalars.iter().find(|n| n.name == name).map(|n| n.value);
+        let values: Vec<f64> = seen.iter().map(of).collect::<Option<_>>()?;
+        values.iter().any(|v| *v != values[0]).then_some(values)
+    };
+    let mut found = seen.first()?.scalars.iter().filter(|n| speaks(&n.name));
+    let mut each = found
+        .by_ref()
+        .filter_map(|n| Some((n.name.clone(), values_of(&n.name)?)));
+    let first = each.next()?;
+    each.next().is_none().then_some(first)
+}
+
 /// What the names of the files say about the position, as a question: the part of each name that differs, if it looks like a
 /// place.
-pub(super) fn places_in_names(files: &[String]) -> Option<Vec<String>> {
+fn places_in_names(files: &[String]) -> Option<Vec<String>> {
     let numbers = |file: &String| -> Vec<(String, String)> {
         let stem = file.rsplit('/').next().unwrap_or(file);
         let stem = stem.rsplit_once('.').map_or(stem, |(s, _)| s);

@@ -6,7 +6,7 @@ use super::time_unit::{UNITS, is_in_days, seconds, stated_unit, unit_of_stamps};
 
 /// A step of this many seconds or more is asked about where nothing but the number says that it is in seconds: positioning
 /// machines are logged faster, and in milliseconds.
-const ASKED: f64 = 0.15;
+pub(super) const ASKED: f64 = 0.15;
 
 /// From here on it is taken for seconds, and the doubt is written down.
 const DOUBTED: f64 = 0.02;
@@ -287,6 +287,7 @@ mod tests {
                 .map(|&seconds| Stated {
                     what: "`Ts`".into(),
                     seconds,
+                    has_unit: false,
                 })
                 .collect(),
         };

@@ -264,37 +264,6 @@ pub(super) fn is_no_position(column: &str) -> bool {
         || INSIDE.iter().any(|part| name.to_lowercase().contains(part))
 }
 
-/// Whether a column is named after a speed or a position.
-pub(super) fn is_speed(column: &str) -> Option<bool> {
-    let name = plain_name(column).to_lowercase();
-    let any = |parts: &[&str]| parts.iter().any(|p| name.contains(p));
-    if any(&["speed", "velocity", "geschw", "drehzahl", "omega"])
-        || words(&plain_name(column)).contains(&"vel".into())
-    {
-        Some(true)
-    } else if any(&["pos", "angle", "winkel", "lage", "weg", "encoder", "theta"]) {
-        Some(false)
-    } else {
-        None
-    }
-}
-
-/// The factor from a unit of position or speed to its base unit: metres or radians, and a second.
-pub(super) fn base_factor(unit: &str) -> Option<f64> {
-    use std::f64::consts::TAU;
-    Some(match unit.trim() {
-        "m" | "m/s" | "rad" | "rad/s" => 1.0,
-        "mm" | "mm/s" | "mrad" | "mrad/s" => 1e-3,
-        "um" | "µm" | "um/s" | "µm/s" => 1e-6,
-        "nm" | "nm/s" => 1e-9,
-        "cm" | "cm/s" => 1e-2,
-        "deg" | "°" | "deg/s" | "°/s" => TAU / 360.0,
-        "rev" | "rev/s" => TAU,
-        "rpm" | "1/min" | "U/min" | "rev/min" => TAU / 60.0,
-        _ => return None,
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -89,6 +89,16 @@ fn without_time(hints: &Hints) -> Sampling {
         .find(|s| (s.seconds / first.seconds - 1.0).abs() > 1e-6);
     let hz = nice(1.0 / first.seconds);
     match other {
+        // A time column of such steps is asked about too.
+        None if !first.has_unit && first.seconds >= rate::ASKED => {
+            let candidates = vec![hz, nice(1e3 / first.seconds)];
+            let question = format!(
+                "{} says no unit: {} Hz, or {} Hz where it is in milliseconds or kilohertz; write down the rate in Hz, or give \
+                 --sample-rate",
+                first.what, candidates[0], candidates[1]
+            );
+            Sampling::ask(question, candidates)
+        }
         None => Sampling {
             hz: Some(hz),
             guess: Some(format!("sample_rate = {hz}, as {} says", first.what)),
@@ -143,10 +153,11 @@ mod tests {
     use super::super::stated::Stated;
     use super::*;
 
-    fn hints(stated: &[f64]) -> Hints {
+    fn hints(stated: &[f64], has_unit: bool) -> Hints {
         let stated = stated.iter().map(|&seconds| Stated {
             what: "`Ts`".to_owned(),
             seconds,
+            has_unit,
         });
         Hints {
             stated: stated.collect(),
@@ -157,13 +168,23 @@ mod tests {
     #[test]
     fn a_rate_that_a_file_states() {
         for interval in [1e-6, 3.7e-4, 0.02, 4.0, 1e3] {
-            let found = decide(None, None, &hints(&[interval, interval]));
-            assert!((found.hz.unwrap() * interval - 1.0).abs() < 1e-5, "{interval}");
-            assert!(found.guess.is_some() && found.question.is_none());
+            for has_unit in [true, false] {
+                let found = decide(None, None, &hints(&[interval, interval], has_unit));
+                if has_unit || interval < 0.1 {
+                    assert!((found.hz.unwrap() * interval - 1.0).abs() < 1e-5, "{interval}");
+                    assert!(found.guess.is_some() && found.question.is_none());
+                } else {
+                    assert!(found.hz.is_none() && found.question.is_some());
+                    assert!(
+                        (found.others[1] * interval / 1e3 - 1.0).abs() < 1e-5,
+                        "{interval}"
+                    );
+                }
+            }
         }
-        let found = decide(None, None, &hints(&[1e-3, 0.01]));
+        let found = decide(None, None, &hints(&[1e-3, 0.01], false));
         assert_eq!((found.hz, found.others), (None, vec![1000.0, 100.0]));
-        assert!(decide(None, None, &hints(&[])).question.is_some());
-        assert_eq!(decide(None, Some(7.0), &hints(&[1e-3])).hz, Some(7.0));
+        assert!(decide(None, None, &hints(&[], false)).question.is_some());
+        assert_eq!(decide(None, Some(7.0), &hints(&[1e-3], false)).hz, Some(7.0));
     }
 }

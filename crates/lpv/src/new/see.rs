@@ -30,7 +30,8 @@ pub(super) struct Seen {
     /// Columns of another length, and what is no column at all.
     others: Vec<PassedOver>,
     notes: Vec<Vec<String>>,
-    scalars: Vec<Scalar>,
+    /// Single numbers beside the signals.
+    pub(super) scalars: Vec<Scalar>,
     /// Whether its names say that it is held out.
     pub(super) is_validation: bool,
 }

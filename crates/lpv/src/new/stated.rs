@@ -11,6 +11,8 @@ pub(super) struct Stated {
     pub(super) what: String,
     /// The interval; finite and above zero.
     pub(super) seconds: f64,
+    /// Whether it says in what unit.
+    pub(super) has_unit: bool,
 }
 
 /// Names of sample intervals, whole, in small letters without anything else.
@@ -53,9 +55,13 @@ const INSIDE_RATES: [&str; 6] = [
 /// Everything that is stated, in the order of the file: settings first.
 pub(super) fn stated(notes: &[Vec<String>], scalars: &[Scalar]) -> Vec<Stated> {
     let settings = scalars.iter().filter_map(|s| {
-        let seconds = interval(&s.name, s.value, None)?;
+        let (seconds, has_unit) = interval(&s.name, s.value, None)?;
         let what = format!("`{}` = {}", s.name, s.value);
-        Some(Stated { what, seconds })
+        Some(Stated {
+            what,
+            seconds,
+            has_unit,
+        })
     });
     settings
         .chain(notes.iter().filter_map(|line| of_note(line)))
@@ -69,26 +75,55 @@ pub(super) fn has_seconds(notes: &[Vec<String>]) -> bool {
 }
 
 fn of_note(line: &[String]) -> Option<Stated> {
-    let [key, rest @ ..] = line else {
-        return None;
-    };
-    let rest_is_empty = rest.iter().all(|c| c.trim().is_empty());
-    let (key, given) = match (rest_is_empty, key.split_once([':', '='])) {
-        (true, Some((key, value))) => (key, vec![value]),
-        _ => (key.as_str(), rest.iter().map(String::as_str).collect()),
-    };
-    // LabVIEW's name for the interval.
+    // A key with its value in the next cell, or both in one cell; several settings may share a line.
+    let (key, rest) = line.split_first()?;
+    let in_cells = std::iter::once((key.as_str(), rest.join(" ")));
+    let parts = line.iter().flat_map(|cell| cell.split([',', ';', '\t']));
+    let in_one = line.iter().map(String::as_str).chain(parts).filter_map(|part| {
+        let (key, value) = part.split_once([':', '='])?;
+        Some((key, value.to_owned()))
+    });
+    in_cells
+        .chain(in_one)
+        .find_map(|(key, value)| setting(key, &value))
+}
+
+/// What a key and its value state: a number, with a unit behind it or not, and nothing else.
+fn setting(key: &str, value: &str) -> Option<Stated> {
+    let value = value.trim();
+    let end = value
+        .find(|c: char| !(c.is_ascii_digit() || "+-.,eE".contains(c)))
+        .unwrap_or(value.len());
+    let (number, unit) = value.split_at(end);
+    let (key, unit) = (key.trim().trim_start_matches('#').trim(), unit.trim());
+    // LabVIEW's name for the interval; with one for each signal it is none of all.
     let name = if key == "Delta_X" { "dt" } else { key };
-    let mut cells = given.iter().flat_map(|c| c.split_whitespace());
-    let value: f64 = cells.next()?.replace(',', ".").parse().ok()?;
+    let (seconds, has_unit) = interval(name, number_of(number)?, Some(unit).filter(|u| !u.is_empty()))?;
     Some(Stated {
-        what: format!("the line `{}` above the names", key.trim()),
-        seconds: interval(name, value, cells.next())?,
+        what: format!("the line `{key}` above the names"),
+        seconds,
+        has_unit,
     })
 }
 
-/// The interval in seconds that a value of this name and unit is; the name may have the unit in brackets.
-fn interval(name: &str, value: f64, unit: Option<&str>) -> Option<f64> {
+/// A number with a decimal point or comma; none where a comma may as well part thousands.
+fn number_of(text: &str) -> Option<f64> {
+    if let Some((whole, part)) = text.split_once(',') {
+        let groups = part.len() == 3 && !part.contains(['.', ',']) && !whole.starts_with('0');
+        if groups || text.contains('.') {
+            return None;
+        }
+    }
+    text.replace(',', ".").parse().ok()
+}
+
+/// Whether this is the name of a sample interval or rate.
+pub(super) fn is_clock(name: &str) -> bool {
+    interval(name, 1.0, None).is_some()
+}
+
+/// The interval in seconds that a value of this name and unit is, and whether there is a unit; the name may have it in brackets.
+fn interval(name: &str, value: f64, unit: Option<&str>) -> Option<(f64, bool)> {
     let unit = unit_of(name).or(unit);
     let own = name.rsplit('.').next().unwrap_or(name);
     let own = own.split(['[', '(']).next().unwrap_or(own);
@@ -102,8 +137,8 @@ fn interval(name: &str, value: f64, unit: Option<&str>) -> Option<f64> {
     };
     let found = if is(&RATES, &INSIDE_RATES) {
         let hertz = match unit {
-            None | Some("Hz" | "S/s" | "1/s") => 1.0,
-            Some("kHz" | "kS/s") => 1e3,
+            None | Some("Hz" | "hz" | "S/s" | "1/s" | "samples/s") => 1.0,
+            Some("kHz" | "kS/s" | "khz") => 1e3,
             Some("MHz" | "MS/s") => 1e6,
             Some(_) => return None,
         };
@@ -113,7 +148,7 @@ fn interval(name: &str, value: f64, unit: Option<&str>) -> Option<f64> {
     } else {
         return None;
     };
-    (found.is_finite() && found > 0.0).then_some(found)
+    (found.is_finite() && found > 0.0).then_some((found, unit.is_some()))
 }
 
 #[cfg(test)]
@@ -140,7 +175,7 @@ mod tests {
             ("gains", 20.0, None, None),
             ("dt", 3.0, Some("mm"), None),
         ] {
-            let found = interval(name, value, unit);
+            let found = interval(name, value, unit).map(|(seconds, _)| seconds);
             let near = match (found, seconds) {
                 (Some(a), Some(b)) => (a / b - 1.0f64).abs() < 1e-12,
                 (a, b) => a.is_none() && b.is_none(),
@@ -159,6 +194,14 @@ mod tests {
             (&["Delta_X", "5E-4", "5E-4"], None),
             (&["Delta_X", "5E-4"], Some(5e-4)),
             (&["Sampling rate", "2000 Hz"], Some(5e-4)),
+            (&["dt=0.5ms"], Some(5e-4)),
+            (&["Abtastrate", "2000"], Some(5e-4)),
+            (&["Abtastrate", "2000,0", "Hz"], Some(5e-4)),
+            (&["rig 3, dt = 0.5 ms, N = 4096"], Some(5e-4)),
+            (&["rig 3", "Ts: 0,0005s"], Some(5e-4)),
+            (&["fs", "2,000 Hz"], None),
+            (&["dt", "0,500", "ms"], Some(5e-4)),
+            (&["fs", "2000 Hz or so"], None),
             (&["Gain", "0.5"], None),
             (&["fs", "much"], None),
             (&["fs"], None),

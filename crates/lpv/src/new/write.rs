@@ -1,8 +1,10 @@
 //! The text of the draft.
 
+use super::motion::quantity_of;
 use super::names::unit_of;
+use super::position::Places;
 use super::{Plan, RecordFile};
-use experiment_data::Text;
+use experiment_data::{Quantity, Text};
 use std::collections::HashSet;
 use std::fmt::Write as _;
 
@@ -13,7 +15,15 @@ pub(super) fn text(plan: &Plan<'_>, guesses: &mut Vec<String>, questions: &mut V
         "# Drafted by `lpv new`. GUESS: told from names or data, look whether it is right. FILL IN: only you know.\n",
     );
     let used = |r: &RecordFile| r.part.is_some() || !r.sources.is_empty();
-    let second = plan.text.is_some() || plan.records.iter().any(used);
+    let quantities: Vec<(Quantity, &str)> = groups
+        .output
+        .iter()
+        .map(|c| (quantity_of(c, plan.unit(c)), plan.unit(c)))
+        .collect();
+    let by_name = quantities
+        .iter()
+        .any(|(own, unit)| *own != Quantity::of_unit(unit));
+    let second = by_name || plan.text.is_some() || plan.records.iter().any(used);
     let format = if second { 2 } else { 1 };
     let _ = writeln!(out, "format = {format}\nname = {}", quoted(&plan.name));
     let _ = match (plan.rate, plan.rates.as_slice()) {
@@ -64,6 +74,11 @@ pub(super) fn text(plan: &Plan<'_>, guesses: &mut Vec<String>, questions: &mut V
         } else {
             units.iter().all(|u| !u.is_empty())
         };
+        if role == "output" && by_name {
+            let names: Vec<&str> = quantities.iter().map(|(own, _)| own.name()).collect();
+            guesses.push(format!("what the outputs are: {}", names.join(", ")));
+            let _ = writeln!(out, "quantity = {}  # GUESS", list(&names));
+        }
         if !group.is_empty() && enough {
             let _ = writeln!(out, "units = {}", list(&units));
         }
@@ -73,7 +88,11 @@ pub(super) fn text(plan: &Plan<'_>, guesses: &mut Vec<String>, questions: &mut V
     if let Some(text) = &plan.text {
         out += &layout(text);
     }
-    if plan.places.is_some() {
+    if let Some(number) = plan.places.as_ref().and_then(|p| p.number.as_ref()) {
+        guesses.push(format!(
+            "`{number}`, a single number in each file, is the position of its record"
+        ));
+    } else if plan.places.is_some() {
         questions.push(
             "position: the names of the files differ in a number, and no column tells the place; if they were measured at \
              different places, write `position = ...` in each record, else take these lines out"
@@ -81,7 +100,11 @@ pub(super) fn text(plan: &Plan<'_>, guesses: &mut Vec<String>, questions: &mut V
         );
     }
     for (k, r) in plan.records.iter().enumerate() {
-        out += &record(r, plan, plan.places.as_ref().and_then(|p| p.get(k)));
+        out += &record(
+            r,
+            plan,
+            plan.places.as_ref().and_then(|p| Some((p, p.values.get(k)?))),
+        );
     }
     if known.period.is_none() {
         guesses.extend(periods(&plan.records));
@@ -142,7 +165,7 @@ fn periods(records: &[RecordFile]) -> Vec<String> {
         .collect()
 }
 
-fn record(r: &RecordFile, plan: &Plan<'_>, place: Option<&String>) -> String {
+fn record(r: &RecordFile, plan: &Plan<'_>, place: Option<(&Places, &String)>) -> String {
     let (groups, known) = (&plan.groups, plan.known);
     let mut out = format!("\n[[records]]\nfile = {}\n", quoted(&r.file));
     let rows = r.part.map_or(r.rows, |[first, last]| last - first + 1);
@@ -188,8 +211,11 @@ fn record(r: &RecordFile, plan: &Plan<'_>, place: Option<&String>) -> String {
     if !sources.is_empty() {
         let _ = writeln!(out, "columns = {{ {} }}", sources.join(", "));
     }
-    if let Some(place) = place {
-        let _ = writeln!(out, "# position = {place}  # FILL IN: the place, if it is one");
+    if let Some((places, value)) = place {
+        let _ = match places.number {
+            Some(_) => writeln!(out, "position = {value}  # GUESS"),
+            None => writeln!(out, "# position = {value}  # FILL IN: the place, if it is one"),
+        };
     }
     out
 }

@@ -2,6 +2,7 @@
 
 use super::{mode_lines, percents};
 use crate::PipelineError;
+use crate::diagnose::{Value, in_units};
 use crate::signal::finite;
 use lpv_core::{AxisOutput, Discrete, RigidBodyAxis, StateSpace};
 use lti_ident::OrderEntry;
@@ -70,6 +71,9 @@ pub struct AxisSummary {
     pub viscous: [f64; 2],
     /// Constant force and its standard deviation.
     pub offset: [f64; 2],
+    /// Units of the three; the letters u and y stand for units that nobody told.
+    #[serde(default)]
+    pub units: [String; 3],
     /// Error of the force relative to the force, on the fitted samples, percent.
     pub relative_force_error_percent: f64,
     /// Cut-off of the filter of the position, Hz.
@@ -89,13 +93,18 @@ impl AxisSummary {
     pub(crate) fn new(
         input: &str,
         output: &str,
-        unit: &str,
+        [input_unit, unit]: [&str; 2],
         axis: &RigidBodyAxis,
         account: &AxisAccount,
     ) -> Self {
         let of_position = match axis.output {
             AxisOutput::Position => unit,
             AxisOutput::Speed => unit.trim_end_matches("/s"),
+        };
+        let templates = match axis.output {
+            // A speed without a unit of a position in it.
+            AxisOutput::Speed if of_position == unit => ["u s/y", "u/y", "u"],
+            AxisOutput::Speed | AxisOutput::Position => ["u s^2/y", "u s/y", "u"],
         };
         let linear = ["m", "mm", "um", "µm", "nm"].contains(&of_position);
         Self {
@@ -109,6 +118,10 @@ impl AxisSummary {
             inertia: [axis.inertia, axis.inertia_deviation],
             viscous: [axis.viscous, axis.viscous_deviation],
             offset: [axis.offset, axis.offset_deviation],
+            units: templates.map(|template| {
+                let of = |unit: &str, letter: &str| if unit.is_empty() { letter } else { unit }.to_owned();
+                in_units(template, &[of(input_unit, "u"), of(of_position, "y")])
+            }),
             relative_force_error_percent: account.relative_force_error_percent,
             position_cutoff_hz: account.position_cutoff_hz,
             condition_number: account.condition_number,
@@ -228,17 +241,19 @@ impl TimeSummary {
 
 impl AxisSummary {
     pub(super) fn text(&self) -> String {
-        let value = |name: &str, [value, deviation]: [f64; 2]| {
-            format!("  {name} {value:.6} (standard deviation {deviation:.2e})")
+        let value = |name: &str, [value, deviation]: [f64; 2], unit: &str| {
+            let value = Value::new(value, deviation, unit.to_owned()).in_short();
+            format!("  {name} {value} (standard deviation {deviation:.2e})")
         };
+        let [of_mass, of_friction, of_offset] = &self.units;
         format!(
             "axis {} -> {}{}:\n{}\n{}\n{}\n  relative force error {:.2} %",
             self.input,
             self.output,
             if self.output_is == "speed" { " (speed)" } else { "" },
-            value(&self.kind, self.inertia),
-            value("viscous friction", self.viscous),
-            value("offset", self.offset),
+            value(&self.kind, self.inertia, of_mass),
+            value("viscous friction", self.viscous, of_friction),
+            value("offset", self.offset, of_offset),
             self.relative_force_error_percent
         )
     }

@@ -243,7 +243,11 @@ pub(crate) fn validate_knowing(
         .filter(|_| !description.channels.reference.is_empty());
     if controller.is_none() && !judged.is_empty() {
         notes.push(
-            "closed loop not simulated: the bundle has no [controller] or no reference channel".to_owned(),
+            match description.channels.reference.is_empty() {
+                true => "no reference channel: the records are compared in open loop, by their inputs",
+                false => "closed loop not simulated: the bundle has no [controller]",
+            }
+            .to_owned(),
         );
     }
     let refitted = explained.as_ref().is_some_and(is_refitted);

@@ -3,7 +3,7 @@
 use crate::text::Decimal;
 
 /// The number of a cell, or the seconds of a date or a time of day; spaces around it do not matter. A comma before the fraction
-/// is read only where the file has such, and then no point.
+/// is read only where the file has such, and then a point only between thousands.
 pub(super) fn number(cell: &[u8], decimal: Decimal) -> Option<f64> {
     let text = std::str::from_utf8(cell.trim_ascii()).ok()?;
     let plain = match decimal {
@@ -18,7 +18,26 @@ pub(super) fn number(cell: &[u8], decimal: Decimal) -> Option<f64> {
             }
         }
     };
-    plain.or_else(|| stamp(text))
+    plain.or_else(|| grouped(text, decimal)).or_else(|| stamp(text))
+}
+
+/// A number with its thousands apart and a fraction, such as `1,234.5` or `-1.234,5`; without the fraction `1,234` may be either.
+fn grouped(text: &str, decimal: Decimal) -> Option<f64> {
+    let (point, between) = match decimal {
+        Decimal::Point => ('.', ','),
+        Decimal::Comma => (',', '.'),
+    };
+    let (whole, fraction) = text.split_once(point)?;
+    let mut groups = whole.trim_start_matches(['+', '-']).split(between);
+    let is_number = |group: &str| group.bytes().all(|b| b.is_ascii_digit());
+    let first = groups.next()?;
+    let mut rest = groups.peekable();
+    rest.peek()?;
+    let fits = (1..=3).contains(&first.len())
+        && is_number(first)
+        && rest.all(|group| group.len() == 3 && is_number(group))
+        && is_number(fraction);
+    fits.then(|| format!("{}.{fraction}", whole.replace(between, "")).parse().ok())?
 }
 
 /// Seconds since midnight of `hh:mm:ss.fff`, or since 1970-01-01 with a date before it: `2018-01-22T10:00:00.5`,
@@ -99,7 +118,14 @@ mod tests {
             ("1,5", Decimal::Point, None),
             ("1,5", Decimal::Comma, Some(1.5)),
             ("-,5e-3", Decimal::Comma, Some(-5e-4)),
-            ("1.234,5", Decimal::Comma, None),
+            ("1.234,5", Decimal::Comma, Some(1234.5)),
+            ("-1,234,567.25", Decimal::Point, Some(-1_234_567.25)),
+            ("1,234.", Decimal::Point, Some(1234.0)),
+            ("12,34.5", Decimal::Point, None),
+            ("1,234.5.6", Decimal::Point, None),
+            ("1,234.5e3", Decimal::Point, None),
+            ("1,234", Decimal::Point, None),
+            (",234.5", Decimal::Point, None),
             ("1.234", Decimal::Comma, None),
             ("1,234,567", Decimal::Comma, None),
             ("1,", Decimal::Comma, None),

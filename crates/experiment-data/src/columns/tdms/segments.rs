@@ -23,6 +23,8 @@ pub(super) struct Channel {
     pub(super) unit: String,
     /// Interval of its samples.
     pub(super) interval_s: Option<f64>,
+    /// The first value comes so much after the start of the measurement, s.
+    pub(super) start_s: f64,
     /// Its type in the file; none before it has values.
     kind: Option<u32>,
     is_scaled_later: bool,
@@ -264,6 +266,7 @@ impl Tdms {
             name,
             unit: String::new(),
             interval_s: None,
+            start_s: 0.0,
             kind: None,
             is_scaled_later: false,
             length: 0,
@@ -332,6 +335,7 @@ impl Channel {
         match (name, value) {
             ("unit_string" | "NI_UnitDescription", Property::Text(unit)) => self.unit = unit,
             ("wf_increment", Property::Number(interval)) => self.interval_s = Some(interval),
+            ("wf_start_offset", Property::Number(start)) => self.start_s = start,
             ("NI_Number_Of_Scales", Property::Number(scales)) => self.is_scaled_later |= scales > 0.0,
             ("NI_Scaling_Status", Property::Text(status)) if status == "unscaled" => {
                 self.is_scaled_later = true;

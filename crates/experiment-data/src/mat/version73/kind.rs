@@ -29,7 +29,15 @@ pub(super) fn describe(dataset: &Dataset) -> Result<(What, Vec<u64>), hdf5_pure:
 }
 
 pub(super) const STRUCT_ARRAY: &str = "a struct array";
+/// A compound data set, as h5py, PyTables and pandas write tables.
+pub(super) const TABLE: &str = "one data set of several fields";
 pub(super) const STRUCT: &str = "a struct (name a field with a dot)";
+
+/// The real and the imaginary part, as MATLAB and h5py name them.
+fn is_complex(fields: &[(String, DType)]) -> bool {
+    let starts = |name: &str, letter: char| name.to_lowercase().starts_with(letter);
+    matches!(fields, [(re, _), (im, _)] if starts(re, 'r') && starts(im, 'i'))
+}
 
 fn class(attributes: &HashMap<String, AttrValue>) -> Option<&str> {
     attributes.get("MATLAB_class").and_then(AttrValue::as_str)
@@ -76,7 +84,8 @@ pub(super) fn kind_of_dataset(attributes: &HashMap<String, AttrValue>, dtype: &D
             | DType::U16
             | DType::U32
             | DType::U64 => What::Numbers,
-            DType::Compound(_) => other("complex numbers"),
+            DType::Compound(fields) if is_complex(fields) => other("complex numbers"),
+            DType::Compound(_) => other(TABLE),
             _ => other("an HDF5 type that is no real number"),
         },
         (Some(class), _) => other(&format!("a variable of class {class}")),

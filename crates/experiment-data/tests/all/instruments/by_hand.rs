@@ -29,18 +29,24 @@ fn ordered<const N: usize>(mut le: [u8; N], big_endian: bool) -> [u8; N] {
     le
 }
 
-/// A TDMS segment of the channels `g.a` (doubles) and `g.b` (16 bits), `chunks` times after each other.
-fn tdms(a: &[f64], b: &[i16], chunks: usize, is_interleaved: bool, big_endian: bool) -> Vec<u8> {
+/// A TDMS segment of the channels `g.a` (doubles) and `g.b` (16 bits), `chunks` times after each other, `g.b` so much later, with an
+/// interval of 1 ms.
+fn tdms(a: &[f64], b: &[i16], chunks: usize, is_interleaved: bool, big_endian: bool, late: f64) -> Vec<u8> {
     let u32 = |v: usize| ordered((v as u32).to_le_bytes(), big_endian);
     let u64 = |v: usize| ordered((v as u64).to_le_bytes(), big_endian);
     let text = |t: &str| [&u32(t.len())[..], t.as_bytes()].concat();
     let rows = a.len() / chunks;
     let mut about = u32(2).to_vec();
-    for (path, kind) in [("/'g'/'a'", 10), ("/'g'/'b'", 2)] {
+    for (path, kind, start) in [("/'g'/'a'", 10, 7.0), ("/'g'/'b'", 2, 7.0 + late)] {
         about.extend(text(path));
         about.extend([u32(20), u32(kind), u32(1)].concat());
         about.extend(u64(rows));
-        about.extend(u32(0));
+        about.extend(u32(2));
+        for (name, value) in [("wf_increment", 1e-3), ("wf_start_offset", start)] {
+            about.extend(text(name));
+            about.extend(u32(10));
+            about.extend(ordered(f64::to_le_bytes(value), big_endian));
+        }
     }
     let mut raw = Vec::new();
     for chunk in 0..chunks {
@@ -160,10 +166,15 @@ proptest! {
     #[test]
     fn tdms_of_both_orders(
         rows in 1usize..40, chunks in 1usize..4, seed in doubles(160..161), is_interleaved: bool, big_endian: bool,
+        late in prop_oneof![Just(0.0), Just(1e-6), 3e-5..3.0f64, -3.0..-3e-5f64],
     ) {
         let a = &seed[..rows * chunks];
         let b: Vec<i16> = (0..a.len()).map(|k| (k as i16).wrapping_mul(7919)).collect();
-        let (_dir, path) = file("a.tdms", &tdms(a, &b, chunks, is_interleaved, big_endian));
+        let (_dir, path) = file("a.tdms", &tdms(a, &b, chunks, is_interleaved, big_endian, late));
+        let contents = look_into(&path).unwrap();
+        let is_late = contents.passed_over.iter().any(|p| p.name == "b" && p.what.contains("after `a`"));
+        prop_assert_eq!(is_late, late.abs() > 2e-5);
+        prop_assert_eq!(contents.columns.len(), if is_late { 1 } else { 2 });
         let found = read_columns(&path, &["a", "g.b"]).unwrap();
         prop_assert_eq!(&found[0], a);
         prop_assert_eq!(&found[1], &b.iter().map(|v| f64::from(*v)).collect::<Vec<_>>());

@@ -211,6 +211,33 @@ fn shapes(
         .collect()
 }
 
+/// What drowns in noise says nothing of a unit, though it is most of the lines.
+#[test]
+fn lines_below_the_noise_do_not_count() {
+    for seed in 0..40 {
+        let mut random = Random::new(70 + seed);
+        let factor = [1e3, 1e-3, 1e6, 1e-6][seed as usize % 4];
+        let mut all = voices(&mut random, 2, 1, false, Slip::Output(1, factor));
+        for v in &mut all {
+            let loud = 10f64.powf(random.between(0.0, 2.0));
+            for k in (0..v.frequencies_hz.len()).filter(|k| k % 3 != 0) {
+                let size = loud * v.outputs[0][k].norm();
+                v.outputs[0][k] = size * C64::new(random.normal(), random.normal());
+                v.response[k] = v.outputs[0][k] / v.inputs[0][k];
+                v.noise[0][k] = size;
+            }
+            (0..v.frequencies_hz.len())
+                .step_by(3)
+                .for_each(|k| v.noise[0][k] = 1e-3 * v.outputs[0][k].norm());
+        }
+        let found = compared(&all);
+        let [Finding::RecordStandsApart { factor: told, .. }] = found.as_slice() else {
+            panic!("{seed}, {factor}: {found:?}");
+        };
+        assert_eq!(*told, factor, "{seed}");
+    }
+}
+
 /// A shape that changes its sign is no slip; a slip beside a rigid body that hardly changes is found.
 #[test]
 fn shapes_that_change_sign_are_the_machines_own() {

@@ -108,7 +108,12 @@ impl<'a> Above<'a> {
         if layout.header == 0 && self.given.header.is_none() {
             layout.skip = (1..self.first).collect();
         }
+        // A setting may have as many fields as the table has columns.
+        let (header, units) = (layout.header, layout.units_row);
+        let others = self.texts.into_iter().rev();
+        let others = others.filter(|(line, _)| *line != header && units != Some(*line));
         layout.preamble = self.preamble;
+        layout.preamble.extend(others.map(|(_, fields)| fields));
         Ok(layout)
     }
 

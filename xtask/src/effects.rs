@@ -66,6 +66,8 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
             let when =
                 if other.extends.is_some() && effect.extends.is_none() || other.fitted() > effect.fitted() {
                     format!("As a refinement, {}", other.meaning)
+                } else if other.needs == Needs::Axis {
+                    format!("On a servo axis, {}", other.meaning)
                 } else if other.needs == effect.needs {
                     "In its simpler form".to_owned()
                 } else {
@@ -76,7 +78,7 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
         if let Some(simpler) = &effect.extends {
             let _ = writeln!(page, "\nTried as a refinement of `{}`.", simpler.name);
         }
-        if effect.needs == Needs::Axis {
+        if matches!(effect.needs, Needs::Axis | Needs::Spring) {
             let _ = writeln!(page, "\nOf servo axes alone; see [their bench](blind-servo.md).");
             continue;
         }

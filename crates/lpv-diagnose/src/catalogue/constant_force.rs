@@ -7,7 +7,6 @@ use crate::effect::{Block, Effect, Family, Moment, Needs, Place, Scale};
 
 /// A servo axis has one of its own, so that there one can only begin. Motors that are coupled are the ends of one beam.
 pub(super) static EFFECTS: [Effect; 4] = [
-    BEGINS,
     Effect {
         needs: Needs::CoupledMotors,
         meaning: "constant force on each end of the beam, in every record",
@@ -26,6 +25,7 @@ pub(super) static EFFECTS: [Effect; 4] = [
     },
     at(Place::Motor(0)),
     at(Place::Motor(1)),
+    BEGINS,
 ];
 
 const fn at(place: Place) -> Effect {

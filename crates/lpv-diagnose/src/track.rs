@@ -77,7 +77,7 @@ impl Track {
     }
 
     /// Largest travel of an output in one of some records.
-    pub(crate) fn travel(tracks: &[Self], output: usize) -> f64 {
+    pub fn travel(tracks: &[Self], output: usize) -> f64 {
         let travel = |t: &Self| {
             let (low, high) = range(&t.outputs.iter().map(|y| y[output]).collect::<Vec<_>>());
             high - low
@@ -92,7 +92,7 @@ impl Track {
     }
 
     /// The longest of some records in time.
-    pub(crate) fn longest(tracks: &[Self]) -> f64 {
+    pub fn longest(tracks: &[Self]) -> f64 {
         let duration = |t: &Self| t.step * t.samples as f64;
         tracks.iter().map(duration).fold(0.0, f64::max)
     }

@@ -303,14 +303,7 @@ fn axes(found: &[AxisSummary]) -> Table {
     let head = ["axis", "parameter", "value", "standard deviation"];
     let mut table = Table::new("Servo axes.", head);
     for a in found {
-        for ((name, [value, deviation]), unit) in [
-            (a.kind.as_str(), a.inertia),
-            ("viscous friction", a.viscous),
-            ("offset", a.offset),
-        ]
-        .into_iter()
-        .zip(&a.units)
-        {
+        for (name, [value, deviation], unit) in a.parameters() {
             table = table.row([
                 Cell::text(format!("{} to {}", a.input, a.output)),
                 Cell::text(name),

@@ -17,7 +17,11 @@ from .errors import BundleError
 #: Options of a record beside its signals.
 OPTIONS = ("period", "use", "position", "injection", "name")
 
-_KINDS = {"period": "the samples a period, a whole number", "use": '"estimation" or "validation"'}
+#: Types of options, and what they are.
+_KINDS: dict[str, tuple[tuple[type, ...], str]] = {
+    "period": ((int, np.integer), "the samples a period, a whole number"),
+    "use": ((str,), '"estimation" or "validation"'),
+}
 
 
 def toml(value: Any) -> str:
@@ -50,7 +54,7 @@ def write_bundle(
     lines = [f"{key} = {toml(value)}" for key, value in {"format": 2, **head}.items() if value is not None]
     for role, group in channels.items():
         lines += ["", f"[channels.{role}]", *(f"{key} = {toml(value)}" for key, value in group.items())]
-    names: list[str] = []
+    files: list[Path] = []
     # Before anything is written.
     for number, (_, options) in enumerate(records):
         unknown = [name for name in options if name not in OPTIONS]
@@ -60,23 +64,23 @@ def write_bundle(
         if not all(c.isalnum() or c in "._-" for c in name) or name.startswith("."):
             raise BundleError(f"record {number}: name `{name}`: use letters, digits, `_`, `-` and `.`", record=number)
         file = folder / "records" / f"{name}.npz"
-        if name in names or file.exists():
+        if file in files or file.exists():
             raise BundleError(f"record {number}: the name `{name}` is taken", record=number, path=file)
-        for option, kind in (("period", (int, np.integer)), ("use", str)):
+        for option, (types, meaning) in _KINDS.items():
             value = options.get(option)
-            if value is not None and (isinstance(value, bool) or not isinstance(value, kind)):
-                raise BundleError(f"record {number}: {option} = {value!r}: give {_KINDS[option]}", record=number)
-        names.append(name)
+            if value is not None and (isinstance(value, bool) or not isinstance(value, types)):
+                raise BundleError(f"record {number}: {option} = {value!r}: give {meaning}", record=number)
+        files.append(file)
     (folder / "records").mkdir(parents=True, exist_ok=True)
-    for name, (signals, options) in zip(names, records):
-        with zipfile.ZipFile(folder / "records" / f"{name}.npz", "w") as out:
+    for file, (signals, options) in zip(files, records):
+        with zipfile.ZipFile(file, "w") as out:
             # Not by savez, whose own arguments are names of columns too.
             for column, samples in signals.items():
                 with out.open(f"{column}.npy", "w", force_zip64=True) as array:
                     np.lib.format.write_array(array, samples, allow_pickle=False)
         period = options.get("period")
         entry = {
-            "file": f"records/{name}.npz",
+            "file": f"records/{file.name}",
             "kind": "transient" if period is None else "periodic",
             "period": period,
             "use": options.get("use", "estimation"),

@@ -5,9 +5,9 @@ use crate::validation::{AxisCheck, check_axis};
 use experiment_data::Bundle;
 use lpv_core::{AxisOutput, ControllerState, Discrete, Record};
 use lpv_diagnose::{Base, Explained, Trace, Track};
-use lpv_numerics::statistics::range;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::slice::from_ref;
 
 /// One record of a servo axis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -69,17 +69,15 @@ pub(super) fn errors(
 
 /// What to say where the model with its effects, let run free, leaves records by more than they travel.
 pub(super) fn runs_away(errors: &[AxisErrors], tracks: [&[Track]; 2], bundle: &Bundle) -> Option<String> {
-    let travel = |name: &str| {
-        let track = tracks.into_iter().flatten().find(|t| t.name == name)?;
-        let (low, high) = range(&track.outputs.iter().map(|y| y[0]).collect::<Vec<_>>());
-        Some(high - low)
+    let leaves = |track: &&Track| {
+        let own = errors.iter().find(|e| e.record == track.name);
+        own.is_some_and(|e| {
+            let [before, after] = [&e.before, &e.after].map(|check| check.open_loop_position_rms);
+            after > before && after > Track::travel(from_ref(track), 0)
+        })
     };
-    let leaves = |e: &&AxisErrors| {
-        let travel = travel(&e.record);
-        e.after.open_loop_position_rms > e.before.open_loop_position_rms
-            && travel.is_some_and(|travel| e.after.open_loop_position_rms > travel)
-    };
-    let left: Vec<&str> = errors.iter().filter(leaves).map(|e| e.record.as_str()).collect();
+    let tracks = tracks.into_iter().flatten().filter(leaves);
+    let left: Vec<&str> = tracks.map(|t| t.name.as_str()).collect();
     let of_input = bundle.description().channels.input.columns.first()?;
     (!left.is_empty()).then(|| {
         format!(

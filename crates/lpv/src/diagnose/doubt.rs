@@ -87,15 +87,9 @@ pub(super) fn class(added: &Added, found: &Trace) -> Vec<String> {
 pub(super) fn caveats(added: &Added, tracks: &[Track]) -> Vec<String> {
     /// Part of a record, or of its travel, that a period takes.
     const NEARLY: f64 = 0.6;
-    let travel = |t: &Track| {
-        let (low, high) =
-            lpv_numerics::statistics::range(&t.outputs.iter().map(|y| y[0]).collect::<Vec<_>>());
-        high - low
-    };
-    let longest = |of: &dyn Fn(&Track) -> f64| tracks.iter().map(of).fold(0.0, f64::max);
     let is_long = |(p, (value, _)): (&EffectParameter, &(f64, f64))| match p.scale {
-        Scale::Wavelength => *value > NEARLY * longest(&travel),
-        Scale::Frequency => value * longest(&|t| t.step * t.samples as f64) < 1.0 / NEARLY,
+        Scale::Wavelength => *value > NEARLY * Track::travel(tracks, 0),
+        Scale::Frequency => value * Track::longest(tracks) < 1.0 / NEARLY,
         _ => false,
     };
     let is_nearly = added.effect.parameters.iter().zip(&added.values).any(is_long);

@@ -71,26 +71,19 @@ pub(crate) fn placed(effect: &Effect, bundle: &Bundle) -> String {
 /// second output.
 pub(super) fn units(template: &str, bundle: &Bundle, channel: usize) -> String {
     let channels = &bundle.description().channels;
-    let unit = |units: &[String], i: usize, name: &str| {
-        let own = units.get(i).filter(|unit| !unit.is_empty());
-        own.map_or(name, String::as_str).to_owned()
-    };
-    let of_all = [
-        unit(&channels.input.units, channel, "u"),
-        unit(&channels.output.units, channel, "y"),
-        unit(&channels.output.units, 1, "y2"),
-    ];
-    in_units(template, &of_all)
+    let (inputs, outputs) = (&channels.input.units, &channels.output.units);
+    let places = [inputs.get(channel), outputs.get(channel), outputs.get(1)];
+    in_units(template, places.map(|unit| unit.map_or("", String::as_str)))
 }
 
-/// A template in `u`, `y` and `y2` with these units.
-pub(crate) fn in_units(template: &str, units: &[String]) -> String {
+/// A template in `u`, `y` and `y2` with these units; an empty one leaves its letter.
+pub(crate) fn in_units(template: &str, units: [&str; 3]) -> String {
     let word = |w: &str| {
         let letter = ["u", "y", "y2"].iter().position(|letter| *letter == w);
-        match letter.and_then(|k| units.get(k)) {
-            Some(unit) if unit.contains(['/', ' ']) => format!("({unit})"),
-            Some(unit) => unit.clone(),
-            None => w.to_owned(),
+        match letter.map_or("", |k| units[k]) {
+            "" => w.to_owned(),
+            unit if unit.contains(['/', ' ']) => format!("({unit})"),
+            unit => unit.to_owned(),
         }
     };
     let mut out = String::new();

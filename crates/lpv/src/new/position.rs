@@ -115,12 +115,10 @@ fn place_in_numbers(seen: &[Seen]) -> Option<(String, Vec<f64>)> {
         let values: Vec<f64> = seen.iter().map(of).collect::<Option<_>>()?;
         values.iter().any(|v| *v != values[0]).then_some(values)
     };
-    let mut found = seen.first()?.scalars.iter().filter(|n| speaks(&n.name));
-    let mut each = found
-        .by_ref()
-        .filter_map(|n| Some((n.name.clone(), values_of(&n.name)?)));
-    let first = each.next()?;
-    each.next().is_none().then_some(first)
+    let named = seen.first()?.scalars.iter().filter(|n| speaks(&n.name));
+    let mut found = named.filter_map(|n| Some((n.name.clone(), values_of(&n.name)?)));
+    let first = found.next()?;
+    found.next().is_none().then_some(first)
 }
 
 /// What the names of the files say about the position, as a question: the part of each name that differs, if it looks like a

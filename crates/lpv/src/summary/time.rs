@@ -118,10 +118,7 @@ impl AxisSummary {
             inertia: [axis.inertia, axis.inertia_deviation],
             viscous: [axis.viscous, axis.viscous_deviation],
             offset: [axis.offset, axis.offset_deviation],
-            units: templates.map(|template| {
-                let of = |unit: &str, letter: &str| if unit.is_empty() { letter } else { unit }.to_owned();
-                in_units(template, &[of(input_unit, "u"), of(of_position, "y")])
-            }),
+            units: templates.map(|template| in_units(template, [input_unit, of_position, ""])),
             relative_force_error_percent: account.relative_force_error_percent,
             position_cutoff_hz: account.position_cutoff_hz,
             condition_number: account.condition_number,
@@ -130,6 +127,16 @@ impl AxisSummary {
                 finite(account.force_band_hz),
             ]),
         }
+    }
+
+    /// Name, value and standard deviation, and unit of each parameter.
+    pub(crate) fn parameters(&self) -> [(&str, [f64; 2], &str); 3] {
+        let [of_mass, of_friction, of_offset] = self.units.each_ref().map(String::as_str);
+        [
+            (&self.kind, self.inertia, of_mass),
+            ("viscous friction", self.viscous, of_friction),
+            ("offset", self.offset, of_offset),
+        ]
     }
 
     /// In words, where the axis does not move like a mass.
@@ -241,19 +248,16 @@ impl TimeSummary {
 
 impl AxisSummary {
     pub(super) fn text(&self) -> String {
-        let value = |name: &str, [value, deviation]: [f64; 2], unit: &str| {
+        let values = self.parameters().map(|(name, [value, deviation], unit)| {
             let value = Value::new(value, deviation, unit.to_owned()).in_short();
             format!("  {name} {value} (standard deviation {deviation:.2e})")
-        };
-        let [of_mass, of_friction, of_offset] = &self.units;
+        });
         format!(
-            "axis {} -> {}{}:\n{}\n{}\n{}\n  relative force error {:.2} %",
+            "axis {} -> {}{}:\n{}\n  relative force error {:.2} %",
             self.input,
             self.output,
             if self.output_is == "speed" { " (speed)" } else { "" },
-            value(&self.kind, self.inertia, of_mass),
-            value("viscous friction", self.viscous, of_friction),
-            value("offset", self.offset, of_offset),
+            values.join("\n"),
             self.relative_force_error_percent
         )
     }

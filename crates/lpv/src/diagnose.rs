@@ -319,7 +319,7 @@ fn of_moves(
     };
     let mut axis = axis::errors(&found, &start, band, &fit_records, &fitted)?;
     axis.extend(axis::errors(&found, &start, band, &judge_records, &judged)?);
-    reasons.extend(axis::runs_away(&axis, [&fitted, &judged], bundle));
+    reasons.extend(axis::runs_away(&axis, &found, [&fitted, &judged], bundle));
     let records = match is_observed {
         true => {
             let records: Vec<&Record> = fit_records.iter().chain(&judge_records).collect();

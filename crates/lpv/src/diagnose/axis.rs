@@ -68,13 +68,21 @@ pub(super) fn errors(
 }
 
 /// What to say where the model with its effects, let run free, leaves records by more than they travel.
-pub(super) fn runs_away(errors: &[AxisErrors], tracks: [&[Track]; 2], bundle: &Bundle) -> Option<String> {
+pub(super) fn runs_away(
+    errors: &[AxisErrors],
+    found: &Trace,
+    tracks: [&[Track]; 2],
+    bundle: &Bundle,
+) -> Option<String> {
+    let Base::Axis(_) = found.model.base else {
+        return None;
+    };
     let leaves = |track: &&Track| {
-        let own = errors.iter().find(|e| e.record == track.name);
-        own.is_some_and(|e| {
-            let [before, after] = [&e.before, &e.after].map(|check| check.open_loop_position_rms);
-            after > before && after > Track::travel(from_ref(track), 0)
-        })
+        let Some(own) = errors.iter().find(|e| e.record == track.name) else {
+            return found.model.open_loop(track).is_none();
+        };
+        let [before, after] = [&own.before, &own.after].map(|check| check.open_loop_position_rms);
+        after > before && after > Track::travel(from_ref(track), 0)
     };
     let tracks = tracks.into_iter().flatten().filter(leaves);
     let left: Vec<&str> = tracks.map(|t| t.name.as_str()).collect();

@@ -1,5 +1,7 @@
 //! Counters that run over: a jump by the whole range of the counter.
 
+use lpv_numerics::statistics::{mean, range};
+
 /// Part of the range that a jump takes at least, and the most that any other step may take of it.
 const JUMP: f64 = 0.6;
 const OTHER: f64 = 0.2;
@@ -31,7 +33,9 @@ pub(super) fn wrap(x: &[f64]) -> Option<Wrap> {
 fn by_bends(x: &[f64]) -> Option<Wrap> {
     /// Part of the squared second differences that is left of them.
     const LESS: f64 = 0.1;
-    let (low, high) = lpv_numerics::statistics::range(x);
+    /// Times the others that those at the jumps may be: behind one the motion goes on as it was before.
+    const ALIKE: f64 = 3.0;
+    let (low, high) = range(x);
     let fits = |m: &f64| {
         let is_within = low >= 0.0 && high < *m || low >= -0.5 * m && high < 0.5 * m;
         is_within && high - low > JUMP * m
@@ -46,12 +50,23 @@ fn by_bends(x: &[f64]) -> Option<Wrap> {
         .iter()
         .map(|d| d - modulus * (d / modulus).round())
         .collect();
-    let jumps = || (0..steps.len()).filter(|k| steps[*k] != shortest[*k]);
+    let is_jump = |k: usize| steps[k] != shortest[k];
+    let jumps = || (0..steps.len()).filter(|k| is_jump(*k));
+    let (mut at_jumps, mut elsewhere) = (Vec::new(), Vec::new());
+    for (k, w) in shortest.windows(2).enumerate() {
+        let bends = if is_jump(k) || is_jump(k + 1) {
+            &mut at_jumps
+        } else {
+            &mut elsewhere
+        };
+        bends.push((w[1] - w[0]).powi(2));
+    }
+    let goes_on = mean(&at_jumps) <= ALIKE * ALIKE * mean(&elsewhere);
     // What jumps to another level and rests there is a switch.
     let moves =
         |k: &usize| *k > 0 && shortest[k - 1] != 0.0 || shortest.get(k + 1).is_some_and(|d| *d != 0.0);
     let moving = jumps().filter(moves).count();
-    (2 * moving > jumps().count() && bends(&shortest) < LESS * bends(&steps)).then_some(Wrap {
+    (goes_on && 2 * moving > jumps().count() && bends(&shortest) < LESS * bends(&steps)).then_some(Wrap {
         modulus,
         times: jumps().count(),
         sample: jumps().next()? + 1,
@@ -60,7 +75,7 @@ fn by_bends(x: &[f64]) -> Option<Wrap> {
 
 /// Jumps of one size where all else is smooth, of a size that counters have; the motion goes on behind each as it was before.
 fn by_jumps(x: &[f64]) -> Option<Wrap> {
-    let (low, high) = lpv_numerics::statistics::range(x);
+    let (low, high) = range(x);
     let steps: Vec<f64> = x.windows(2).map(|w| w[1] - w[0]).collect();
     let largest = steps.iter().map(|d| d.abs()).fold(0.0, f64::max);
     if largest <= 0.0 || !largest.is_finite() || largest < JUMP * (high - low) {
@@ -138,7 +153,7 @@ fn quantum(x: &[f64], other: f64) -> Option<f64> {
         unit = most / (most / unit).round();
     }
     // The whole range tells it better than one step.
-    let (low, high) = lpv_numerics::statistics::range(x);
+    let (low, high) = range(x);
     let fine = (high - low) / ((high - low) / unit).round();
     [1.0, fine].into_iter().find(|u| whole(*u))
 }
@@ -224,6 +239,13 @@ mod tests {
             found += usize::from(wrap(&counts).is_some_and(|w| w.modulus == modulus));
             let noise: Vec<f64> = (0..4000).map(|_| random.between(0.0, modulus).floor()).collect();
             assert_eq!(wrap(&noise), None, "{seed}");
+            // A switch that is read with noise.
+            let dither = random.between(0.002, 0.02) * modulus;
+            let switch: Vec<f64> = (0..4000)
+                .map(|k| 0.45 * modulus * [-1.0, 1.0][k / 37 % 2] + random.between(-dither, dither))
+                .map(f64::round)
+                .collect();
+            assert_eq!(wrap(&switch), None, "{seed}");
             let inside: Vec<f64> = x
                 .iter()
                 .map(|v| (0.4 * modulus * (v / size).sin()).round())

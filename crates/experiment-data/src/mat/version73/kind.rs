@@ -35,8 +35,13 @@ pub(super) const STRUCT: &str = "a struct (name a field with a dot)";
 
 /// The real and the imaginary part, as MATLAB and h5py name them.
 fn is_complex(fields: &[(String, DType)]) -> bool {
-    let starts = |name: &str, letter: char| name.to_lowercase().starts_with(letter);
-    matches!(fields, [(re, _), (im, _)] if starts(re, 'r') && starts(im, 'i'))
+    const NAMES: [[&str; 2]; 4] = [["real", "imag"], ["r", "i"], ["re", "im"], ["real", "imaginary"]];
+    let [(re, _), (im, _)] = fields else {
+        return false;
+    };
+    NAMES
+        .iter()
+        .any(|[a, b]| re.eq_ignore_ascii_case(a) && im.eq_ignore_ascii_case(b))
 }
 
 fn class(attributes: &HashMap<String, AttrValue>) -> Option<&str> {
@@ -89,5 +94,26 @@ pub(super) fn kind_of_dataset(attributes: &HashMap<String, AttrValue>, dtype: &D
             _ => other("an HDF5 type that is no real number"),
         },
         (Some(class), _) => other(&format!("a variable of class {class}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_fields_are_complex_by_their_names_alone() {
+        for (names, is_one) in [
+            (["real", "imag"], true),
+            (["r", "i"], true),
+            (["Re", "Im"], true),
+            (["rate", "id"], false),
+            (["ref", "in"], false),
+            (["imag", "real"], false),
+        ] {
+            let fields = names.map(|name| (name.to_owned(), DType::F64));
+            assert_eq!(is_complex(&fields), is_one, "{names:?}");
+        }
+        assert!(!is_complex(&[("r".to_owned(), DType::F64)]));
     }
 }

@@ -166,6 +166,8 @@ pub(super) fn probe(target: &Path) -> io::Result<()> {
 }
 
 fn probe_once(target: &Path) -> io::Result<()> {
+    // The end of the process waits for it, and leaves nothing of it.
+    let _all = locked(&UNFINISHED);
     let mut made = Vec::new();
     let tried = make_folders(folder_of(target), &mut made).and_then(|()| {
         // A name that is too long is refused by a look already; nothing is made there, since somebody else may write it now.
@@ -231,7 +233,6 @@ impl Spare {
     /// Writes beside the target, with the permissions of the file there.
     pub(super) fn write(target: &Path, bytes: &[u8]) -> io::Result<Self> {
         let folder = folder_of(target);
-        let mut made = Vec::new();
         let mut builder = tempfile::Builder::new();
         builder.prefix(PREFIX).suffix(SUFFIX);
         // What a new file gets; the mask of the process is taken off by the system.
@@ -239,25 +240,27 @@ impl Spare {
         let new = <fs::Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666);
         #[cfg(unix)]
         builder.permissions(new);
-        let begun = make_folders(folder, &mut made).and_then(|()| {
-            remove_stale(folder);
-            Unfinished::begin(
-                || builder.tempfile_in(folder).map_err(plain),
-                |spare| {
-                    [spare.path().to_owned()]
-                        .into_iter()
-                        .chain(made.iter().rev().cloned())
-                        .collect()
-                },
-            )
-        });
-        let (file, unfinished) = match begun {
-            Ok(begun) => begun,
-            Err(e) => {
-                remove_empty(&made);
-                return Err(e);
+        let make = || {
+            let mut made = Vec::new();
+            let file = make_folders(folder, &mut made).and_then(|()| {
+                remove_stale(folder);
+                builder.tempfile_in(folder).map_err(plain)
+            });
+            match file {
+                Ok(file) => Ok((file, made)),
+                Err(e) => {
+                    remove_empty(&made);
+                    Err(e)
+                }
             }
         };
+        let paths = |(file, made): &(NamedTempFile, Vec<PathBuf>)| {
+            let outermost_last = made.iter().rev().cloned();
+            std::iter::once(file.path().to_owned())
+                .chain(outermost_last)
+                .collect()
+        };
+        let ((file, made), unfinished) = Unfinished::begin(make, paths)?;
         let mut spare = Self {
             file,
             target: target.to_owned(),

@@ -3,6 +3,7 @@
 mod descent;
 mod explained;
 mod levenberg;
+mod parts;
 mod triangle;
 
 use crate::base::{Motion, Pair};
@@ -12,7 +13,9 @@ use crate::whiten::Whitening;
 pub use explained::Explained;
 pub(crate) use levenberg::{Minimum, minimum};
 use lpv_core::ControllerState;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DMatrixView, DVector};
+use parts::Part;
+pub(crate) use parts::deviations_without_parts;
 use rayon::prelude::*;
 use triangle::in_coordinates;
 pub(crate) use triangle::{deviations, squares};
@@ -69,18 +72,36 @@ pub(crate) struct Fitted {
     pub(crate) residual: Vec<f64>,
     /// Upper triangle with `R^T R = J^T J` at the result; J in coordinates.
     pub(crate) factor: DMatrix<f64>,
-    /// Machine's columns of J, for screening.
-    pub(crate) columns: DMatrix<f64>,
+    /// What the parts of every record say, in their order.
+    pub(crate) parts: Vec<Vec<Part>>,
+    /// J, the machine's columns first.
+    jacobian: DMatrix<f64>,
     /// Difference steps by coordinate.
     pub(crate) steps: Vec<f64>,
 }
 
 impl Fitted {
+    /// Machine's columns of J.
+    pub(crate) fn columns(&self) -> DMatrixView<'_, f64> {
+        self.jacobian.columns(0, self.model.base.coordinates().len())
+    }
+
+    /// By how much the coordinates would move if the whitened errors were these.
+    pub(crate) fn moved(&self, errors: &[f64]) -> Vec<f64> {
+        let rows = errors.len().min(self.residual.len());
+        let change: Vec<f64> = (0..rows).map(|k| errors[k] - self.residual[k]).collect();
+        let gradient = self.jacobian.rows(0, rows).tr_mul(&DVector::from_vec(change));
+        parts::moved_by(&self.factor, &gradient)
+    }
+
     /// Length of the description of the records, up to a constant.
     pub(crate) fn length(&self) -> f64 {
         self.objective + self.factor.ncols() as f64 * (self.residual.len() as f64).ln()
     }
 }
+
+/// Parts of a record.
+const PARTS: usize = 32;
 
 /// Root-mean-square change of the whitened residual that a difference step makes.
 const STEP: f64 = 0.03;
@@ -188,6 +209,29 @@ impl Problem<'_> {
         let (rows, known) = (matrix.nrows(), self.known());
         let mut prior = matrix.rows_mut(rows - known, known);
         prior *= scale;
+    }
+
+    /// See [`Fitted::parts`].
+    fn parts(&self, jacobian: &DMatrix<f64>, residual: &[f64]) -> Vec<Vec<Part>> {
+        let mut first = 0;
+        let mut of = |track: &Track| -> Vec<Part> {
+            let bound = |b: usize| first + b * track.samples / PARTS;
+            let rows = (0..PARTS).map(|b| bound(b)..bound(b + 1));
+            let all = rows.map(|rows| Part::of(jacobian, residual, rows)).collect();
+            first += track.samples;
+            all
+        };
+        let mut all: Vec<Vec<Part>> = Vec::new();
+        for track in self.tracks {
+            // The outputs of a record have the same parts.
+            let outputs: Vec<Vec<Part>> = (0..self.whitening.channels()).map(|_| of(track)).collect();
+            let together = |mut a: Vec<Part>, b: Vec<Part>| {
+                a.iter_mut().zip(b).for_each(|(a, b)| a.join(&b));
+                a
+            };
+            all.extend(outputs.into_iter().reduce(together));
+        }
+        all
     }
 
     fn firm(&self) -> bool {

@@ -35,8 +35,8 @@ pub(crate) struct Known {
 }
 
 impl Known {
-    pub(crate) fn new(columns: &DMatrix<f64>, residual: &[f64], rough: Vec<f64>) -> Self {
-        let basis = columns.clone().qr().q();
+    pub(crate) fn new(columns: DMatrix<f64>, residual: &[f64], rough: Vec<f64>) -> Self {
+        let basis = columns.qr().q();
         let residual = DVector::from_column_slice(residual);
         let left = &residual - &basis * basis.tr_mul(&residual);
         Self {

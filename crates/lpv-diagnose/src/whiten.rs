@@ -81,6 +81,10 @@ impl Whitening {
         }
     }
 
+    pub(crate) fn channels(&self) -> usize {
+        self.channels
+    }
+
     /// The same in units of the root mean square that it makes of these errors.
     pub(crate) fn sized(self, errors: &[Vec<Pair>]) -> Self {
         let mut white = Vec::new();

@@ -43,7 +43,7 @@ impl Problem<'_> {
             bounded: start.bounded(),
             steps: known.map_or(Vec::new(), |k| k.steps[..own].to_vec()),
             columns: known.map(|k| {
-                let mut columns = k.columns.clone();
+                let mut columns = k.columns().into_owned();
                 self.weigh_columns(&mut columns, k.scale.recip());
                 columns
             }),
@@ -57,13 +57,13 @@ impl Problem<'_> {
         };
         let found = minimise(&mut descent, start, &DAMPING)?;
         let Linearised {
-            mut columns,
             quadratic,
+            jacobian,
             scale,
             excess,
         } = found.linear.ok_or_else(|| self.diverges())?;
         let mut residual = found.point.residual;
-        self.weigh_columns(&mut columns, scale);
+        let parts = self.parts(&jacobian, &residual);
         self.weigh(&mut residual, scale);
         Ok(Fitted {
             model: found.point.model,
@@ -72,7 +72,8 @@ impl Problem<'_> {
             scale,
             residual,
             factor: in_coordinates(&quadratic),
-            columns,
+            parts,
+            jacobian,
             steps: descent.steps,
         })
     }
@@ -105,9 +106,9 @@ struct Point {
 }
 
 struct Linearised {
-    /// Of the machine, the rows of the prior without their factor.
-    columns: DMatrix<f64>,
     quadratic: Quadratic,
+    /// Of all coordinates, the rows of the prior with their factor.
+    jacobian: DMatrix<f64>,
     scale: f64,
     excess: f64,
 }
@@ -164,8 +165,8 @@ impl Search for Descent<'_> {
         let mut weighed = DVector::from_column_slice(residual);
         problem.weigh(weighed.as_mut_slice(), scale);
         Ok(ControlFlow::Continue(Linearised {
-            columns,
             quadratic: Quadratic::new(&jacobian, &weighed, &DMatrix::zeros(all, 0)),
+            jacobian,
             scale,
             excess,
         }))

@@ -70,7 +70,7 @@ impl<'a> Bench<'a> {
             tracks,
             motions: self.problem().motions(&fitted.model)?,
             resolution: quantization::steps(tracks).map(|(step, _)| step),
-            known: Known::new(&fitted.columns, &fitted.residual, rough),
+            known: Known::new(fitted.columns().into_owned(), &fitted.residual, rough),
             pulses: Pulses::new(
                 base,
                 (self.case.controller, observes),
@@ -222,8 +222,8 @@ impl<'a> Bench<'a> {
             ..self.problem()
         };
         let rows = self.rows(worst);
-        let columns = fitted.columns.rows(rows.start, rows.len()).into_owned();
-        let known = Known::new(&columns, &fitted.residual[rows.clone()], rough[rows].to_vec());
+        let columns = fitted.columns().rows(rows.start, rows.len()).into_owned();
+        let known = Known::new(columns, &fitted.residual[rows.clone()], rough[rows].to_vec());
         Some((problem, known))
     }
 

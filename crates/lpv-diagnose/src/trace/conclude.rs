@@ -8,7 +8,7 @@ use crate::TraceError;
 use crate::base::Pair;
 use crate::catalogue;
 use crate::effect::EffectParameter;
-use crate::fit::{Explained, Fitted, Problem, Seen, deviations};
+use crate::fit::{Explained, Fitted, Problem, Seen, deviations, deviations_without_parts};
 use crate::force::prediction_errors;
 use crate::left::{Left, what_is_left};
 use crate::track::Track;
@@ -80,9 +80,12 @@ impl Contest {
         };
         let shows_all =
             |f: &Fitted| (0..f.model.effects.len()).all(|i| f.shows(i) && bench.lasts(&f.model, i));
+        let mut finer = bench.moved_by_finer(&self.now);
         let is_better = |f: &Fitted| shows_all(f) && self.falls_everywhere(&bench.judge(&f.model));
         if let Some(forced) = forced.filter(is_better) {
             self.now = forced;
+            // What the integration does is far below what is left here.
+            finer.fill(0.0);
             if let Some((last, earlier)) = self.added.split_last_mut() {
                 last.then = self.now.model.clone();
                 for added in earlier {
@@ -102,7 +105,8 @@ impl Contest {
             (*effect, added.effect) = (seen, seen);
         }
         let model = self.now.model.clone();
-        let machine = self.now.give_deviations(&mut self.added);
+        let stated = self.now.stated(finer);
+        let machine = self.now.give_deviations(stated.into_iter(), &mut self.added);
         for added in &self.added {
             let tried = self.candidates.iter_mut();
             if let Some(last) = tried.rev().find(|t| t.effect.is(added.effect)) {
@@ -226,6 +230,25 @@ impl Bench<'_> {
         Some(std::array::from_fn(|i| (squares(i) / count).sqrt()))
     }
 
+    /// By how much a finer integration would move the coordinates of a fit.
+    fn moved_by_finer(&self, fit: &Fitted) -> Vec<f64> {
+        /// Parts of which each is made, at most.
+        const FINER: usize = 8;
+        let tracks = self.case.fitted;
+        let parts = tracks.iter().map(Track::fine).max().unwrap_or(1);
+        let finer = (0..)
+            .map(|n| parts << n)
+            .take_while(|p| *p <= FINEST.min(FINER * parts));
+        let finer = finer.last().unwrap_or(parts);
+        let tracks: Vec<Track> = tracks.iter().map(|t| t.followed(finer)).collect();
+        let problem = Problem {
+            tracks: &tracks,
+            ..self.problem()
+        };
+        let residual = problem.residual(&fit.model);
+        residual.map_or_else(|| vec![0.0; fit.factor.ncols()], |residual| fit.moved(&residual))
+    }
+
     /// A fit to what the controller gives, by its size: where errors are not noise, weights as if they were would follow the
     /// frequencies at which sensors are quiet and not those at which the model is wrong; and within the bandwidth the
     /// controller tells the force that the model lacks. The deviations are those of a noise with the spectrum of what is left.
@@ -275,15 +298,32 @@ impl Bench<'_> {
 
 impl Fitted {
     /// Standard deviations of all parameters that are fitted.
-    fn deviations(&self) -> impl Iterator<Item = f64> {
+    pub(super) fn deviations(&self) -> impl Iterator<Item = f64> {
+        self.in_values(deviations(&self.factor))
+    }
+
+    /// Deviations of values from those of the coordinates.
+    fn in_values(&self, coordinates: Vec<f64>) -> impl Iterator<Item = f64> {
         let spread = self.excess.sqrt();
         // Of a logarithm that is hardly known, one deviation above tells more than the slope.
         let one = move |((d, s), is_logarithm): ((f64, f64), bool)| match is_logarithm {
             true => s * (spread * d).exp_m1(),
             false => s * spread * d,
         };
-        let coordinates = deviations(&self.factor).into_iter().zip(self.model.scales());
+        let coordinates = coordinates.into_iter().zip(self.model.scales());
         coordinates.zip(self.model.bounded()).map(one)
+    }
+
+    /// Standard deviations of all parameters that are fitted, as they are stated: by the noise or by what parts of the records would say
+    /// without the others, whichever is larger, and by what a finer integration changes.
+    fn stated(&self, finer: Vec<f64>) -> Vec<f64> {
+        let spread = self.excess.sqrt();
+        let parts = deviations_without_parts(&self.factor, &self.parts);
+        let noise = deviations(&self.factor).into_iter();
+        // The noise alone is in units of what is left.
+        let all = noise.zip(parts).zip(finer);
+        let all = all.map(|((noise, parts), finer)| noise.max(parts / spread).hypot(finer / spread));
+        self.in_values(all.collect()).collect()
     }
 
     /// Whether an effect has an amplitude that is not zero for all that is known.
@@ -306,8 +346,11 @@ impl Fitted {
     }
 
     /// Standard deviations of the machine's parameters, infinite where they are held; those of the effects go to them.
-    pub(super) fn give_deviations(&self, added: &mut [super::Added]) -> Vec<f64> {
-        let mut deviations = self.deviations();
+    pub(super) fn give_deviations(
+        &self,
+        mut deviations: impl Iterator<Item = f64>,
+        added: &mut [super::Added],
+    ) -> Vec<f64> {
         let mut next = || deviations.next().unwrap_or(f64::INFINITY);
         let parameters = self.model.base.parameters();
         let machine = parameters

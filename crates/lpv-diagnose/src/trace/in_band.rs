@@ -139,7 +139,7 @@ impl Contest {
             return Ok(None);
         }
         let mut added = chosen.added;
-        let deviations = coloured.give_deviations(&mut added);
+        let deviations = coloured.give_deviations(coloured.deviations(), &mut added);
         let model = chosen.now.model;
         // Told as everything else: errors of the outputs and over the noise.
         let noise = loop_noise(case, &model, LONG)?;

@@ -144,7 +144,7 @@ impl Fitted {
         /// Most of the resonance that one deviation is.
         const MOST: f64 = 0.5;
         let parameters = self.model.base.parameters().into_iter();
-        let mut all = parameters.zip(self.give_deviations(&mut []));
+        let mut all = parameters.zip(self.give_deviations(self.deviations(), &mut []));
         all.all(|(p, deviation)| p.name != RESONANCE || deviation < MOST * p.value)
     }
 }

@@ -15,8 +15,10 @@ mod cubic_stiffness;
 mod delay;
 mod direction_dependent_friction;
 mod extra_mode;
+mod friction_drift;
 mod hysteresis;
 mod input_gain;
+mod load_dependent_friction;
 mod mass_jump;
 mod motor_asymmetry;
 mod payload;
@@ -42,12 +44,14 @@ use crate::track::Track;
 use std::slice::from_ref;
 
 /// The effects, kind by kind, each at all places where it may act; of two that a record cannot tell apart, the first is named.
-pub static KINDS: [&[Effect]; 30] = [
+pub static KINDS: [&[Effect]; 32] = [
     &coulomb_friction::EFFECTS,
     &stribeck_friction::EFFECTS,
     &direction_dependent_friction::EFFECTS,
     &viscous_friction::EFFECTS,
     from_ref(&quadratic_friction::EFFECT),
+    from_ref(&load_dependent_friction::EFFECT),
+    from_ref(&friction_drift::EFFECT),
     &hysteresis::EFFECTS,
     &cogging::EFFECTS,
     &cable_stiffness::EFFECTS,
@@ -93,6 +97,12 @@ pub(crate) fn changes_with_position(effect: &Effect) -> bool {
 /// Whether an effect refines another one, or another form of its own.
 pub(crate) fn is_refined(effect: &Effect) -> bool {
     all().any(|e| effect.refines(e))
+}
+
+/// Whether an effect is named only where nothing but noise is left beside it: as long as more is missing, what friction does in time or
+/// with the load looks like much that a machine may do.
+pub(crate) fn is_only_beside_noise(effect: &Effect) -> bool {
+    friction_drift::EFFECT.is(effect) || load_dependent_friction::EFFECT.is(effect)
 }
 
 /// Whether an effect is the rough form of one that another form tells better where records are explained down to their noise.

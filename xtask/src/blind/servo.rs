@@ -20,7 +20,7 @@ use xytable_plant::servo_axis::{AxisEffect, AxisRun, Known, deviation};
 use xytable_plant::split_seed;
 
 /// Effects that `lpv diagnose` should name on axes, or find in the parameters of the axis.
-pub(super) const CATALOGUE: [&str; 27] = [
+pub(super) const CATALOGUE: [&str; 29] = [
     "coulomb-friction",
     "stribeck-friction",
     "viscous-friction",
@@ -48,16 +48,12 @@ pub(super) const CATALOGUE: [&str; 27] = [
     "stiffness-drift",
     "input-gain",
     "backlash",
+    "friction-drift",
+    "load-dependent-friction",
 ];
 
 /// Those that it has no name for.
-pub(super) const OUTSIDE: [&str; 5] = [
-    "friction-drift",
-    "load-dependent-friction",
-    "friction-zone",
-    "swept-force",
-    "random-force",
-];
+pub(super) const OUTSIDE: [&str; 3] = ["friction-zone", "swept-force", "random-force"];
 
 /// Deviations in units of the noise of a reading: at the first a plot shows nothing, at the last an engineer sees it.
 pub(super) const SEVERITIES: [f64; 3] = [10.0, 100.0, 1000.0];

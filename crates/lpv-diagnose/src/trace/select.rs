@@ -172,7 +172,11 @@ fn nearly_equal_in_order(finals: &mut [Final]) {
 fn takes_enough(effect: &Effect, with: f64, without: f64) -> bool {
     const MOST: f64 = 0.75;
     let is_once = effect.parameters.iter().any(|p| p.scale == Scale::Instant);
-    !is_once || with <= NOISE || without - with >= MOST * (without - 1.0).max(0.0)
+    let is_noise = with <= NOISE;
+    if catalogue::is_only_beside_noise(effect) {
+        return is_noise;
+    }
+    !is_once || is_noise || without - with >= MOST * (without - 1.0).max(0.0)
 }
 
 /// Whether the last effect is one with the values that were found, and repeats along a record: less of a wave passes for any force

@@ -29,6 +29,9 @@ pub(crate) struct Fleet {
     /// The folder of the results, one folder a bundle in it; shards may share it.
     #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,
+    /// Replace a file that is no result of lpv, if one stands where a result goes.
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Print the rows as JSON.
     #[arg(long)]
     pub(crate) json: bool,
@@ -80,7 +83,8 @@ pub(crate) fn run_fleet(a: &Fleet) -> Result<Done, PipelineError> {
     };
     one_by_one();
     let shard = a.shard.unwrap_or(Shard::ALL);
-    let found = fleet::run(&a.bundles, &task, shard, &a.output, &bars::tell)?;
+    let to = (a.output.as_path(), Overwrite::if_asked(a.force));
+    let found = fleet::run(&a.bundles, &task, shard, to, &bars::tell)?;
     let names = found.rows.iter().map(|r| r.bundle.as_str());
     let said = told(a.json, &found, names, || {
         let mut text = format!(

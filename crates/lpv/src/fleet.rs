@@ -93,9 +93,9 @@ pub struct Account {
     pub kept: usize,
 }
 
-/// Does the task on the bundles of a shard, one after the other, and writes what comes out into a folder. A bundle that is refused has a
-/// row that says so, and the others go on. Rows that are there and were made from the same inputs are kept, unless the machine was at
-/// fault for what they say.
+/// Does the task on the bundles of a shard, one after the other, and writes what comes out into a folder; other files that stand there
+/// in the way of a result are replaced or refused as asked. A bundle that is refused has a row that says so, and the others go on. Rows
+/// that are there and were made from the same inputs are kept, unless the machine was at fault for what they say.
 ///
 /// # Errors
 /// [`FleetError::OtherList`] for a folder whose list has bundles that are not named here; [`FleetError::Twice`] for a bundle that is
@@ -104,7 +104,7 @@ pub fn run(
     bundles: &[PathBuf],
     task: &Task,
     shard: Shard,
-    folder: &Path,
+    (folder, overwrite): (&Path, Overwrite),
     progress: Progress<'_>,
 ) -> Result<Account, PipelineError> {
     let names: Vec<String> = bundles.iter().map(|b| b.to_string_lossy().into_owned()).collect();
@@ -127,12 +127,7 @@ pub fn run(
         let folder = folder.to_owned();
         return Err(FleetError::OtherList { folder, bundle }.into());
     }
-    let place = Place::check(
-        &folder.join(LIST),
-        Kind::Fleet,
-        &Inputs::none(),
-        Overwrite::Refuse,
-    )?;
+    let place = Place::check(&folder.join(LIST), Kind::Fleet, &Inputs::none(), overwrite)?;
     write_all(&[(&place, serde_json::to_string_pretty(&list)?.as_bytes())])?;
     let mut account = Account::default();
     for (name, path) in names
@@ -153,7 +148,7 @@ pub fn run(
         }
         let start = Instant::now();
         let found = catch_unwind(AssertUnwindSafe(|| {
-            one(path, task, model.as_ref(), &place, &tell)
+            one(path, task, model.as_ref(), (&place, overwrite), &tell)
         }));
         let row = Row {
             seconds: start.elapsed().as_secs_f64(),
@@ -173,7 +168,7 @@ pub fn run(
         if row.error.is_some() {
             remove_results(&place);
         }
-        let at = Place::check(&place.join(ROW), Kind::Fleet, &Inputs::none(), Overwrite::Refuse)?;
+        let at = Place::check(&place.join(ROW), Kind::Fleet, &Inputs::none(), overwrite)?;
         write_all(&[(&at, serde_json::to_string_pretty(&row)?.as_bytes())])?;
         account.rows.push(row);
     }
@@ -217,7 +212,7 @@ fn one(
     path: &Path,
     task: &Task,
     model: Option<&ModelFile>,
-    place: &Path,
+    (place, overwrite): (&Path, Overwrite),
     progress: Progress<'_>,
 ) -> Result<Row, PipelineError> {
     let bundle = Bundle::open(path)?;
@@ -228,7 +223,7 @@ fn one(
                 Some(file) => inputs.file(file, "the model that effects are added to"),
                 None => inputs,
             };
-            let files = ResultFiles::check(place, &inputs, Overwrite::Refuse)?;
+            let files = ResultFiles::check(place, &inputs, overwrite)?;
             let found = diagnose(&bundle, model, progress).map_err(|e| e.at(path))?;
             files.write(&found, &bundle)?;
             let Diagnosed { diagnosis, .. } = found;
@@ -245,7 +240,7 @@ fn one(
         }
         Task::Identify(config) => {
             let file = place.join("model.json");
-            let to = Place::check(&file, Kind::Model, &inputs, Overwrite::Refuse)?;
+            let to = Place::check(&file, Kind::Model, &inputs, overwrite)?;
             let outcome = identify_bundle(&bundle, config, progress).map_err(|e| e.at(path))?;
             let verdict = outcome.summary.verdict.clone();
             let written = ModelFile::of(outcome, &bundle, (**config).clone(), &file)?;

@@ -1,8 +1,9 @@
 //! Shards, what they keep, and the table that comes of them.
 
-use super::{FleetError, Row, Shard, Task, merge, read, run};
+use super::{Account, FleetError, Row, Shard, Task, merge, read};
+use crate::output::Overwrite;
 use crate::simulate::{MachineFile, simulate};
-use crate::{IdentifyConfig, PipelineError, silent};
+use crate::{IdentifyConfig, PipelineError, Progress, silent};
 use experiment_data::RecordFormat;
 use std::path::{Path, PathBuf};
 
@@ -30,6 +31,17 @@ fn task() -> Task {
         ..IdentifyConfig::default()
     };
     Task::Identify(Box::new(config))
+}
+
+/// A run that replaces no file of others.
+fn run(
+    bundles: &[PathBuf],
+    task: &Task,
+    shard: Shard,
+    folder: &Path,
+    progress: Progress<'_>,
+) -> Result<Account, PipelineError> {
+    super::run(bundles, task, shard, (folder, Overwrite::Refuse), progress)
 }
 
 /// The bytes of every file below a folder but the rows, which hold times.
@@ -157,4 +169,17 @@ fn what_does_not_belong_together_is_refused() {
     }
     let parts: Vec<Shard> = ["1/3", "2/3", "3/3"].iter().map(|t| t.parse().unwrap()).collect();
     assert!((0..20).all(|i| parts.iter().filter(|s| s.takes(i)).count() == 1));
+}
+
+#[test]
+fn a_file_of_others_is_replaced_where_that_is_asked() {
+    let place = tempfile::tempdir().unwrap();
+    let (bundles, out) = ([place.path().join("none")], place.path().join("out"));
+    std::fs::create_dir(&out).unwrap();
+    std::fs::write(out.join("fleet.json"), "notes of mine").unwrap();
+    let refused = run(&bundles, &task(), Shard::ALL, &out, &silent);
+    assert!(matches!(refused, Err(PipelineError::Place { .. })), "{refused:?}");
+    assert_eq!(std::fs::read(out.join("fleet.json")).unwrap(), b"notes of mine");
+    let asked = super::run(&bundles, &task(), Shard::ALL, (&out, Overwrite::Replace), &silent);
+    assert_eq!(asked.unwrap().rows.len(), 1);
 }

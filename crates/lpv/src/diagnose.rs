@@ -350,7 +350,7 @@ fn of_moves(
     explanation.effects.clone_from(&diagnosis.effects);
     let first = |i: usize| found.errors[i].first().map_or(&[][..], Vec::as_slice);
     let step = clock.sample_time();
-    let outputs = figures::with_units(&channels.output.columns, &channels.output.units);
+    let outputs = figures::Channel::all(&channels.output);
     Ok(Diagnosed {
         diagnosis,
         model,

@@ -1,7 +1,7 @@
 //! Pictures of a diagnosis.
 
 use crate::PipelineError;
-use experiment_data::Description;
+use experiment_data::{ChannelGroup, Description};
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{Continuous, ControllerState, Discrete, FrfEstimate, StateSpace};
 use lpv_diagnose::{Base, EquivalentForce, Explained, Trace, Track, equivalent_force};
@@ -10,13 +10,42 @@ use realfft::RealFftPlanner;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use std::f64::consts::TAU;
 
-/// Names of channels with their units, where they have some.
-pub(super) fn with_units(names: &[String], units: &[String]) -> Vec<String> {
-    let one = |(i, name): (usize, &String)| match units.get(i) {
-        Some(unit) if !unit.is_empty() => format!("{name}, {unit}"),
-        _ => name.clone(),
-    };
-    names.iter().enumerate().map(one).collect()
+/// A channel that has panels of its own.
+pub(super) struct Channel<'a> {
+    name: &'a str,
+    /// Empty where none is known.
+    unit: &'a str,
+}
+
+impl<'a> Channel<'a> {
+    pub(super) fn all(of: &'a ChannelGroup) -> Vec<Self> {
+        let unit = |i: usize| of.units.get(i).map_or("", String::as_str);
+        let names = of.columns.iter().enumerate();
+        names.map(|(i, name)| Self { name, unit: unit(i) }).collect()
+    }
+
+    fn panel_in_time(&self, what: &str) -> Panel {
+        let y = Axis::linear(with_unit(what, self.unit));
+        Panel::new(Axis::linear("Time (s)"), y).title(self.name)
+    }
+}
+
+/// Unit of a channel, of the first where it has none.
+fn unit_of(group: &ChannelGroup, channel: usize) -> &str {
+    let unit = group.units.get(channel).or(group.units.first());
+    unit.map_or("", String::as_str)
+}
+
+/// What an axis shows with its unit, where there is one.
+fn with_unit(what: &str, unit: &str) -> String {
+    match unit {
+        "" => what.to_owned(),
+        _ => format!("{what} ({unit})"),
+    }
+}
+
+fn frequency() -> Axis {
+    Axis::log("Frequency (Hz)")
 }
 
 /// The force of a motor along a record, by sample: where the motor is, what it does there.
@@ -26,8 +55,8 @@ pub(super) struct Along<'a> {
     pub(super) speed: Vec<f64>,
     /// What the effects add.
     pub(super) effects: Vec<f64>,
-    /// Of the position.
-    pub(super) unit: Option<&'a String>,
+    /// Units of the position and of the force, empty where none is known.
+    pub(super) units: [&'a str; 2],
 }
 
 /// The equivalent force along a record, before and after.
@@ -50,14 +79,14 @@ pub(super) fn of_force(
         return Vec::new();
     };
     let channels = &description.channels;
-    let inputs = with_units(&channels.input.columns, &channels.input.units);
+    let inputs = Channel::all(&channels.input);
     let effects = found.model.forces_along(track, &motions);
     let along = |motor: usize| Along {
         motor,
         position: motions.iter().map(|m| m.motor_position[motor]).collect(),
         speed: motions.iter().map(|m| m.motor_speed[motor]).collect(),
         effects: effects.iter().map(|f| f[motor]).collect(),
-        unit: channels.output.units.get(motor).or(channels.output.units.first()),
+        units: [&channels.output, &channels.input].map(|of| unit_of(of, motor)),
     };
     // The motors that effects act on; of those that are coupled the first tells enough.
     let acts = |motor: &usize| effects.iter().any(|f| f[*motor] != 0.0);
@@ -86,22 +115,22 @@ pub(super) fn over_motion(motors: &[Along<'_>], before: &EquivalentForce) -> Fig
     for along in motors {
         let which = ["first", "second"][along.motor];
         let measured: Vec<f64> = before.motors.iter().map(|f| f[along.motor]).collect();
-        let [speed, position] = match along.unit {
-            Some(unit) if !unit.is_empty() => [
-                format!("Speed, {unit} per unit of time"),
-                format!("Position, {unit}"),
-            ],
-            _ => ["Speed", "Position"].map(String::from),
+        let [unit, force_unit] = along.units;
+        let rate = if unit.is_empty() {
+            String::new()
+        } else {
+            format!("{unit}/s")
         };
+        let [speed, position] = [with_unit("Speed", &rate), with_unit("Position", unit)];
+        let force_axis = with_unit(&format!("Force, {which} motor"), force_unit);
         for (axis, at) in [(speed, &along.speed), (position, &along.position)] {
             let dots = |force: &[f64]| at.iter().copied().zip(force.iter().copied()).collect();
-            let mut panel = Panel::new(Axis::linear(axis), Axis::linear(format!("Force, {which} motor")))
-                .series(
-                    Series::new(dots(&measured), Style::Dots)
-                        .width(1.4)
-                        .label("from the records")
-                        .colour(Colour::Bound),
-                );
+            let mut panel = Panel::new(Axis::linear(axis), Axis::linear(force_axis.clone())).series(
+                Series::new(dots(&measured), Style::Dots)
+                    .width(1.4)
+                    .label("from the records")
+                    .colour(Colour::Bound),
+            );
             if along.effects.iter().any(|f| *f != 0.0) {
                 panel = panel.series(
                     Series::new(dots(&along.effects), Style::Dots)
@@ -117,12 +146,12 @@ pub(super) fn over_motion(motors: &[Along<'_>], before: &EquivalentForce) -> Fig
 }
 
 /// The equivalent force at each input over time, before and after, with two standard deviations.
-pub(super) fn force_in_time(inputs: &[String], step: f64, forces: [&EquivalentForce; 2]) -> Figure {
+pub(super) fn force_in_time(inputs: &[Channel<'_>], step: f64, forces: [&EquivalentForce; 2]) -> Figure {
     let mut figure = Figure::new("").columns(1).caption(
         "Disturbance at the inputs that would explain the first held-out record, smoothed; bands of two standard deviations.",
     );
-    for (i, name) in inputs.iter().enumerate() {
-        let mut panel = Panel::new(Axis::linear("Time"), Axis::linear("Force")).title(name.clone());
+    for (i, input) in inputs.iter().enumerate() {
+        let mut panel = input.panel_in_time("Force");
         for (force, (label, colour)) in forces.iter().zip(BEFORE_AFTER) {
             let time = |k: usize| k as f64 * step;
             let known = force.value.iter().zip(&force.deviation).enumerate();
@@ -140,12 +169,12 @@ pub(super) fn force_in_time(inputs: &[String], step: f64, forces: [&EquivalentFo
 }
 
 /// Errors by output before and after, over frequency: mean power of windowed pieces of all records.
-pub(super) fn in_spectrum(outputs: &[String], step: f64, errors: &[Vec<Vec<[f64; 2]>>; 2]) -> Figure {
+pub(super) fn in_spectrum(outputs: &[Channel<'_>], step: f64, errors: &[Vec<Vec<[f64; 2]>>; 2]) -> Figure {
     let mut figure = Figure::new("")
         .columns(outputs.len().min(2))
-        .caption("Spectrum of the error in closed loop along all held-out records; Hz.");
-    for (i, name) in outputs.iter().enumerate() {
-        let mut panel = Panel::new(Axis::log("Frequency"), Axis::log("Power density")).title(name.clone());
+        .caption("Spectrum of the error in closed loop along all held-out records: power density in the square of the unit over Hz.");
+    for (i, output) in outputs.iter().enumerate() {
+        let mut panel = Panel::new(frequency(), Axis::log("Power density")).title(output.name);
         for (records, (label, colour)) in errors.iter().zip(BEFORE_AFTER) {
             let points = density(records, i, step);
             panel = panel.series(Series::line(points).label(label).colour(colour));
@@ -172,7 +201,7 @@ pub(super) fn frozen(
     // A covariance from few degrees of freedom is itself not known.
     let bound = FisherSnedecor::new(parts, first.degrees_of_freedom().max(1.0))
         .map_or(f64::NAN, |f| f.inverse_cdf(SURE).sqrt());
-    let mut panel = Panel::new(Axis::log("Frequency"), Axis::log("Error over its deviation"));
+    let mut panel = Panel::new(frequency(), Axis::log("Error over its deviation"));
     let mut outside = 0;
     let mut lines = 0;
     let every = (estimates.len() - 1).max(1) as f64 / (POSITIONS - 1) as f64;
@@ -263,12 +292,12 @@ fn density(records: &[Vec<[f64; 2]>], output: usize, step: f64) -> Vec<(f64, f64
 }
 
 /// Errors by output before and after, over time.
-pub(super) fn in_time(outputs: &[String], step: f64, errors: [&[[f64; 2]]; 2]) -> Figure {
+pub(super) fn in_time(outputs: &[Channel<'_>], step: f64, errors: [&[[f64; 2]]; 2]) -> Figure {
     let mut figure = Figure::new("")
         .columns(1)
         .caption("Error in closed loop along the first held-out record.");
-    for (i, name) in outputs.iter().enumerate() {
-        let mut panel = Panel::new(Axis::linear("Time"), Axis::linear("Error")).title(name.clone());
+    for (i, output) in outputs.iter().enumerate() {
+        let mut panel = output.panel_in_time("Error");
         for (record, (label, colour)) in errors.iter().zip(BEFORE_AFTER) {
             let points = record.iter().enumerate().map(|(k, e)| (k as f64 * step, e[i]));
             panel = panel.series(Series::line(points.collect()).label(label).colour(colour));
@@ -282,11 +311,11 @@ pub(super) fn in_time(outputs: &[String], step: f64, errors: [&[[f64; 2]]; 2]) -
 pub(super) fn over_frequency(outputs: &[String], lines: &[f64], curves: &[[Vec<f64>; 3]]) -> Figure {
     let mut figure = Figure::new("")
         .columns(curves.len().min(2))
-        .caption("Held-out response and what the model leaves of it, before and after; Hz.");
+        .caption("Held-out response and what the model leaves of it, before and after.");
     for (name, [measured, before, after]) in outputs.iter().zip(curves) {
         let line = |v: &[f64]| Series::line(lines.iter().copied().zip(v.iter().copied()).collect());
         figure = figure.panel(
-            Panel::new(Axis::log("Frequency"), Axis::log("Magnitude"))
+            Panel::new(frequency(), Axis::log("Magnitude"))
                 .title(name.clone())
                 .series(line(measured).label("measured").colour(Colour::Reference))
                 .series(line(before).label("error before").colour(Colour::Bound))

@@ -34,6 +34,13 @@ impl Row {
         }
     }
 
+    /// The verdict without its reasons.
+    fn in_short(&self) -> String {
+        let sentence = self.verdict.as_ref().map(|v| v.sentence.as_str());
+        let first = sentence.and_then(|s| s.split(':').next());
+        first.unwrap_or("not judged").to_owned()
+    }
+
     fn rank(&self) -> usize {
         match self.verdict.as_ref().map(|v| v.worth) {
             Some(Worth::Good) => 0,
@@ -47,18 +54,30 @@ impl Row {
     }
 }
 
-/// The verdict of the best model, and the error of each over frequency where responses were measured.
+/// The verdict of the best model, in short those of the others, and the error of each over frequency where responses were measured.
 pub(super) fn lead(rows: &[Row]) -> Vec<Block> {
-    let best = rows.iter().min_by_key(|r| r.rank());
-    let judgement = best.and_then(|row| {
-        let verdict = row.verdict.as_ref()?;
-        Some(Block::Judgement(
+    /// Models that are told; the table has all.
+    const TOLD: usize = 4;
+    let mut ranked: Vec<&Row> = rows.iter().collect();
+    ranked.sort_by_key(|r| r.rank());
+    let Some((best, others)) = ranked.split_first() else {
+        return Vec::new();
+    };
+    let judgement = best.verdict.as_ref().map(|verdict| {
+        Block::Judgement(
             tone(verdict.worth),
-            format!("{}: {}", row.name, verdict.sentence),
-        ))
+            format!("{}: {}", best.name, verdict.sentence.replace('`', "")),
+        )
     });
+    let told = others.iter().take(TOLD);
+    let mut told: Vec<String> = told.map(|r| format!("{}: {}", r.name, r.in_short())).collect();
+    if others.len() > TOLD {
+        told.push(format!("{} others in the table", others.len() - TOLD));
+    }
+    let others = (!told.is_empty()).then(|| Block::Aside(told.join(" \u{b7} ")));
     judgement
         .into_iter()
+        .chain(others)
         .chain(figure(rows).map(|f| Block::Figure(Box::new(f))))
         .collect()
 }
@@ -84,11 +103,7 @@ pub(super) fn section(rows: &[Row]) -> Section {
             cell(row.response.map(number)),
             cell(row.in_time.map(|e| number(100.0 - e.fit_percent))),
             cell(row.in_time.and_then(|e| e.over_noise).map(|n| format!("{n:.2}"))),
-            cell(
-                row.verdict
-                    .as_ref()
-                    .map(|v| v.sentence.split(':').next().unwrap_or_default().to_owned()),
-            ),
+            Cell::text(row.in_short()),
         ]);
     }
     Section::new("Models beside each other").table(table)

@@ -55,7 +55,7 @@ pub(super) fn figure(
         let line = |values: &[f64], style, label: &str, colour| {
             Series::xy(&time, values, style).label(label).colour(colour)
         };
-        let axes = |label: String| Panel::new(Axis::linear("Time"), Axis::linear(label));
+        let axes = |label: String| Panel::new(Axis::linear("Time (s)"), Axis::linear(label));
         figure = figure
             .panel(
                 axes(format!("{name}{unit}"))

@@ -55,6 +55,34 @@ def test_order_is_chosen_from_a_noisy_response() -> None:
     assert model.reasons and "order" in " ".join(model.reasons)
 
 
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_a_fit_says_what_it_is_worth(scale: float) -> None:
+    rate, lines = 200.0, np.linspace(0.5, 95.0, 190)
+    f = scale * response(two_modes(0.0, rate)[0], lines, rate)
+    draw = np.random.default_rng(2)
+    size = 1e-3 * scale
+    noisy = f + size * (draw.normal(size=f.shape) + 1j * draw.normal(size=f.shape)) / np.sqrt(2)
+    fitted = {order: lpvident.fit_frf(lines, noisy, sample_rate=rate, integrators=0, order=order, deviation=size) for order in (1, 2, 4)}
+    assert fitted[4].worth == "good", fitted[4].verdict
+    # One of two modes is missing, then both.
+    assert fitted[2].worth in ("approximate", "not-a-model") and "noise" in fitted[2].verdict, fitted[2].verdict
+    assert fitted[1].worth == "not-a-model", fitted[1].verdict
+    chosen = lpvident.fit_frf(lines, noisy, sample_rate=rate, integrators=0, deviation=size)
+    assert chosen.worth == "good" and chosen.states == 4, chosen.verdict
+
+
+def test_samples_of_a_continuous_response_are_fitted_as_well_as_a_given_order_does() -> None:
+    rate, lines = 100.0, np.linspace(1.0, 40.0, 60)
+    s = 2j * np.pi * lines
+    f = 100.0 / (s * s + 2.0 * s + 900.0)
+    draw = np.random.default_rng(1)
+    size = 1e-3 * np.abs(f)
+    noisy = f + size * (draw.normal(size=60) + 1j * draw.normal(size=60))
+    found = lpvident.fit_frf(lines, noisy, sample_rate=rate, integrators=0, deviation=np.sqrt(2) * size)
+    off = np.linalg.norm(found.frequency_response(None, lines)[:, 0, 0] - f) / np.linalg.norm(f)
+    assert off < 0.01, (off, found.verdict)
+
+
 def test_responses_at_several_positions_give_an_lpv_model() -> None:
     rate, lines = 200.0, np.linspace(0.5, 95.0, 120)
     positions = np.linspace(0.0, 1.0, 6)
@@ -63,6 +91,16 @@ def test_responses_at_several_positions_give_an_lpv_model() -> None:
     assert model.range.tolist() == [[0.0, 1.0]]
     g = np.array([model.frequency_response(p, lines) for p in positions])
     assert np.median(np.abs(g - f)) < 0.02 * np.median(np.abs(f))
+
+
+def test_deviations_come_back() -> None:
+    lines, draw = np.linspace(1.0, 10.0, 20), np.random.default_rng(3)
+    variance = draw.uniform(1.0, 9.0, (20, 3, 1)) * draw.uniform(1e-6, 1e-2, (20, 1, 2))
+    place = lpvident.Frf.from_arrays(lines, np.ones((20, 3, 2)), deviation=np.sqrt(variance))
+    assert np.allclose(place.deviation, np.sqrt(variance), rtol=1e-12)
+    for wrong in (-1.0, np.full(20, np.nan), np.ones((20, 2)), np.ones(19)):
+        with pytest.raises(lpvident.ModelError, match="deviation of shape"):
+            lpvident.Frf.from_arrays(lines, np.ones((20, 3, 2)), deviation=wrong)
 
 
 def test_wrong_responses_are_refused() -> None:

@@ -252,8 +252,8 @@ pub fn fit_poles(
             "{left}: fitted again with a relative error of {:.digits$} % in the weights",
             100.0 * floor
         ));
-        found = if one && given.is_none() {
-            search.distorted(slope, &mut reasons)?
+        found = if one {
+            search.distorted(slope, given, &mut reasons)?
         } else {
             search.run(&mut reasons)?
         };

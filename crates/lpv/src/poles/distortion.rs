@@ -22,13 +22,22 @@ impl Search<'_> {
         least
     }
 
-    /// The fit of one position that describes a distorted response most shortly: with the integrators that it has, with fewer, or with
-    /// none, since friction turns them into slow poles; and with a direct term, which takes what the amplifier does to the phase. What is
-    /// found stays in the settings.
-    pub(super) fn distorted(&mut self, slope: f64, reasons: &mut Vec<String>) -> Result<Fits, PipelineError> {
+    /// The fit of one position that describes a distorted response most shortly: with the integrators that it has, and unless they were
+    /// given with fewer, or with none, since friction turns them into slow poles; and with a direct term, which takes what the amplifier
+    /// does to the phase. What is found stays in the settings.
+    pub(super) fn distorted(
+        &mut self,
+        slope: f64,
+        given: Option<usize>,
+        reasons: &mut Vec<String>,
+    ) -> Result<Fits, PipelineError> {
         let own = self.integrators;
         let mut tried = Vec::new();
-        for count in (0..=own.max(2)).rev().filter(|c| *c <= own || near(*c, slope)) {
+        let counts = match given {
+            Some(count) => count..=count,
+            None => 0..=own.max(2),
+        };
+        for count in counts.rev().filter(|c| *c <= own || near(*c, slope)) {
             for numerator in [NumeratorDegree::StrictlyProper, NumeratorDegree::Proper] {
                 self.take((count, numerator));
                 let mut why = Vec::new();
@@ -44,7 +53,7 @@ impl Search<'_> {
             .min_by(|a, b| self.length_of_all(&a.1.0).total_cmp(&self.length_of_all(&b.1.0)));
         let Some((structure, found, why)) = best else {
             // No fit has stable poles.
-            self.take((0, NumeratorDegree::Proper));
+            self.take((given.unwrap_or(0), NumeratorDegree::Proper));
             return self.run(reasons);
         };
         self.take(structure);

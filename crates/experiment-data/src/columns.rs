@@ -127,16 +127,16 @@ pub fn list_columns(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
 /// # Errors
 /// As [`list_columns`].
 pub fn look_into(path: &Path) -> Result<Contents, RecordError> {
-    let scalars = match format(path)? {
+    match format(path)? {
         RecordFormat::Csv => return csv::contents(path),
         RecordFormat::Mat => return mat::contents(path),
         RecordFormat::Hdf5 => return mat::hdf5_contents(path),
         RecordFormat::Tdms => return tdms::contents(path),
         RecordFormat::Mdf => return mdf::contents(path),
         RecordFormat::Uff => return uff::contents(path),
-        RecordFormat::Npz => npz::scalars(path)?,
-        RecordFormat::Parquet => Vec::new(),
-    };
+        RecordFormat::Npz => return npz::contents(path),
+        RecordFormat::Parquet => {}
+    }
     let plain = |c: ColumnInfo| Column {
         name: c.name,
         rows: c.rows,
@@ -146,7 +146,6 @@ pub fn look_into(path: &Path) -> Result<Contents, RecordError> {
     };
     Ok(Contents {
         columns: list_columns(path)?.into_iter().map(plain).collect(),
-        scalars,
         ..Contents::default()
     })
 }

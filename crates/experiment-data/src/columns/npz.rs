@@ -13,7 +13,9 @@ use self::quiet::Quiet;
 use super::Sink;
 use crate::RecordError;
 use crate::columns::number::{DEFLATE_RATIO, Number};
-use crate::contents::{ColumnInfo, MOST_SCALARS, Scalar, missing, vector_length};
+use crate::contents::{
+    Column, ColumnInfo, Contents, MOST_SCALARS, PassedOver, Scalar, missing, vector_length,
+};
 use crate::memory::Allowance;
 use npyz::WriterBuilder;
 use npyz::npz::{NpzArchive, NpzWriter, array_name_from_file_name, file_name_from_array_name};
@@ -108,30 +110,58 @@ pub(crate) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
     Ok(columns)
 }
 
-/// Single numbers: arrays without dimensions, or of one element.
-pub(crate) fn scalars(path: &Path) -> Result<Vec<Scalar>, RecordError> {
+/// Every vector of real numbers, the single numbers, which are arrays of one element, and what else there is.
+pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
     let mut archive = open(path)?;
     let archive = archive.zip_archive();
-    let mut scalars = Vec::new();
+    let mut contents = Contents::default();
     for index in 0..archive.len() {
         let mut entry = archive.by_index(index).map_err(|e| refused("", &e))?;
         let Some(name) = array_name_from_file_name(entry.name()).map(str::to_owned) else {
             continue;
         };
         let header = Header::read(&mut entry).map_err(|problem| malformed(&name, problem))?;
-        let (Some(number), true) = (number(&header.descr), header.shape.iter().all(|n| *n == 1)) else {
+        let shape = header
+            .shape
+            .iter()
+            .map(u64::to_string)
+            .collect::<Vec<_>>()
+            .join(" x ");
+        let Some(number) = number(&header.descr) else {
+            contents.passed_over.push(PassedOver {
+                what: format!("{shape} values that are no real numbers"),
+                name,
+                remedy: String::new(),
+            });
             continue;
         };
-        let value = number
-            .column(&mut entry, 1)
-            .map_err(|e| malformed(&name, &e.to_string()))?;
-        let value = value.first().copied().filter(|v| v.is_finite());
-        scalars.extend(value.map(|value| Scalar { name, value }));
-        if scalars.len() == MOST_SCALARS {
-            break;
+        match vector_length(&name, &header.shape) {
+            Ok(rows) => contents.columns.push(Column {
+                name: name.clone(),
+                rows,
+                unit: String::new(),
+                source: None,
+                is_stamp: false,
+            }),
+            // A number by itself.
+            Err(_) if header.shape.is_empty() => {}
+            Err(_) => contents.passed_over.push(PassedOver {
+                what: format!("an array of {shape} numbers"),
+                remedy: format!(
+                    "save each signal as a vector, in Python with the arrays of the file as d: numpy.savez(file, **d, {name}1=d[\"{name}\"][:, 0], ...)"
+                ),
+                name: name.clone(),
+            }),
+        }
+        if header.shape.iter().all(|n| *n == 1) && contents.scalars.len() < MOST_SCALARS {
+            let value = number
+                .column(&mut entry, 1)
+                .map_err(|e| malformed(&name, &e.to_string()))?;
+            let value = value.first().copied().filter(|v| v.is_finite());
+            contents.scalars.extend(value.map(|value| Scalar { name, value }));
         }
     }
-    Ok(scalars)
+    Ok(contents)
 }
 
 /// An array of numbers, read from its front.

@@ -64,12 +64,12 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
         .filter(|(c, _)| c.number().is_ok());
     let first = numbers.min_by_key(|(c, _)| std::cmp::Reverse(c.length));
     for (name, channel) in names.iter().cloned().zip(&tdms.channels) {
-        let late = first.map_or(0.0, |(first, _)| channel.start_s - first.start_s);
+        let late = first.map_or(0.0, |(first, _)| channel.begins_after(first));
         match channel.number() {
             Ok(_) if late.abs() > LATE * channel.interval_s.unwrap_or(0.0) => {
                 contents.passed_over.push(PassedOver {
                     what: format!(
-                        "begins {late} s after `{}`, by `wf_start_offset`",
+                        "begins {late} s after `{}`, by `wf_start_time` and `wf_start_offset`",
                         first.map_or("", |(_, name)| name.as_str())
                     ),
                     name,

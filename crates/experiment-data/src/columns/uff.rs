@@ -7,11 +7,13 @@
 mod header;
 mod responses;
 mod sets;
+mod source;
 mod values;
 
 use self::header::{Function, Spacing};
 pub(crate) use self::responses::read as responses;
 use self::sets::{Set, Sets, sets};
+use self::source::Source;
 use crate::RecordError;
 use crate::contents::{Column, Contents, PassedOver, Scalar, missing};
 use crate::memory::Allowance;
@@ -20,10 +22,10 @@ use std::path::Path;
 
 /// The named columns, in the order of the names.
 pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordError> {
-    let bytes = whole(path)?;
-    let sets = sets(&bytes)?;
+    let mut source = Source::open(path)?;
+    let sets = sets(&mut source)?;
     let offered = offered(&sets);
-    let mut allowance = Allowance::new(bytes.len() as u64);
+    let mut allowance = Allowance::new(source.bytes());
     names
         .iter()
         .map(|name| {
@@ -33,7 +35,7 @@ pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordE
             };
             set.check_claim(name)?;
             allowance.take(name, set.numbers())?;
-            let all = set.values(name, &bytes)?;
+            let all = set.values(name, &mut source)?;
             Ok(match (part, set.header.spacing) {
                 (Part::Time, _) => all.into_iter().step_by(2).collect(),
                 (Part::Values, Spacing::Uneven) => all.into_iter().skip(1).step_by(2).collect(),
@@ -45,8 +47,8 @@ pub(crate) fn read(path: &Path, names: &[&str]) -> Result<Vec<Vec<f64>>, RecordE
 
 /// Every time history, and what else the file holds.
 pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
-    let bytes = whole(path)?;
-    let sets = sets(&bytes)?;
+    let mut source = Source::open(path)?;
+    let sets = sets(&mut source)?;
     let mut contents = Contents::default();
     for (name, part, set) in offered(&sets) {
         set.check_claim(&name)?;
@@ -121,10 +123,6 @@ impl Set {
             && matches!(self.header.function, Function::Other | Function::TimeHistory)
             && matches!(self.header.abscissa.kind, 0 | 17)
     }
-}
-
-fn whole(path: &Path) -> Result<Vec<u8>, RecordError> {
-    std::fs::read(path).map_err(RecordError::io("read"))
 }
 
 fn malformed(variable: &str, problem: &str) -> RecordError {

@@ -98,6 +98,14 @@ pub enum ResponseFault {
         /// What is missing.
         problem: &'static str,
     },
+    /// Accelerations in another unit than the quantity.
+    #[error(
+        "`{what}` is in g and not in units of the output over s^2: write scale = [9.80665] for an output in m, and for others what their          unit makes of it"
+    )]
+    InGravities {
+        /// The function.
+        what: String,
+    },
     /// The frequency unit of a struct of MATLAB's frd kind.
     #[error("`{name}` is {found}; \"Hz\" or \"rad/s\" is needed there, a factor of 6.28 hangs on it")]
     Units {

@@ -316,6 +316,13 @@ proptest! {
         let found = load(dir.path());
         check(&truth, &found, 1e-15);
         prop_assert_eq!(found.quantity, Some(ResponseQuantity::AccelerationForce));
+        // The same in g.
+        let ordinate = |unit: &str| format!("        12    0    0    0 NONE                 {unit:<20}\n");
+        let in_g = universal(&truth, [12, 13]).replace(&ordinate("NONE"), &ordinate("g"));
+        std::fs::write(dir.path().join("a.uff"), in_g).unwrap();
+        let refused = Bundle::open(dir.path()).unwrap().load_response(0).unwrap_err().to_string();
+        prop_assert!(refused.contains("is in g"), "{}", refused);
+        std::fs::write(dir.path().join("a.uff"), universal(&truth, [12, 13])).unwrap();
         let stated = toml.replace("position", "quantity = \"mobility\"\nposition");
         std::fs::write(dir.path().join("experiment.toml"), stated).unwrap();
         let refused = Bundle::open(dir.path()).unwrap().load_response(0).unwrap_err().to_string();

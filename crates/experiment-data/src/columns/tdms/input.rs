@@ -14,6 +14,8 @@ pub(super) struct Input<'a> {
 pub(super) enum Property {
     Text(String),
     Number(f64),
+    /// An instant, in 2^-64 s.
+    Instant(i128),
     Other,
 }
 
@@ -75,12 +77,13 @@ impl<'a> Input<'a> {
             8 => Property::Number(self.u64()? as f64),
             9 | 0x19 => Property::Number(f64::from(f32::from_le_bytes(self.array()?))),
             10 | 0x1a => Property::Number(f64::from_le_bytes(self.array()?)),
+            0x44 => Property::Instant(i128::from_le_bytes(self.array()?)),
             other => {
                 let size = match other {
                     0 => 0,
                     0x21 => 1,
-                    // Time, complex numbers, and floats of the processor.
-                    0x44 | 0x10_000d | 11 | 0x1b => 16,
+                    // Complex numbers, and floats of the processor.
+                    0x10_000d | 11 | 0x1b => 16,
                     0x08_000c => 8,
                     _ => {
                         return Err(malformed(

@@ -24,7 +24,9 @@ pub(super) struct Channel {
     /// Interval of its samples.
     pub(super) interval_s: Option<f64>,
     /// The first value comes so much after the start of the measurement, s.
-    pub(super) start_s: f64,
+    start_s: f64,
+    /// The start of the measurement, 2^-64 s.
+    started: Option<i128>,
     /// Its type in the file; none before it has values.
     kind: Option<u32>,
     is_scaled_later: bool,
@@ -267,6 +269,7 @@ impl Tdms {
             unit: String::new(),
             interval_s: None,
             start_s: 0.0,
+            started: None,
             kind: None,
             is_scaled_later: false,
             length: 0,
@@ -331,11 +334,22 @@ impl Tdms {
 }
 
 impl Channel {
+    /// So much later than another one begins, s.
+    pub(super) fn begins_after(&self, other: &Self) -> f64 {
+        const UNIT: f64 = 1.0 / (1_u128 << 64) as f64;
+        let started = match (self.started, other.started) {
+            (Some(own), Some(other)) => own.saturating_sub(other) as f64 * UNIT,
+            _ => 0.0,
+        };
+        started + self.start_s - other.start_s
+    }
+
     fn take_property(&mut self, name: &str, value: Property) {
         match (name, value) {
             ("unit_string" | "NI_UnitDescription", Property::Text(unit)) => self.unit = unit,
             ("wf_increment", Property::Number(interval)) => self.interval_s = Some(interval),
             ("wf_start_offset", Property::Number(start)) => self.start_s = start,
+            ("wf_start_time", Property::Instant(start)) => self.started = Some(start),
             ("NI_Number_Of_Scales", Property::Number(scales)) => self.is_scaled_later |= scales > 0.0,
             ("NI_Scaling_Status", Property::Text(status)) if status == "unscaled" => {
                 self.is_scaled_later = true;

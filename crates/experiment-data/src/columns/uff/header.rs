@@ -132,16 +132,15 @@ impl Header {
 
     /// Bytes of all values, and of an abscissa where it is stored: that is of single precision, but some programs write it as
     /// they write values. None for more than can be counted.
-    pub(super) fn lengths(&self) -> Vec<(usize, usize)> {
+    pub(super) fn lengths(&self) -> Vec<(u64, usize)> {
         let values = self.width() * (1 + usize::from(self.is_complex));
         let abscissas: &[usize] = match self.spacing {
             Spacing::Even => &[0],
             Spacing::Uneven => &[4, 8][..self.width() / 4],
         };
-        let points = usize::try_from(self.points).ok();
         abscissas
             .iter()
-            .filter_map(|a| Some((points?.checked_mul(values + a)?, *a)))
+            .filter_map(|a| Some((self.points.checked_mul((values + a) as u64)?, *a)))
             .collect()
     }
 

@@ -2,23 +2,24 @@
 
 use super::header::{Function, Spacing};
 use super::sets::{Set, sets};
-use super::whole;
+use super::source::Source;
 use crate::error::ResponseFault;
 use crate::memory::Allowance;
 use crate::response::raw::{Asked, Raw, Spread};
 use crate::{RecordError, ResponseQuantity};
 use lpv_core::num_complex::Complex;
+use std::fs::File;
 
 /// The response of all channels: places are named `12+Z`, as in the file, or as the channel is called.
 pub(crate) fn read(asked: &Asked<'_>) -> Result<Raw, RecordError> {
-    let bytes = whole(asked.path)?;
-    let sets = sets(&bytes)?;
+    let mut source = Source::open(asked.path)?;
+    let sets = sets(&mut source)?;
     let of_response = |s: &&Set| s.header.function == Function::FrequencyResponse && s.header.is_complex;
     let all: Vec<&Set> = sets.functions.iter().filter(of_response).collect();
     let (outputs, inputs) = asked.names();
     // The only function of a file is that of the only channel.
     let only = outputs.len() == 1 && inputs.len() == 1 && all.len() == 1;
-    let mut allowance = Allowance::new(bytes.len() as u64);
+    let mut allowance = Allowance::new(source.bytes());
     let mut columns: Vec<(Vec<f64>, Vec<Complex<f64>>)> = Vec::new();
     let mut quantities = Vec::new();
     let mut first = String::new();
@@ -45,7 +46,10 @@ pub(crate) fn read(asked: &Asked<'_>) -> Result<Raw, RecordError> {
             let name = set.between();
             set.check_claim(&name)?;
             allowance.take(&name, set.numbers())?;
-            let lines = set.lines(&name, &bytes)?;
+            if set.is_in_gravities() && asked.channels.output.scale.is_empty() {
+                return Err(ResponseFault::InGravities { what: name }.into());
+            }
+            let lines = set.lines(&name, &mut source)?;
             match columns.first() {
                 None => first.clone_from(&name),
                 Some((other, _)) if *other != lines.0 => {
@@ -81,8 +85,12 @@ impl Set {
     }
 
     /// Frequencies and values.
-    fn lines(&self, name: &str, bytes: &[u8]) -> Result<(Vec<f64>, Vec<Complex<f64>>), RecordError> {
-        let numbers = self.values(name, bytes)?;
+    fn lines(
+        &self,
+        name: &str,
+        source: &mut Source<File>,
+    ) -> Result<(Vec<f64>, Vec<Complex<f64>>), RecordError> {
+        let numbers = self.values(name, source)?;
         let header = &self.header;
         Ok(match header.spacing {
             Spacing::Even => {
@@ -103,6 +111,12 @@ impl Set {
                 .map(|c| (c[0], Complex::new(c[1], c[2])))
                 .unzip(),
         })
+    }
+
+    /// Whether it is an acceleration in multiples of that of gravity.
+    fn is_in_gravities(&self) -> bool {
+        let unit = self.header.ordinate.unit.split('/').next().unwrap_or("").trim();
+        self.header.ordinate.kind == 12 && matches!(unit, "g" | "G" | "gn" | "g_n")
     }
 
     /// What the kinds of its axes say.

@@ -2,7 +2,9 @@
 
 use super::header::{Function, Header, LINES};
 use super::malformed;
+use super::source::Source;
 use crate::RecordError;
+use std::io::{Read, Seek};
 use std::ops::Range;
 
 /// More sets than this are no measurement.
@@ -23,7 +25,7 @@ pub(super) struct Set {
     pub(super) number: usize,
     pub(super) header: Header,
     /// Where its values are.
-    pub(super) values: Range<usize>,
+    pub(super) values: Range<u64>,
     pub(super) coding: Coding,
 }
 
@@ -54,16 +56,12 @@ impl Set {
 }
 
 /// All data sets, in the order of the file.
-pub(super) fn sets(bytes: &[u8]) -> Result<Sets, RecordError> {
+pub(super) fn sets<R: Read + Seek>(source: &mut Source<R>) -> Result<Sets, RecordError> {
     let mut sets = Sets::default();
-    let mut lines = Lines { bytes, at: 0 };
     let mut number = 0;
-    while let Some(line) = lines.next() {
-        if !is_mark(line) {
-            continue;
-        }
+    while source.skip_to_mark()? < source.bytes() {
         number += 1;
-        let Some(kind) = lines.next() else {
+        let Some(kind) = source.next_line()? else {
             // Some programs end a file with a mark more.
             break;
         };
@@ -84,21 +82,21 @@ pub(super) fn sets(bytes: &[u8]) -> Result<Sets, RecordError> {
             if !matches!(kind, 151 | 164) {
                 sets.others.push((number, kind));
             }
-            lines.skip_to_mark();
+            source.skip_to_mark()?;
             continue;
         }
         let first_line = rest.strip_prefix(['b', 'B']).map(FirstLine::read);
-        let mut header = [&[][..]; LINES];
+        let mut header: [Vec<u8>; LINES] = Default::default();
         for line in &mut header {
-            *line = lines
-                .next()
+            *line = source
+                .next_line()?
                 .ok_or_else(|| broken("the file ends in its header".to_owned()))?;
         }
-        let header = Header::read(&header).map_err(broken)?;
+        let header = Header::read(&header.each_ref().map(Vec::as_slice)).map_err(broken)?;
         let (values, coding) = match first_line {
             None => {
-                let start = lines.at;
-                (start..lines.skip_to_mark(), Coding::Text)
+                let start = source.at();
+                (start..source.skip_to_mark()?, Coding::Text)
             }
             Some(None) => {
                 return Err(broken(
@@ -108,27 +106,30 @@ pub(super) fn sets(bytes: &[u8]) -> Result<Sets, RecordError> {
             }
             Some(Some(first_line)) => {
                 for _ in LINES..first_line.lines {
-                    lines.next();
+                    source.next_line()?;
                 }
-                let start = lines.at;
+                let start = source.at();
                 // Some programs state another length than they write; the mark behind it tells.
-                let (length, abscissa_bytes) = header
-                    .lengths()
-                    .into_iter()
-                    .find(|(length, _)| start.checked_add(*length).is_some_and(|end| ends(bytes, end)))
-                    .ok_or_else(|| {
-                        let (points, left) = (header.points, bytes.len() - start);
-                        broken(format!(
-                            "its header claims {points} values, and behind as many in the {left} bytes that follow no set ends"
-                        ))
-                    })?;
-                lines.at = start + length;
-                lines.skip_to_mark();
+                let mut fitting = None;
+                for (length, abscissa_bytes) in header.lengths() {
+                    let end = start.saturating_add(length);
+                    if fitting.is_none() && source.ends_at(end)? {
+                        fitting = Some((end, abscissa_bytes));
+                    }
+                }
+                let (end, abscissa_bytes) = fitting.ok_or_else(|| {
+                    let (points, left) = (header.points, source.bytes() - start);
+                    broken(format!(
+                        "its header claims {points} values, and behind as many in the {left} bytes that follow no set ends"
+                    ))
+                })?;
+                source.go_to(end)?;
+                source.skip_to_mark()?;
                 let coding = Coding::Bytes {
                     big_endian: first_line.big_endian,
                     abscissa_bytes,
                 };
-                (start..start + length, coding)
+                (start..end, coding)
             }
         };
         sets.functions.push(Set {
@@ -169,48 +170,5 @@ impl FirstLine {
         }
         let lines = next().filter(|n| (LINES..1000).contains(n))?;
         Some(Self { big_endian, lines })
-    }
-}
-
-/// Whether a set may end here: a mark follows, or the end of the file.
-fn ends(bytes: &[u8], at: usize) -> bool {
-    let Some(rest) = bytes.get(at..) else {
-        return false;
-    };
-    let rest = rest.strip_prefix(b"\r").unwrap_or(rest);
-    let rest = rest.strip_prefix(b"\n").unwrap_or(rest);
-    let line = &rest[..memchr::memchr(b'\n', rest).unwrap_or(rest.len())];
-    rest.is_empty() || is_mark(line)
-}
-
-fn is_mark(line: &[u8]) -> bool {
-    line.trim_ascii() == b"-1"
-}
-
-struct Lines<'a> {
-    bytes: &'a [u8],
-    at: usize,
-}
-
-impl<'a> Lines<'a> {
-    fn next(&mut self) -> Option<&'a [u8]> {
-        let rest = self.bytes.get(self.at..).filter(|r| !r.is_empty())?;
-        let length = memchr::memchr(b'\n', rest).map_or(rest.len(), |at| at + 1);
-        self.at += length;
-        let line = &rest[..length];
-        let line = line.strip_suffix(b"\n").unwrap_or(line);
-        Some(line.strip_suffix(b"\r").unwrap_or(line))
-    }
-
-    /// Passes the line with the next mark; where it begins, or the end of the file.
-    fn skip_to_mark(&mut self) -> usize {
-        loop {
-            let start = self.at;
-            match self.next() {
-                None => return self.bytes.len(),
-                Some(line) if is_mark(line) => return start,
-                Some(_) => {}
-            }
-        }
     }
 }

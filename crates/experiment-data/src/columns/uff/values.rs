@@ -3,8 +3,10 @@
 use super::header::Spacing;
 use super::malformed;
 use super::sets::{Coding, Set};
+use super::source::Source;
 use crate::RecordError;
 use crate::columns::number::{Class, DOUBLE, Number};
+use std::io::{Read, Seek};
 
 impl Set {
     /// Numbers that it claims: a value has one or two, and its abscissa one where these are stored.
@@ -15,7 +17,7 @@ impl Set {
 
     /// Compares what it claims with what it has, before any memory is taken.
     pub(super) fn check_claim(&self, name: &str) -> Result<(), RecordError> {
-        let has = self.values.len() as u64;
+        let has = self.values.end - self.values.start;
         // Of text, a number takes a digit and what stands between it and the next. Bytes were counted when the set was found.
         let fits = self.coding != Coding::Text || self.numbers().saturating_mul(2) <= has.saturating_add(1);
         if fits {
@@ -29,18 +31,39 @@ impl Set {
     }
 
     /// All numbers in their order. Ask [`Set::check_claim`] first.
-    pub(super) fn values(&self, name: &str, bytes: &[u8]) -> Result<Vec<f64>, RecordError> {
-        let part = &bytes[self.values.clone()];
+    pub(super) fn values<R: Read + Seek>(
+        &self,
+        name: &str,
+        source: &mut Source<R>,
+    ) -> Result<Vec<f64>, RecordError> {
         match self.coding {
-            Coding::Text => self.of_text(name, part),
+            Coding::Text => {
+                let mut text = Vec::new();
+                source.pieces(self.values.clone(), 1, |piece| text.extend_from_slice(piece))?;
+                self.of_text(name, &text)
+            }
             Coding::Bytes {
                 big_endian,
                 abscissa_bytes,
-            } => Ok(self.of_bytes(part, big_endian, abscissa_bytes)),
+            } => {
+                let values = 1 + usize::from(self.header.is_complex);
+                let point = abscissa_bytes + self.header.width() * values;
+                let mut all = Vec::with_capacity(self.numbers() as usize);
+                source.pieces(self.values.clone(), point, |piece| {
+                    self.of_bytes(piece, (big_endian, abscissa_bytes, point), &mut all);
+                })?;
+                Ok(all)
+            }
         }
     }
 
-    fn of_bytes(&self, part: &[u8], big_endian: bool, abscissa_bytes: usize) -> Vec<f64> {
+    /// The numbers of whole points.
+    fn of_bytes(
+        &self,
+        part: &[u8],
+        (big_endian, abscissa_bytes, point): (bool, usize, usize),
+        all: &mut Vec<f64>,
+    ) {
         let number = |size| Number {
             class: Class::Float,
             size,
@@ -49,22 +72,18 @@ impl Set {
         let value = number(self.header.width());
         if abscissa_bytes == 0 {
             let numbers = part.chunks_exact(value.size);
-            return match value {
-                DOUBLE => numbers
-                    .map(|c| f64::from_le_bytes(std::array::from_fn(|i| c[i])))
-                    .collect(),
-                _ => numbers.map(|c| value.value(c)).collect(),
-            };
+            match value {
+                DOUBLE => all.extend(numbers.map(|c| f64::from_le_bytes(std::array::from_fn(|i| c[i])))),
+                _ => all.extend(numbers.map(|c| value.value(c))),
+            }
+            return;
         }
         let abscissa = number(abscissa_bytes);
-        let point = abscissa_bytes + value.size * (1 + usize::from(self.header.is_complex));
-        let numbers = part.chunks_exact(point).flat_map(|c| {
-            let values = c[abscissa_bytes..]
-                .chunks_exact(value.size)
-                .map(move |v| value.value(v));
-            std::iter::once(abscissa.value(&c[..abscissa_bytes])).chain(values)
-        });
-        numbers.collect()
+        for c in part.chunks_exact(point) {
+            let values = c[abscissa_bytes..].chunks_exact(value.size);
+            all.push(abscissa.value(&c[..abscissa_bytes]));
+            all.extend(values.map(|v| value.value(v)));
+        }
     }
 
     fn of_text(&self, name: &str, part: &[u8]) -> Result<Vec<f64>, RecordError> {

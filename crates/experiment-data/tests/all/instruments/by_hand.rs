@@ -41,8 +41,13 @@ fn tdms(a: &[f64], b: &[i16], chunks: usize, is_interleaved: bool, big_endian: b
         about.extend(text(path));
         about.extend([u32(20), u32(kind), u32(1)].concat());
         about.extend(u64(rows));
-        about.extend(u32(2));
-        for (name, value) in [("wf_increment", 1e-3), ("wf_start_offset", start)] {
+        about.extend(u32(3));
+        // A part of it by the instant of the start, in 2^-64 s.
+        let part = 0.75 * (start - 7.0);
+        let instant = (3_900_000_000_i128 << 64) + (part * 2.0_f64.powi(64)) as i128;
+        about.extend([text("wf_start_time"), u32(0x44).to_vec()].concat());
+        about.extend(ordered(instant.to_le_bytes(), big_endian));
+        for (name, value) in [("wf_increment", 1e-3), ("wf_start_offset", start - part)] {
             about.extend(text(name));
             about.extend(u32(10));
             about.extend(ordered(f64::to_le_bytes(value), big_endian));

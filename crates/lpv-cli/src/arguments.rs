@@ -140,7 +140,7 @@ pub(crate) struct New {
     /// Samples a period, of all files.
     #[arg(long, value_name = "SAMPLES", value_parser = period)]
     pub(crate) period: Option<usize>,
-    /// Files that are held out to judge the model.
+    /// Files that are held out to judge the model, named among the files or here alone.
     #[arg(long, value_name = "FILE")]
     pub(crate) validation: Vec<PathBuf>,
     /// Name of the experiment.

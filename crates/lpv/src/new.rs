@@ -186,9 +186,19 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
             allowed: "the number of samples a second, finite and above zero",
         });
     }
+    let canonical = |file: &PathBuf| file.canonicalize().map_err(|e| refuse(file, e.to_string()));
+    // What is held out belongs to the bundle, named among the files or not.
+    let mut files = files.to_vec();
+    let given: Vec<PathBuf> = files.iter().map(canonical).collect::<Result<_, _>>()?;
+    for file in &known.validation {
+        if !given.contains(&canonical(file)?) {
+            files.push(file.clone());
+        }
+    }
+    let files = &files;
     let mut paths: Vec<PathBuf> = Vec::new();
     for file in files {
-        let path = file.canonicalize().map_err(|e| refuse(file, e.to_string()))?;
+        let path = canonical(file)?;
         if paths.contains(&path) {
             return Err(refuse(file, "this file is given twice".to_owned()));
         }

@@ -121,12 +121,22 @@ fn place_in_numbers(seen: &[Seen]) -> Option<(String, Vec<f64>)> {
     found.next().is_none().then_some(first)
 }
 
-/// What the names of the files say about the position, as a question: the part of each name that differs, if it looks like a
-/// place.
+/// What the names of the files, or else of their folders, say about the position, as a question: the part of each name that differs, if
+/// it looks like a place.
 fn places_in_names(files: &[String]) -> Option<Vec<String>> {
-    let numbers = |file: &String| -> Vec<(String, String)> {
-        let stem = file.rsplit('/').next().unwrap_or(file);
-        let stem = stem.rsplit_once('.').map_or(stem, |(s, _)| s);
+    let stems: Vec<Vec<&str>> = files
+        .iter()
+        .map(|file| {
+            let stem = file.rsplit_once('.').map_or(file.as_str(), |(stem, _)| stem);
+            stem.rsplit('/').collect()
+        })
+        .collect();
+    let depth = stems.iter().map(Vec::len).min()?;
+    (0..depth).find_map(|d| places_in(&stems.iter().map(|s| s[d]).collect::<Vec<_>>()))
+}
+
+fn places_in(stems: &[&str]) -> Option<Vec<String>> {
+    let numbers = |stem: &&str| -> Vec<(String, String)> {
         let mut found: Vec<(String, String)> = Vec::new();
         let (mut word, mut digits) = (String::new(), String::new());
         for c in stem.chars() {
@@ -147,7 +157,7 @@ fn places_in_names(files: &[String]) -> Option<Vec<String>> {
         }
         found
     };
-    let all: Vec<Vec<(String, String)>> = files.iter().map(numbers).collect();
+    let all: Vec<Vec<(String, String)>> = stems.iter().map(numbers).collect();
     let first = all.first()?;
     (0..first.len()).find_map(|k| {
         let word = &first[k].0;
@@ -186,8 +196,14 @@ mod tests {
             names(&["run2/x_-0.3.csv", "run2/x_0.3.csv"]),
             Some(vec!["-0.3".to_owned(), "0.3".to_owned()])
         );
+        let in_folders = names(&["x=-100mm/run.csv", "x=0mm/run.csv", "x=20.5mm/run.csv"]);
+        assert_eq!(
+            in_folders,
+            Some(["-100", "0", "20.5"].map(str::to_owned).to_vec())
+        );
         for files in [
-            &["a1.csv", "a2.csv"][..],
+            &["day1/run.csv", "day2/run.csv"][..],
+            &["a1.csv", "a2.csv"],
             &["pos1.csv", "pos1b.csv"],
             &["a.csv", "b.csv"],
             &["run1.csv", "run2.csv"],

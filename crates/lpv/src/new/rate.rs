@@ -166,15 +166,13 @@ pub(super) fn rate_of(time: &TimeColumn, hints: &Hints) -> Rate {
     }
     if let Some(stated) = stated {
         return match seconds(stated) {
-            Some(seconds) => Rate::Found {
-                hz: nice(1.0 / (step * seconds)),
-                how: match found(UNITS[0], &format!(" in {stated}")) {
-                    Rate::Found { how, .. } => how,
-                    Rate::Ask { problem, .. } => problem,
-                },
-                unit: UNITS.iter().find(|u| u.1 == seconds).map(|u| u.0),
-                or_else: None,
-            },
+            Some(seconds) => {
+                let mut rate = found((UNITS[0].0, seconds), &format!(" in {stated}"));
+                if let Rate::Found { unit, .. } = &mut rate {
+                    *unit = UNITS.iter().find(|u| u.1 == seconds).map(|u| u.0);
+                }
+                rate
+            }
             None => Rate::ask(format!("the unit `{stated}` of the column `{name}` is not known")),
         };
     }

@@ -41,6 +41,7 @@ const PARTS: [(Role, &[&str]); 5] = [
             "sollwert",
             "vorgabe",
             "führungsgröße",
+            "consigne",
         ],
     ),
     (
@@ -75,6 +76,8 @@ const PARTS: [(Role, &[&str]); 5] = [
             "spannung",
             "stellgröße",
             "stellgroesse",
+            "couple",
+            "courant",
         ],
     ),
     (
@@ -107,6 +110,11 @@ const PARTS: [(Role, &[&str]); 5] = [
             "ist",
             "istwert",
             "auslenkung",
+            "regelgröße",
+            "regelgroesse",
+            "mesure",
+            "mesurée",
+            "vitesse",
         ],
     ),
 ];

@@ -158,7 +158,7 @@ pub enum Cause {
         /// Error relative to the force, percent.
         error_percent: f64,
     },
-    /// A pole outside the unit circle, of a machine whose outputs stay bounded in open loop.
+    /// A pole outside the unit circle, of a machine whose outputs stay bounded, which no feedback accounts for.
     Unstable {
         /// Largest magnitude of a pole.
         radius: f64,
@@ -220,9 +220,15 @@ pub enum Stability {
 }
 
 impl Stability {
-    /// Whether the output grows without bound.
-    pub fn is_unstable(self) -> bool {
-        matches!(self, Self::Unstable { .. })
+    /// Whether outputs that were measured may stay bounded all the same: feedback holds a machine that grows slowly. A loop amplifies some
+    /// disturbance at least as much as the machine grows in a sample (Zames and Francis, IEEE Trans. Automatic Control 28, 1983), and
+    /// none is made for much of that.
+    pub(crate) fn may_stay_bounded(self, closed_loop: bool) -> bool {
+        const MOST_HELD: f64 = 1.5;
+        match self {
+            Self::Unstable { radius } => closed_loop && radius < MOST_HELD,
+            Self::Stable | Self::Integrating => true,
+        }
     }
 }
 

@@ -96,11 +96,9 @@ pub(super) fn in_time(
         .collect();
     let tell = |done, of| progress("prediction error", done, of);
     let mut found = lti_ident::identify_telling(&segments, clock, &settings, &starts, &tell)?;
-    if !closed && config.order.is_none() {
-        reasons.extend(refuse_unstable(
-            &mut found,
-            fitted.iter().copied().max().unwrap_or(0),
-        ));
+    if config.order.is_none() {
+        let samples = fitted.iter().copied().max().unwrap_or(0);
+        reasons.extend(refuse_unstable(&mut found, samples, closed));
     }
     let chosen = found.chosen();
     let rows: Vec<OrderRow> = found.entries.iter().map(OrderRow::new).collect();
@@ -128,11 +126,11 @@ fn unstable(system: &StateSpace<Discrete>) -> bool {
     system.is_stable().is_ok_and(|stable| !stable)
 }
 
-/// Takes the best order whose model stays bounded over so many samples, where the chosen one does not: measured in open loop, the
-/// machine did.
-fn refuse_unstable(found: &mut InnovationFit, samples: usize) -> Option<String> {
+/// Takes the best order whose model may stay bounded over so many samples, where the chosen one may not: the machine did.
+fn refuse_unstable(found: &mut InnovationFit, samples: usize, closed_loop: bool) -> Option<String> {
     let explodes = |e: &OrderEntry| {
-        crate::validation::stability(&e.model.model().poles().unwrap_or_default(), samples).is_unstable()
+        let poles = e.model.model().poles().unwrap_or_default();
+        !crate::validation::stability(&poles, samples).may_stay_bounded(closed_loop)
     };
     let refused = found.chosen().order;
     if !explodes(found.chosen()) {

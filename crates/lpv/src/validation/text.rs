@@ -90,6 +90,9 @@ fn figure(e: &ErrorFigure) -> String {
             format!("{n:.1e} x; ")
         }
     });
+    if !e.rms.is_finite() {
+        return "diverges".to_owned();
+    }
     // An unstable simulation leaves any scale.
     let fit = if e.fit_percent.abs() < 1e5 {
         format!("{:.2}", e.fit_percent)

@@ -262,9 +262,9 @@ fn output(record: &RecordCheck, o: &OutputCheck, stability: Stability, closed_lo
         moves: record.moves,
     };
     if let Stability::Unstable { radius } = stability
-        && !closed_loop
+        && !stability.may_stay_bounded(closed_loop)
         && o.closed_loop.is_none()
-        && 100.0 - o.open_loop.fit_percent > 100.0
+        && (100.0 - o.open_loop.fit_percent > 100.0 || !o.open_loop.rms.is_finite())
     {
         return Judged {
             grade: Grade::Nothing,

@@ -187,7 +187,7 @@ impl fmt::Display for Cause {
             ),
             Self::Unstable { radius } => write!(
                 f,
-                "the model is unstable (pole of magnitude {radius:.6}) where the measured outputs stay bounded in open loop"
+                "the model is unstable (pole of magnitude {radius:.6}) where the measured outputs stay bounded, and no feedback accounts for it"
             ),
             Self::UnstableResponse { radius } => write!(
                 f,

@@ -56,7 +56,7 @@ def test_frames(tmp_path: Path) -> None:
     # The name of an input is one that numpy.savez has an argument of.
     frame = pandas.DataFrame({"file": s["u"], "encoder": s["y"][:, 0]}, index=np.arange(N) * 0.004)
     bundle = lpvident.Bundle.from_frames(
-        [frame, (frame[::-1], {"use": "validation"})], outputs=["encoder"], inputs="file", units={"file": "N"}
+        [frame, (frame[::-1].set_index(frame.index), {"use": "validation"})], outputs=["encoder"], inputs="file", units={"file": "N"}
     )
     assert bundle.sample_rate == pytest.approx(250.0, rel=1e-12)
     assert np.array_equal(bundle.record(0).y[:, 0], s["y"][:, 0])
@@ -78,6 +78,8 @@ def test_frames(tmp_path: Path) -> None:
         ({"u": np.array(["a", "b"])}, "no array of real numbers"),
         ({"u": np.ones(N) * 1j}, "complex"),
         ({"u": np.ones(N - 1)}, "samples|rows|length"),
+        ({"u": np.ma.masked_greater(np.arange(N, dtype=float), 3.0)}, "masked"),
+        ({"u": np.arange(N).astype("datetime64[s]")}, "times or dates"),
         ({"periods": 7}, "unknown option `periods`"),
         ({"name": "../out"}, "use letters"),
         ({"period": 12.5}, "period = 12.5"),
@@ -89,6 +91,44 @@ def test_wrong_arrays_are_refused(change: dict, message: str) -> None:
     with pytest.raises(lpvident.BundleError, match=message):
         bundle = lpvident.Bundle.from_arrays({**signals(1), **change}, sample_rate=10)
         bundle.record(0)
+
+
+def test_every_frame_tells_its_time() -> None:
+    pandas = pytest.importorskip("pandas")
+
+    def frame(index: object) -> object:
+        return pandas.DataFrame({"force": np.ones(N), "x": np.arange(N, dtype=float)}, index=index)
+
+    def bundle(*frames: object) -> lpvident.Bundle:
+        return lpvident.Bundle.from_frames(frames, outputs=["x"], inputs=["force"])
+
+    time = np.arange(N) * 0.004
+    with_zone = pandas.date_range("2024-01-01", periods=N, freq="4ms", tz="Europe/Berlin")
+    assert bundle(frame(time), frame(with_zone)).sample_rate == pytest.approx(250.0, rel=1e-9)
+    gap = np.where(np.arange(N) < N // 2, time, time + 0.4)
+    for wrong, message in [
+        ((frame(time), frame(time / 2)), "record 1: the index tells 500 Hz"),
+        ((frame(time), frame(gap)), "record 1: .* equally spaced"),
+        ((frame(4 * np.arange(N)),), "whole steps of 4"),
+        ((frame([f"row {k}" for k in range(N)]),), "holds no times"),
+        ((frame(pandas.MultiIndex.from_product([["a"], range(N)])),), "holds no times"),
+    ]:
+        with pytest.raises(lpvident.BundleError, match=message):
+            bundle(*wrong)
+    twice = frame(time)
+    twice.columns = ["x", "x"]
+    with pytest.raises(lpvident.BundleError, match="several columns are called `x`"):
+        lpvident.Bundle.from_frames(twice, outputs=["x"], inputs=[], sample_rate=250.0)
+    with pytest.raises(lpvident.BundleError, match="no tuple"):
+        lpvident.Bundle.from_arrays((np.ones(N), np.ones(N)), sample_rate=10.0)  # type: ignore[arg-type]
+
+
+def test_a_record_by_name_and_number() -> None:
+    bundle = lpvident.Bundle.from_arrays([{**signals(k), "name": name} for k, name in ((1, "there"), (2, "back"))], sample_rate=10)
+    assert np.array_equal(bundle.record(-1).y, bundle.record("back").y)
+    for wrong, message in [("bakc", "nearest: `back`"), (2, "no record 2"), (-3, "no record -3")]:
+        with pytest.raises(lpvident.BundleError, match=message):
+            bundle.record(wrong)
 
 
 def test_wrong_settings_are_refused_before_anything_is_written(tmp_path: Path) -> None:

@@ -94,10 +94,14 @@ def with_dashes(value: Any) -> Any:
 
 def columns(array: ArrayLike, what: str) -> NDArray[np.float64]:
     """Samples x channels of finite numbers; one channel may come as a vector."""
+    if np.ma.isMaskedArray(array) and np.ma.getmaskarray(array).any():
+        raise BundleError(f"`{what}` is masked in places: a record has no gaps; fill them, or cut the record there")
     try:
         found = np.asarray(array)
         if np.iscomplexobj(found):
             raise TypeError("complex numbers")
+        if found.dtype.kind in "mM":
+            raise TypeError("times or dates")
         found = np.asarray(found, dtype=np.float64)
     except (TypeError, ValueError) as problem:
         raise BundleError(f"`{what}` is no array of real numbers: {problem}") from None

@@ -100,6 +100,8 @@ class Bundle:
         signals: list[dict[str, NDArray[np.float64]]] = []
         names: dict[str, list[str]] = {}
         for number, record in enumerate(given):
+            if not isinstance(record, Mapping):
+                raise BundleError(f"record {number}: give a dictionary with `y` and `u`, no {type(record).__name__}", record=number)
             found: dict[str, NDArray[np.float64]] = {}
             for letter in _ROLES:
                 if record.get(letter) is None:
@@ -144,7 +146,7 @@ class Bundle:
             frames: a frame, or several; a record with options is ``(frame, {"period": 2048, "use": "validation"})``, with those of
                 `from_arrays`.
             outputs, inputs, references, scheduling, auxiliary: names of columns by role.
-            sample_rate: Hz; without it from the index of the first frame, which then holds times, equally spaced: stamps, time
+            sample_rate: Hz; without it from the index of every frame, which then holds times, equally spaced: stamps, time
                 differences, or seconds.
             folder, name, units, controller, geometry: as in `from_arrays`.
         """
@@ -162,9 +164,11 @@ class Bundle:
             for column in dict.fromkeys(c for own in roles.values() for c in own):
                 if column not in frame.columns:
                     raise BundleError(f"record {number}: the frame has no column `{column}`", record=number, column=column)
+                if frame[column].ndim != 1:
+                    raise BundleError(f"record {number}: several columns are called `{column}`", record=number, column=column)
                 found[str(column)] = columns(frame[column].to_numpy(), f"record {number}: {column}")[:, 0]
             records.append((found, options))
-        rate = float(sample_rate) if sample_rate is not None else _rate(pairs[0][0].index)
+        rate = float(sample_rate) if sample_rate is not None else _common_rate([frame.index for frame, _ in pairs])
         head = {"name": name, "sample_rate": rate, "controller": controller, "geometry": geometry}
         return cls._written(folder, head, roles, units, records)
 
@@ -227,7 +231,7 @@ class Bundle:
 
     def record(self, which: int | str) -> Record:
         """Reads a record, by its number from 0 or by its name."""
-        index = self.record_names.index(which) if isinstance(which, str) else which
+        index = _place(which, self.record_names)
         groups, position = self._native.record(index)
         y, u, r, p, aux, injection = (array for _, array in groups)
         return Record(y, u, r, p, aux, injection, position, dict(zip(Record._fields, (names for names, _ in groups))))
@@ -267,17 +271,51 @@ class Bundle:
         return f"Bundle({str(self.path)!r}): {self.name}, {records} at {self.sample_rate:g} Hz"
 
 
+def _place(which: int | str, names: list[str]) -> int:
+    """The number of a record, which may count from the end."""
+    if isinstance(which, str):
+        if which in names:
+            return names.index(which)
+        near = difflib.get_close_matches(which, names, 1)
+        raise BundleError(f"no record `{which}`" + (f"; nearest: `{near[0]}`" if near else ""))
+    if not -len(names) <= which < len(names):
+        raise BundleError(f"no record {which}: the bundle has {len(names)}")
+    return int(which) % len(names)
+
+
+def _common_rate(indices: list[Any]) -> float:
+    """Samples a second that all indices tell."""
+    rates = []
+    for number, index in enumerate(indices):
+        try:
+            rates.append(_rate(index))
+        except BundleError as problem:
+            raise BundleError(f"record {number}: {problem}", record=number) from None
+        if abs(rates[number] / rates[0] - 1.0) > 1e-3:
+            told = f"the index tells {rates[number]:g} Hz, that of record 0 {rates[0]:g} Hz"
+            raise BundleError(f"record {number}: {told}; a bundle has one rate", record=number)
+    return rates[0]
+
+
 def _rate(index: Any) -> float:
     """Samples a second from equally spaced times."""
+    if getattr(index, "tz", None) is not None:
+        index = index.tz_convert(None)
     times = np.asarray(index)
     if times.dtype.kind in "mM":
         ticks = times.astype(f"{times.dtype.kind}8[ns]").astype(np.int64)
         seconds = (ticks - ticks[0]) * 1e-9
     else:
-        seconds = times.astype(np.float64)
+        try:
+            seconds = times.astype(np.float64)
+        except (TypeError, ValueError):
+            raise BundleError("the index of the frame holds no times: give sample_rate in Hz, or an index of times") from None
     steps = np.diff(seconds)
     if len(steps) == 0 or not steps[0] > 0.0 or np.ptp(steps) > 1e-3 * steps.mean():
         raise BundleError("the index of the frame holds no equally spaced times: give sample_rate in Hz, or resample")
     if np.array_equal(seconds, np.arange(len(seconds))):
         raise BundleError("the index of the frame counts rows and tells no time: give sample_rate in Hz")
+    if times.dtype.kind in "iu":
+        step = int(steps[0])
+        raise BundleError(f"the index of the frame has whole steps of {step}, seconds or another unit: give sample_rate in Hz")
     return float(1.0 / steps.mean())

@@ -25,6 +25,10 @@ def _open(bundle: Source) -> Bundle:
     return bundle if isinstance(bundle, Bundle) else Bundle(bundle)
 
 
+def _model(model: Model | str | os.PathLike[str]) -> Model:
+    return model if isinstance(model, Model) else Model.load(model)
+
+
 def inspect(bundle: Source, *, progress: Progress = None) -> Inspection:
     """What is in a bundle, checked: sampling, periods, noise, distortion, coverage, warnings."""
     with listener(progress) as tell:
@@ -111,7 +115,7 @@ def fit_frf(
         response: complex, shape (n_f,), (n_f, n_y, n_u), or with ``positions`` (n_p, n_f, n_y, n_u).
         sample_rate: of the discrete model, Hz, above twice the highest frequency: that at which the input was held.
         positions: constant scheduling values of the responses, increasing, shape (n_p,).
-        deviation: standard deviation of the error of an entry: a number, (n_f,) or (n_f, n_y). Without it 0.1 % of the row of the
+        deviation: standard deviation of the error of an entry: a number, (n_f,), (n_f, n_y) or (n_f, n_y, n_u). Without it 0.1 % of the row of the
             output, the accuracy to which the response is described.
         settings: order, integrators, functions, ...: those of `identify` that concern responses.
     """
@@ -145,24 +149,26 @@ def _places(
     return [Frf.from_arrays(frequencies, r, deviation=deviation, position=p) for r, p in pairs], float(sample_rate)
 
 
-def validate(model: Model, bundle: Source, *, all: bool = False, progress: Progress = None) -> Validation:
-    """Compares a model with the records that a bundle holds out; with ``all`` also with those for estimation."""
-    opened = _open(bundle)
+def validate(
+    model: Model | str | os.PathLike[str], bundle: Source, *, all: bool = False, progress: Progress = None
+) -> Validation:
+    """Compares a model, or the file of one, with the records that a bundle holds out; with ``all`` also with those for estimation."""
+    known, opened = _model(model), _open(bundle)
     with listener(progress) as tell:
-        (json_text, text), runs = _lpvident.validate(model._native, opened._native, all, tell)
+        (json_text, text), runs = _lpvident.validate(known._native, opened._native, all, tell)
     return Validation(json_text, text, runs)
 
 
-def diagnose(bundle: Source, model: Model | None = None, *, progress: Progress = None) -> Diagnosis:
+def diagnose(bundle: Source, model: Model | str | os.PathLike[str] | None = None, *, progress: Progress = None) -> Diagnosis:
     """Finds the effects that a model lacks on the moves of a bundle, fits them and judges them on held-out moves.
 
     Args:
-        model: the model that effects are added to; without it one from the bundle: an xy-table where there is its [geometry], a
+        model: the model that effects are added to, or its file; without it one from the bundle: an xy-table where there is its [geometry], a
             small LFR where p is scheduled, else a servo axis.
     """
-    opened = _open(bundle)
+    opened, known = _open(bundle), None if model is None else _model(model)
     with listener(progress) as tell:
-        return Diagnosis(_lpvident.diagnose(opened._native, None if model is None else model._native, tell))
+        return Diagnosis(_lpvident.diagnose(opened._native, None if known is None else known._native, tell))
 
 
 def simulate_machine(

@@ -63,8 +63,9 @@ class Frf:
         Args:
             frequencies: increasing, Hz, shape (n_f,).
             response: complex, shape (n_f,) or (n_f, n_y, n_u).
-            deviation: standard deviation of the error, of shape (n_f,), (n_f, n_y) or a number; without it 0.1 % of the row of the
-                output: the accuracy to which a model is to describe the response.
+            deviation: standard deviation of the error, of shape (n_f,), (n_f, n_y), (n_f, n_y, n_u) or a number; without it 0.1 % of the
+                row of the output: the accuracy to which a model is to describe the response. Of each line, the variances of the
+                entries are taken for a product of one by output and one by input, as those of measured responses are.
         """
         lines = np.ascontiguousarray(np.atleast_1d(np.asarray(frequencies, dtype=np.float64)))
         values = np.asarray(response, dtype=np.complex128)
@@ -75,15 +76,26 @@ class Frf:
                 f"a response of shape {values.shape} at {lines.size} frequencies: give n_f x outputs x inputs, or a vector for one channel"
             )
         n_f, n_y, n_u = values.shape
+        by_input = np.ones((n_f, n_u))
         if deviation is None:
             rows = np.linalg.norm(values, axis=2)
             known = RELATIVE_ERROR * np.maximum(rows, 1e-9 * rows.max(initial=np.finfo(float).tiny)) / np.sqrt(n_u)
         else:
             known = np.asarray(deviation, dtype=np.float64)
+            shapes = ((), (n_f,), (n_f, n_y), (n_f, n_y, n_u))
+            if known.shape not in shapes or not (np.isfinite(known) & (known >= 0.0)).all():
+                raise ModelError(
+                    f"a deviation of shape {known.shape}: give a number, or {n_f}, {n_f} x {n_y} or {n_f} x {n_y} x {n_u} of them,"
+                    " finite and not below zero"
+                )
+            if known.ndim == 3:
+                by_input = (known**2).mean(axis=1) / np.maximum((known**2).mean(axis=(1, 2)), np.finfo(float).tiny)[:, None]
+                known = np.sqrt((known**2).mean(axis=2))
             known = np.broadcast_to(known[:, None] if known.ndim == 1 else known, (n_f, n_y))
         covariance = np.zeros((n_f, n_y, n_y), dtype=np.complex128)
         covariance[:, range(n_y), range(n_y)] = known**2
-        factor = np.broadcast_to(np.eye(n_u, dtype=np.complex128), (n_f, n_u, n_u)).copy()
+        factor = np.zeros((n_f, n_u, n_u), dtype=np.complex128)
+        factor[:, range(n_u), range(n_u)] = by_input
         place = None if position is None else np.atleast_1d(np.asarray(position, dtype=np.float64)).tolist()
         return cls(lines, np.ascontiguousarray(values), covariance, factor, float("inf"), place)
 

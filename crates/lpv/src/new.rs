@@ -3,6 +3,7 @@
 mod clock;
 mod command;
 mod gaps;
+mod given;
 mod lay;
 mod motion;
 mod names;
@@ -11,6 +12,7 @@ mod period;
 mod position;
 mod rate;
 mod roles;
+mod runs;
 mod sampling;
 mod see;
 mod stated;
@@ -186,24 +188,7 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
             allowed: "the number of samples a second, finite and above zero",
         });
     }
-    let canonical = |file: &PathBuf| file.canonicalize().map_err(|e| refuse(file, e.to_string()));
-    // What is held out belongs to the bundle, named among the files or not.
-    let mut files = files.to_vec();
-    let given: Vec<PathBuf> = files.iter().map(canonical).collect::<Result<_, _>>()?;
-    for file in &known.validation {
-        if !given.contains(&canonical(file)?) {
-            files.push(file.clone());
-        }
-    }
-    let files = &files;
-    let mut paths: Vec<PathBuf> = Vec::new();
-    for file in files {
-        let path = canonical(file)?;
-        if paths.contains(&path) {
-            return Err(refuse(file, "this file is given twice".to_owned()));
-        }
-        paths.push(path);
-    }
+    let (files, paths) = given::files(files, &known.validation)?;
     let folder =
         common_folder(&paths).ok_or_else(|| refuse(first, "the files have no common folder".to_owned()))?;
     // Before anything is read: a name that cannot be written makes all other work vain.
@@ -306,6 +291,7 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
     questions.extend(sampling.question);
     // The time stays with the data, where it can be looked at again.
     groups.auxiliary.extend(time.map(|t| t.name));
+    questions.extend(runs::in_groups(&groups.output, &groups.input));
     let names: Vec<String> = records.iter().map(|r| r.file.clone()).collect();
     let plan = Plan {
         name: known.name.clone().unwrap_or_else(|| {
@@ -325,7 +311,7 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
     };
     let text = write::text(&plan, &mut guesses, &mut questions);
     Ok(Draft {
-        command: command::to_complete(files, &plan),
+        command: command::to_complete(&files, &plan),
         folder,
         text,
         guesses,

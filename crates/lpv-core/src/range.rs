@@ -71,14 +71,15 @@ impl SchedulingRange {
         })
     }
 
-    /// Refuses what is not inside, up to rounding (`1e-9` of the width).
+    /// Refuses what is not inside, up to what a sensor of the scheduling scatters (a thousandth of the width): records at the ends of the range
+    /// that they tell lie on both sides of it.
     ///
     /// # Errors
     /// [`CoreError::Dimension`], [`CoreError::OutsideRange`]; NaN is outside.
     pub fn check(&self, p: &[f64]) -> Result<(), CoreError> {
         crate::linalg::dimension("scheduling: number of parameters", self.parameters(), p.len())?;
         for (parameter, (&value, &[lower, upper])) in p.iter().zip(&self.bounds).enumerate() {
-            let slack = 1e-9 * (upper - lower);
+            let slack = 1e-3 * (upper - lower);
             if !(value >= lower - slack && value <= upper + slack) {
                 return Err(CoreError::OutsideRange {
                     parameter,

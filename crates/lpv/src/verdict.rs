@@ -233,6 +233,23 @@ impl Stability {
 }
 
 impl Verdict {
+    /// Whether it says that the model is unstable where the machine is not.
+    fn is_unstable(&self) -> bool {
+        let is = |c: &Cause| matches!(c, Cause::Unstable { .. } | Cause::UnstableResponse { .. });
+        self.causes.iter().any(is)
+    }
+
+    /// The same of a model that is unstable as a machine under feedback may be.
+    fn with_doubt(self, radius: f64) -> Self {
+        Self {
+            sentence: format!(
+                "{}; without feedback the model is unstable (pole of magnitude {radius:.6}): where the machine is not, it is wrong",
+                self.sentence
+            ),
+            ..self
+        }
+    }
+
     /// A verdict with its sentence.
     pub(crate) fn new(worth: Worth, basis: Basis, facts: &[Cause], causes: Vec<Cause>) -> Self {
         Self {

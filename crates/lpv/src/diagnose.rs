@@ -51,7 +51,7 @@ pub use places::PlaceName;
 use places::record_names;
 pub(crate) use places::{in_units, placed};
 pub use record_errors::{ForceErrors, FreeRun, RecordErrors, RunErrors};
-use records::{check_records, split, wrong_controller};
+use records::{check_records, positions_alone, split, wrong_controller};
 pub(crate) use responses::is_traced_on_responses;
 pub(crate) use saved::range_of;
 use saved::saved;
@@ -91,6 +91,11 @@ pub fn diagnose(
     model: Option<&ModelFile>,
     progress: Progress<'_>,
 ) -> Result<Diagnosed, PipelineError> {
+    if let (None, Some((positions, reason))) = (model, positions_alone(bundle)) {
+        let mut found = diagnose(&positions, None, progress)?;
+        found.diagnosis.reasons.insert(0, reason);
+        return Ok(found);
+    }
     let description = bundle.description();
     let channels = &description.channels;
     let is_one = (channels.input.len(), channels.output.len()) == (1, 1);
@@ -364,21 +369,6 @@ fn of_moves(
 }
 
 impl Diagnosed {
-    /// The force that the base lacks over speed and position of its motors; none of responses.
-    pub fn over_motion(&self) -> Option<&Figure> {
-        self.force.first()
-    }
-
-    /// Errors before and after over time, or over frequency for responses.
-    pub fn in_time(&self) -> &Figure {
-        &self.errors
-    }
-
-    /// Their spectrum; none of responses.
-    pub fn in_spectrum(&self) -> Option<&Figure> {
-        self.spectrum.as_ref()
-    }
-
     /// The model with its effects for the file `output`.
     ///
     /// # Errors

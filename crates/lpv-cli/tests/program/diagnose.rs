@@ -558,7 +558,57 @@ fn friction_is_found_without_the_controller() {
         );
         let fitted = found["base_parameters"]["mass"]["value"].as_f64().unwrap();
         assert!((fitted / mass - 1.0).abs() < 0.05, "{fitted} for {mass}");
+        if mass < 1.0 {
+            by_one_record(&desk, step, guide.coulomb);
+            beside_its_speed(&desk, step, &found);
+        }
     }
+}
+
+/// All that there is may be one record, of which nothing is held out.
+fn by_one_record(desk: &Desk, step: f64, level: f64) {
+    let whole = desk.text("experiment.toml");
+    desk.write(
+        "experiment.toml",
+        head(1.0 / step) + &entry("a.csv", None, "estimation"),
+    );
+    let found = desk.json("diagnose . -o one --json");
+    let first = &found["effects"][0];
+    assert_eq!(
+        first["effect"], "coulomb-friction",
+        "{}",
+        found["verdict_in_words"]
+    );
+    let value = first["parameters"]["level"]["value"].as_f64().unwrap();
+    assert!((value / level - 1.0).abs() < 0.1, "{value} for {level}");
+    let reasons = found["reasons"].to_string();
+    assert!(reasons.contains("the last third of a judges"), "{reasons}");
+    desk.write("experiment.toml", whole);
+}
+
+/// A drive logs the speed beside the position: the same is found, by the position.
+fn beside_its_speed(desk: &Desk, step: f64, found: &serde_json::Value) {
+    for file in ["a.csv", "b.csv"] {
+        let (mut last, mut text) = (0.0, String::from("y,u,v\n"));
+        for line in desk.text(file).lines().skip(1) {
+            let y: f64 = line.split(',').next().unwrap().parse().unwrap();
+            text += &format!("{line},{:e}\n", (y - last) / step);
+            last = y;
+        }
+        desk.write(file, text);
+    }
+    let description = desk.text("experiment.toml").replace(
+        "columns = [\"y\"]",
+        "columns = [\"v\", \"y\"]\nunits = [\"m/s\", \"m\"]",
+    );
+    desk.write("experiment.toml", description);
+    let again = desk.json("diagnose . -o again --json");
+    assert_eq!(
+        again["effects"][0]["parameters"]["level"]["value"],
+        found["effects"][0]["parameters"]["level"]["value"]
+    );
+    let reasons = again["reasons"].to_string();
+    assert!(reasons.contains("left aside: `v` (speed)"), "{reasons}");
 }
 
 /// A mass on a spring that hardens, shaken without a loop.

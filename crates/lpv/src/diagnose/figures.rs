@@ -10,6 +10,23 @@ use realfft::RealFftPlanner;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use std::f64::consts::TAU;
 
+impl super::Diagnosed {
+    /// The force that the base lacks over speed and position of its motors; none of responses.
+    pub fn over_motion(&self) -> Option<&Figure> {
+        self.force.first()
+    }
+
+    /// Errors before and after over time, or over frequency for responses.
+    pub fn in_time(&self) -> &Figure {
+        &self.errors
+    }
+
+    /// Their spectrum; none of responses.
+    pub fn in_spectrum(&self) -> Option<&Figure> {
+        self.spectrum.as_ref()
+    }
+}
+
 /// A channel that has panels of its own.
 pub(super) struct Channel<'a> {
     name: &'a str,

@@ -1,9 +1,38 @@
 //! Which records are fitted and which judge, and whether the controller is that of the records.
 
 use crate::PipelineError;
-use experiment_data::{Description, Quantity, RecordEntry};
+use experiment_data::{Bundle, Description, Quantity, RecordEntry};
 use lpv_core::{ControllerState, Purpose, Record};
 use lpv_diagnose::{TraceError, Track};
+
+/// A machine without its controller by its positions alone, where other motions stand beside them as a drive logs them, and that in
+/// words.
+pub(super) fn positions_alone(bundle: &Bundle) -> Option<(Bundle, String)> {
+    let description = bundle.description();
+    let channels = &description.channels;
+    let outputs = &channels.output;
+    if description.controller.is_some() || description.geometry.is_some() || !channels.scheduling.is_empty() {
+        return None;
+    }
+    let (positions, others): (Vec<usize>, Vec<usize>) =
+        (0..outputs.len()).partition(|k| outputs.quantity_of(*k) == Quantity::Position);
+    let motion = |k: &usize| outputs.quantity_of(*k).derivatives().is_some();
+    if positions.is_empty() || others.is_empty() || !others.iter().all(motion) {
+        return None;
+    }
+    let names: Vec<String> = others
+        .iter()
+        .map(|k| format!("`{}` ({})", outputs.columns[*k], outputs.quantity_of(*k).name()))
+        .collect();
+    let inputs: Vec<usize> = (0..channels.input.len()).collect();
+    Some((
+        bundle.of_channels(&positions, &inputs),
+        format!(
+            "left aside: {}; effects are traced along positions",
+            names.join(", ")
+        ),
+    ))
+}
 
 /// Refuses outputs that are no positions, and bundles whose only records beside periodic ones are measured frequency responses.
 pub(super) fn check_records(description: &Description) -> Result<(), PipelineError> {
@@ -61,7 +90,10 @@ pub(super) fn wrong_controller(records: &[Record], controller: &ControllerState)
     })
 }
 
-/// Records to fit and to judge by; where none is held out, the last ones.
+/// Samples of a single record of which the last third judges.
+const LEAST_SAMPLES: usize = 300;
+
+/// Records to fit and to judge by; where none is held out, the last ones, and of a single one that an observer holds its last third.
 pub(super) fn split(
     records: Vec<Record>,
     reasons: &mut Vec<String>,
@@ -86,9 +118,27 @@ pub(super) fn split(
             judged.len()
         ));
     }
+    if let (true, [only]) = (judged.is_empty(), fitted.as_slice())
+        && only.references.columns == only.outputs.columns
+        && only.len() >= LEAST_SAMPLES
+    {
+        let kept = only.len() - only.len() / 3;
+        reasons.push(format!(
+            "no record has use = \"validation\": the last third of {} judges; what changes with time from the start of a record on is not \
+             sought so: hold out a record of its own",
+            only.name
+        ));
+        let last = Record {
+            name: format!("{}, last third", only.name),
+            purpose: Purpose::Validation,
+            ..only.part(kept..only.len())
+        };
+        (fitted, judged) = (vec![only.part(0..kept)], vec![last]);
+    }
     if fitted.is_empty() || judged.is_empty() {
         return Err(PipelineError::Structure {
-            problem: "a diagnosis needs records along moves: at least one to fit and one with use = \"validation\" to judge by",
+            problem: "a diagnosis needs records along moves: at least one to fit and one to judge by; take a second record and write use = \
+                      \"validation\" in its entry",
         });
     }
     Ok((fitted, judged))

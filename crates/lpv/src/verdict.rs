@@ -221,7 +221,7 @@ pub enum Stability {
 
 impl Stability {
     /// Whether outputs that were measured may stay bounded all the same: feedback holds a machine that grows slowly. A loop amplifies some
-    /// disturbance at least as much as the machine grows in a sample (Zames and Francis, IEEE Trans. Automatic Control 28, 1983), and
+    /// disturbance at least as much as the machine grows in a sample (the maximum principle at the pole), and
     /// none is made for much of that.
     pub(crate) fn may_stay_bounded(self, closed_loop: bool) -> bool {
         const MOST_HELD: f64 = 1.5;

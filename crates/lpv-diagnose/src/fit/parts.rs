@@ -31,7 +31,7 @@ impl Part {
 const TOGETHER: [usize; 3] = [1, 4, super::PARTS];
 
 /// Standard deviations of the coordinates of a fit by what they would be without one part after the other (the jackknife of Tukey,
-/// linearised and in groups: Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982). That errors are white is not assumed, nor
+/// linearised and in groups: Efron 1982). That errors are white is not assumed, nor
 /// that they are noise: parts that contradict each other make the deviation as large as they do. Parts of several lengths are tried, and
 /// the largest deviation counts; those without which a coordinate is not known say nothing of it. `factor` has the information of all
 /// rows, also of those that belong to no record.

@@ -324,7 +324,7 @@ pub enum Finding {
     },
     /// Closed loop without excitation.
     #[error(
-        "{record}: `{input}` follows from `{output}` exactly, as only a controller makes it: a closed loop without excitation tells the controller and nothing of the machine; move the reference or inject a signal, and log it"
+        "{record}: `{input}` follows from `{output}` exactly: as a controller makes it, or as a force does from an acceleration that is free of noise; a closed loop without excitation tells the controller and nothing of the machine: move the reference or inject a signal, and log it"
     )]
     FeedbackOnly {
         /// The record.

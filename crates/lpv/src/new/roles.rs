@@ -84,6 +84,7 @@ const PARTS: [(Role, &[&str]); 5] = [
         Role::Output,
         &[
             "output",
+            "out",
             "pos",
             "position",
             "angle",

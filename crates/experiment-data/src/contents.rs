@@ -1,7 +1,7 @@
 //! What a record file holds, whatever its format.
 
 use crate::nearest::nearest;
-use crate::{RecordError, Text};
+use crate::{RecordError, ResponseQuantity, Text};
 
 /// The endings that can be read.
 pub(crate) const SUPPORTED: &str = match (cfg!(feature = "parquet"), cfg!(feature = "hdf5")) {
@@ -63,11 +63,26 @@ pub struct Scalar {
     pub value: f64,
 }
 
+/// A measured frequency response of one output to one input.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ResponseInfo {
+    /// Where the output is, as `columns` of a record has it.
+    pub output: String,
+    /// Where the input is.
+    pub input: String,
+    /// What it is of, where the file says it.
+    pub quantity: Option<ResponseQuantity>,
+    /// Its highest line, Hz.
+    pub highest_hz: f64,
+}
+
 /// Everything that a record file holds.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Contents {
     /// Every vector of real numbers.
     pub columns: Vec<Column>,
+    /// Frequency responses, of a universal file.
+    pub responses: Vec<ResponseInfo>,
     /// Whatever else is in it.
     pub passed_over: Vec<PassedOver>,
     /// Single numbers that are finite: the first ones of the file.

@@ -80,7 +80,7 @@ mod writer;
 
 pub use bundle::Bundle;
 pub use columns::{RecordFormat, lines_of_rows, list_columns, look_into, read_columns, read_columns_as};
-pub use contents::{Column, ColumnInfo, Contents, PassedOver, Scalar};
+pub use contents::{Column, ColumnInfo, Contents, PassedOver, ResponseInfo, Scalar};
 pub use description::{ChannelGroup, Channels, Description, EntryKind, RecordEntry};
 pub use error::{DataError, DescriptionError, Place, RecordError, RecordPlace, ResponseFault};
 pub use lpv_core;

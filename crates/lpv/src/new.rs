@@ -11,6 +11,7 @@ mod pairs;
 mod period;
 mod position;
 mod rate;
+mod response;
 mod roles;
 mod runs;
 mod sampling;
@@ -189,6 +190,9 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
         });
     }
     let (files, paths) = given::files(files, &known.validation)?;
+    if let Some(draft) = response::draft(&files, &paths, known)? {
+        return Ok(draft);
+    }
     let folder =
         common_folder(&paths).ok_or_else(|| refuse(first, "the files have no common folder".to_owned()))?;
     // Before anything is read: a name that cannot be written makes all other work vain.

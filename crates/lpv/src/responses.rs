@@ -9,6 +9,7 @@ pub(crate) mod places;
 
 use self::injection::take_injections;
 use self::length::to_one_length;
+pub(crate) use self::measured::BELOW_RATE;
 use self::measured::{join, measured_responses};
 use crate::PipelineError;
 use crate::finding::{self, Finding, Look, Voice, Watch};

@@ -174,6 +174,7 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
         is_text: true,
         text,
         notes: layout.preamble,
+        ..Contents::default()
     })
 }
 

@@ -78,6 +78,9 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
         what,
         remedy: remedy.to_owned(),
     };
+    for set in sets.functions.iter().filter(|s| s.is_response()) {
+        contents.responses.push(set.told(&mut source)?);
+    }
     let functions = sets.functions.iter().filter(|s| !s.is_time_history());
     let remedy = |s: &Set| match s.header.function {
         Function::FrequencyResponse => "a record with kind = \"response\" takes it",

@@ -3,7 +3,9 @@
 use crate::common::{Desk, PERIOD, csv, mode_record};
 use experiment_data::mat::{Array, Value, write_values};
 use experiment_data::{Bundle, Text};
+use lpv_core::num_complex::Complex;
 use lpv_core::{Purpose, RecordKind};
+use std::f64::consts::TAU;
 
 fn array(rows: usize, data: &[f64]) -> Value {
     Value::Array(Array {
@@ -260,4 +262,90 @@ fn a_universal_file_needs_no_edit() {
         assert!((a - b).abs() <= 1e-11 * b.abs());
     }
     desk.done("identify data -o model.json");
+}
+
+/// A data set 58 with the receptance of a place to a force, lines of 0.5 Hz.
+fn response(node: u8, excited: u8, values: &[Complex<f64>]) -> String {
+    let mut text = format!("    -1\n    58\n{}", "NONE\n".repeat(5));
+    text += &format!("    4         0    1         0       NONE{node:10}   3       NONE{excited:10}   3\n");
+    text += &format!(
+        "{:10}{:10}{:10}{:13.5}{:13.5}{:13.5}\n",
+        6,
+        values.len(),
+        1,
+        0.5,
+        0.5,
+        0.0
+    );
+    for (kind, unit) in [(18, "Hz"), (8, "m"), (13, "N")] {
+        text += &format!("{kind:10}    0    0    0 NONE                 {unit}\n");
+    }
+    text += "         0    0    0    0 NONE                 NONE\n";
+    for v in values {
+        text += &format!("{:20.11e}{:20.11e}\n", v.re, v.im);
+    }
+    text + "    -1\n"
+}
+
+/// Responses of two places to one, which is one of them: a draft without a line to fill in, and a model with both modes.
+#[test]
+fn responses_of_a_universal_file_need_no_edit() {
+    let desk = Desk::new();
+    let modes = [(20.0, 0.01, [1.0, 0.6]), (55.0, 0.02, [0.7, -1.1])];
+    let values = |place: usize| -> Vec<Complex<f64>> {
+        let at = |k: usize| -> Complex<f64> {
+            let s = Complex::new(0.0, TAU * 0.5 * (k + 1) as f64);
+            let mode = |(hz, damping, shape): &(f64, f64, [f64; 2])| {
+                let w = TAU * hz;
+                shape[place] * shape[0] / (s * s + 2.0 * damping * w * s + w * w)
+            };
+            modes.iter().map(mode).sum()
+        };
+        (0..200).map(at).collect()
+    };
+    desk.write(
+        "lab/a.uff",
+        response(7, 7, &values(0)) + &response(12, 7, &values(1)),
+    );
+    let said = desk.done("new lab/a.uff");
+    for part in [
+        "y1 = \"7+Z\", y2 = \"12+Z\"",
+        "input: u1 = \"7+Z\"",
+        "sample_rate = 2000",
+        "displacement/force",
+        "next: look through it",
+    ] {
+        assert!(said.contains(part), "{part} in {said}");
+    }
+    desk.done("inspect lab");
+    let text = desk.done("identify lab -o model.json");
+    let told = text.lines().filter_map(|l| l.trim().split_once(" Hz, damping"));
+    let hz: Vec<f64> = told.filter_map(|(hz, _)| hz.parse().ok()).collect();
+    for (wanted, ..) in modes {
+        assert!(
+            hz.iter().any(|f| (f / wanted - 1.0).abs() < 1e-3),
+            "{wanted} Hz in {text}"
+        );
+    }
+    // Two files are two places, which only the user knows; another pair of channels is refused by name.
+    desk.write(
+        "lab/x_0.2.uff",
+        response(7, 7, &values(0)) + &response(12, 7, &values(1)),
+    );
+    desk.write(
+        "lab/x_0.4.uff",
+        response(7, 7, &values(0)) + &response(12, 7, &values(1)),
+    );
+    let said = desk.done("new lab/x_0.2.uff lab/x_0.4.uff --force");
+    assert!(said.contains("fill in: position"), "{said}");
+    assert!(
+        desk.text("lab/experiment.toml")
+            .contains("# position = 0.4  # FILL IN")
+    );
+    desk.write(
+        "lab/b.uff",
+        response(7, 7, &values(0)) + &response(12, 9, &values(1)),
+    );
+    let said = desk.refused("new lab/b.uff --force");
+    assert!(said.contains("0 frequency responses of 7+Z to 9+Z"), "{said}");
 }

@@ -98,8 +98,8 @@ pub(super) fn of_files(names: &[String], seen: &[Seen]) -> Option<Places> {
             values,
         })
     };
-    let in_names = || places_in_names(names).map(|values| Places { number: None, values });
-    in_numbers().or_else(in_names)
+    let by_name = || in_names(names).map(|values| Places { number: None, values });
+    in_numbers().or_else(by_name)
 }
 
 /// The single number that all files have, with another value in some, and a name that speaks of a place; none where two do.
@@ -123,7 +123,7 @@ fn place_in_numbers(seen: &[Seen]) -> Option<(String, Vec<f64>)> {
 
 /// What the names of the files, or else of their folders, say about the position, as a question: the part of each name that differs, if
 /// it looks like a place.
-fn places_in_names(files: &[String]) -> Option<Vec<String>> {
+pub(super) fn in_names(files: &[String]) -> Option<Vec<String>> {
     let stems: Vec<Vec<&str>> = files
         .iter()
         .map(|file| {
@@ -186,7 +186,7 @@ mod tests {
     fn names_that_tell_a_place() {
         let names = |files: &[&str]| {
             let files: Vec<String> = files.iter().map(ToString::to_string).collect();
-            places_in_names(&files)
+            in_names(&files)
         };
         assert_eq!(
             names(&["pos1a.csv", "pos3a.csv"]),

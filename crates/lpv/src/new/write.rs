@@ -8,12 +8,13 @@ use experiment_data::{Quantity, Text};
 use std::collections::HashSet;
 use std::fmt::Write as _;
 
+/// First line of every draft.
+pub(super) const HEAD: &str = "# Drafted by `lpv new`. GUESS: told from names or data, look whether it is right. FILL IN: only you know.\n";
+
 /// The description, with a mark at every line that needs the user.
 pub(super) fn text(plan: &Plan<'_>, guesses: &mut Vec<String>, questions: &mut Vec<String>) -> String {
     let (groups, known) = (&plan.groups, plan.known);
-    let mut out = String::from(
-        "# Drafted by `lpv new`. GUESS: told from names or data, look whether it is right. FILL IN: only you know.\n",
-    );
+    let mut out = HEAD.to_owned();
     let used = |r: &RecordFile| r.part.is_some() || !r.sources.is_empty();
     let quantities: Vec<(Quantity, &str)> = groups
         .output
@@ -220,12 +221,12 @@ fn record(r: &RecordFile, plan: &Plan<'_>, place: Option<(&Places, &String)>) ->
     out
 }
 
-fn list<S: AsRef<str>>(items: &[S]) -> String {
+pub(super) fn list<S: AsRef<str>>(items: &[S]) -> String {
     let items: Vec<String> = items.iter().map(|i| quoted(i.as_ref())).collect();
     format!("[{}]", items.join(", "))
 }
 
 /// A TOML string, also as a key.
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
 }

@@ -20,7 +20,7 @@ use std::f64::consts::TAU;
 
 /// Lines lie this far below the sample rate where what folds back is left out: of a free mass it is then 0.02 % of the highest line,
 /// of its speed 0.3 %.
-const BELOW_RATE: f64 = 20.0;
+pub(crate) const BELOW_RATE: f64 = 20.0;
 
 /// The least and the most that is assumed of the relative error of a response that states none; the scatter over neighbouring lines
 /// decides in between.

@@ -3,6 +3,7 @@
 use super::header::{Function, Spacing};
 use super::sets::{Set, sets};
 use super::source::Source;
+use crate::contents::ResponseInfo;
 use crate::error::ResponseFault;
 use crate::memory::Allowance;
 use crate::response::raw::{Asked, Raw, Spread};
@@ -14,8 +15,7 @@ use std::fs::File;
 pub(crate) fn read(asked: &Asked<'_>) -> Result<Raw, RecordError> {
     let mut source = Source::open(asked.path)?;
     let sets = sets(&mut source)?;
-    let of_response = |s: &&Set| s.header.function == Function::FrequencyResponse && s.header.is_complex;
-    let all: Vec<&Set> = sets.functions.iter().filter(of_response).collect();
+    let all: Vec<&Set> = sets.functions.iter().filter(|s| s.is_response()).collect();
     let (outputs, inputs) = asked.names();
     // The only function of a file is that of the only channel.
     let only = outputs.len() == 1 && inputs.len() == 1 && all.len() == 1;
@@ -79,6 +79,28 @@ pub(crate) fn read(asked: &Asked<'_>) -> Result<Raw, RecordError> {
 }
 
 impl Set {
+    pub(super) fn is_response(&self) -> bool {
+        self.header.function == Function::FrequencyResponse && self.header.is_complex
+    }
+
+    /// What it is, for who knows nothing of it.
+    pub(super) fn told(&self, source: &mut Source<File>) -> Result<ResponseInfo, RecordError> {
+        let name = self.between();
+        self.check_claim(&name)?;
+        let highest = match self.header.spacing {
+            Spacing::Even => {
+                self.header.start + self.header.points.saturating_sub(1) as f64 * self.header.step
+            }
+            Spacing::Uneven => self.lines(&name, source)?.0.last().copied().unwrap_or(f64::NAN),
+        };
+        Ok(ResponseInfo {
+            output: self.header.response.name(),
+            input: self.header.reference.name(),
+            quantity: self.quantity(),
+            highest_hz: highest,
+        })
+    }
+
     /// Where it was measured, and excited.
     fn between(&self) -> String {
         format!("{} over {}", self.header.name(), self.header.reference.name())

@@ -119,7 +119,7 @@ def test_every_frame_tells_its_time() -> None:
     twice.columns = ["x", "x"]
     with pytest.raises(lpvident.BundleError, match="several columns are called `x`"):
         lpvident.Bundle.from_frames(twice, outputs=["x"], inputs=[], sample_rate=250.0)
-    with pytest.raises(lpvident.BundleError, match="no tuple"):
+    with pytest.raises(lpvident.BundleError, match="no ndarray"):
         lpvident.Bundle.from_arrays((np.ones(N), np.ones(N)), sample_rate=10.0)  # type: ignore[arg-type]
 
 

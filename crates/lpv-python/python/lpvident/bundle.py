@@ -150,7 +150,8 @@ class Bundle:
                 differences, or seconds.
             folder, name, units, controller, geometry: as in `from_arrays`.
         """
-        single = hasattr(frames, "columns") or (isinstance(frames, tuple) and hasattr(frames[0], "columns"))
+        # A frame with its options is one record, a tuple of frames several.
+        single = hasattr(frames, "columns") or (isinstance(frames, tuple) and len(frames) == 2 and isinstance(frames[1], Mapping))
         given: list[Any] = [frames] if single else list(frames)
         pairs = [pair if isinstance(pair, tuple) else (pair, {}) for pair in given]
         if not pairs:

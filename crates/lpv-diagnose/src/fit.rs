@@ -15,7 +15,6 @@ pub(crate) use levenberg::{Minimum, minimum};
 use lpv_core::ControllerState;
 use nalgebra::{DMatrix, DMatrixView, DVector};
 use parts::Part;
-pub(crate) use parts::deviations_without_parts;
 use rayon::prelude::*;
 use triangle::in_coordinates;
 pub(crate) use triangle::{deviations, squares};
@@ -66,14 +65,12 @@ pub(crate) struct Fitted {
     pub(crate) objective: f64,
     /// Sum of squares over what noise leaves, at least one.
     pub(crate) excess: f64,
-    /// Factor of the prior in `residual`, `factor` and `columns`.
+    /// Factor of the prior in `residual`, `factor` and `jacobian`.
     pub(crate) scale: f64,
     /// Whitened errors, then what departs from the prior.
     pub(crate) residual: Vec<f64>,
     /// Upper triangle with `R^T R = J^T J` at the result; J in coordinates.
     pub(crate) factor: DMatrix<f64>,
-    /// What the parts of every record say, in their order.
-    pub(crate) parts: Vec<Vec<Part>>,
     /// J, the machine's columns first.
     jacobian: DMatrix<f64>,
     /// Difference steps by coordinate.
@@ -84,14 +81,6 @@ impl Fitted {
     /// Machine's columns of J.
     pub(crate) fn columns(&self) -> DMatrixView<'_, f64> {
         self.jacobian.columns(0, self.model.base.coordinates().len())
-    }
-
-    /// By how much the coordinates would move if the whitened errors were these.
-    pub(crate) fn moved(&self, errors: &[f64]) -> Vec<f64> {
-        let rows = errors.len().min(self.residual.len());
-        let change: Vec<f64> = (0..rows).map(|k| errors[k] - self.residual[k]).collect();
-        let gradient = self.jacobian.rows(0, rows).tr_mul(&DVector::from_vec(change));
-        parts::moved_by(&self.factor, &gradient)
     }
 
     /// Length of the description of the records, up to a constant.
@@ -211,8 +200,22 @@ impl Problem<'_> {
         prior *= scale;
     }
 
-    /// See [`Fitted::parts`].
-    fn parts(&self, jacobian: &DMatrix<f64>, residual: &[f64]) -> Vec<Vec<Part>> {
+    /// By how much the coordinates of a fit to these records would move if its residual were this one.
+    pub(crate) fn moved(&self, fit: &Fitted, residual: &[f64]) -> Vec<f64> {
+        // The model is the same, and so is what departs from the prior.
+        let ((there, _), (here, _)) = (self.split(residual), self.split(&fit.residual));
+        let change = DVector::from_iterator(here.len(), there.iter().zip(here).map(|(a, b)| a - b));
+        parts::moved_by(&fit.factor, &fit.jacobian.rows(0, here.len()).tr_mul(&change))
+    }
+
+    /// Standard deviations of the coordinates of a fit to these records, see [`parts::deviations_without_parts`].
+    pub(crate) fn deviations_without_parts(&self, fit: &Fitted) -> Vec<f64> {
+        parts::deviations_without_parts(&fit.factor, &self.parts(fit))
+    }
+
+    /// What the parts of every record say, in their order.
+    fn parts(&self, fit: &Fitted) -> Vec<Vec<Part>> {
+        let (jacobian, residual) = (&fit.jacobian, &fit.residual);
         let mut first = 0;
         let mut of = |track: &Track| -> Vec<Part> {
             let bound = |b: usize| first + b * track.samples / PARTS;

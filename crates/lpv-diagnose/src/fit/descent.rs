@@ -63,7 +63,6 @@ impl Problem<'_> {
             excess,
         } = found.linear.ok_or_else(|| self.diverges())?;
         let mut residual = found.point.residual;
-        let parts = self.parts(&jacobian, &residual);
         self.weigh(&mut residual, scale);
         Ok(Fitted {
             model: found.point.model,
@@ -72,7 +71,6 @@ impl Problem<'_> {
             scale,
             residual,
             factor: in_coordinates(&quadratic),
-            parts,
             jacobian,
             steps: descent.steps,
         })

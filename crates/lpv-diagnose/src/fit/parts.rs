@@ -5,7 +5,7 @@ use std::ops::Range;
 
 /// What a part of the records says of the coordinates, linearised.
 #[derive(Debug, Clone)]
-pub(crate) struct Part {
+pub(super) struct Part {
     /// `J^T J` and `J^T r` of its rows.
     information: DMatrix<f64>,
     score: DVector<f64>,
@@ -31,11 +31,10 @@ impl Part {
 const TOGETHER: [usize; 3] = [1, 4, super::PARTS];
 
 /// Standard deviations of the coordinates of a fit by what they would be without one part after the other (the jackknife of Tukey,
-/// linearised and in groups: Efron 1982). That errors are white is not assumed, nor
-/// that they are noise: parts that contradict each other make the deviation as large as they do. Parts of several lengths are tried, and
+/// linearised and in groups: Efron 1982). That errors are white is not assumed, nor that they are noise: parts that contradict each other make the deviation as large as they do. Parts of several lengths are tried, and
 /// the largest deviation counts; those without which a coordinate is not known say nothing of it. `factor` has the information of all
 /// rows, also of those that belong to no record.
-pub(crate) fn deviations_without_parts(factor: &DMatrix<f64>, records: &[Vec<Part>]) -> Vec<f64> {
+pub(super) fn deviations_without_parts(factor: &DMatrix<f64>, records: &[Vec<Part>]) -> Vec<f64> {
     let scaled = Scaled::of(factor);
     let all = scaled.of_matrix(&factor.tr_mul(factor));
     let mut largest = vec![0.0_f64; factor.ncols()];

@@ -2,7 +2,7 @@
 
 use super::bench::Bench;
 use super::refine::{is_worth, refined, simpler_forms};
-use super::select::{Final, Selection, select};
+use super::select::{Final, Selection, may_be_named, select};
 use super::{Added, EQUAL, ITERATIONS, Judged, NOISE, SURE, decibel};
 use crate::catalogue;
 use crate::fit::Fitted;
@@ -138,8 +138,8 @@ impl Chosen {
         let worth = finals.into_iter().filter_map(|(effect, fit)| {
             let (fit, judged) = self.in_place(bench, i, &fit)?;
             let falls = self.judged.cost - judged.cost >= self.least;
-            let is_told = judged.cost <= NOISE || !catalogue::is_only_beside_noise(effect);
-            let is_better = falls && is_told && is_worth(&judged, &self.judged, without.cost);
+            let is_better =
+                falls && may_be_named(effect, judged.cost) && is_worth(&judged, &self.judged, without.cost);
             let (at, values) = (&fit.model.effects[i].0, &fit.model.effects[i].1);
             let exists =
                 at.allows(values) && catalogue::is_itself(at, values, bench.case.base, bench.case.fitted);

@@ -8,7 +8,7 @@ use crate::TraceError;
 use crate::base::Pair;
 use crate::catalogue;
 use crate::effect::EffectParameter;
-use crate::fit::{Explained, Fitted, Problem, Seen, deviations, deviations_without_parts};
+use crate::fit::{Explained, Fitted, Problem, Seen, deviations};
 use crate::force::prediction_errors;
 use crate::left::{Left, what_is_left};
 use crate::track::Track;
@@ -80,12 +80,11 @@ impl Contest {
         };
         let shows_all =
             |f: &Fitted| (0..f.model.effects.len()).all(|i| f.shows(i) && bench.lasts(&f.model, i));
-        let mut finer = bench.moved_by_finer(&self.now);
         let is_better = |f: &Fitted| shows_all(f) && self.falls_everywhere(&bench.judge(&f.model));
-        if let Some(forced) = forced.filter(is_better) {
+        let forced = forced.filter(is_better);
+        let is_forced = forced.is_some();
+        if let Some(forced) = forced {
             self.now = forced;
-            // What the integration does is far below what is left here.
-            finer.fill(0.0);
             if let Some((last, earlier)) = self.added.split_last_mut() {
                 last.then = self.now.model.clone();
                 for added in earlier {
@@ -105,7 +104,7 @@ impl Contest {
             (*effect, added.effect) = (seen, seen);
         }
         let model = self.now.model.clone();
-        let stated = self.now.stated(finer);
+        let stated = bench.stated(&self.now, is_forced);
         let machine = self.now.give_deviations(stated.into_iter(), &mut self.added);
         for added in &self.added {
             let tried = self.candidates.iter_mut();
@@ -246,7 +245,23 @@ impl Bench<'_> {
             ..self.problem()
         };
         let residual = problem.residual(&fit.model);
-        residual.map_or_else(|| vec![0.0; fit.factor.ncols()], |residual| fit.moved(&residual))
+        residual.map_or_else(|| vec![0.0; fit.factor.ncols()], |r| problem.moved(fit, &r))
+    }
+
+    /// Standard deviations of all parameters that are fitted, as they are stated: by the noise or by what parts of the records would say
+    /// without the others, whichever is larger, and by what a finer integration changes. That is far below what is left where a fit is one
+    /// by force.
+    fn stated(&self, fit: &Fitted, is_by_force: bool) -> Vec<f64> {
+        let finer = match is_by_force {
+            true => vec![0.0; fit.factor.ncols()],
+            false => self.moved_by_finer(fit),
+        };
+        let spread = fit.excess.sqrt();
+        let parts = self.problem().deviations_without_parts(fit);
+        // The noise alone is in units of what is left.
+        let all = deviations(&fit.factor).into_iter().zip(parts).zip(finer);
+        let all = all.map(|((noise, parts), finer)| noise.max(parts / spread).hypot(finer / spread));
+        fit.in_values(all.collect()).collect()
     }
 
     /// A fit to what the controller gives, by its size: where errors are not noise, weights as if they were would follow the
@@ -312,18 +327,6 @@ impl Fitted {
         };
         let coordinates = coordinates.into_iter().zip(self.model.scales());
         coordinates.zip(self.model.bounded()).map(one)
-    }
-
-    /// Standard deviations of all parameters that are fitted, as they are stated: by the noise or by what parts of the records would say
-    /// without the others, whichever is larger, and by what a finer integration changes.
-    fn stated(&self, finer: Vec<f64>) -> Vec<f64> {
-        let spread = self.excess.sqrt();
-        let parts = deviations_without_parts(&self.factor, &self.parts);
-        let noise = deviations(&self.factor).into_iter();
-        // The noise alone is in units of what is left.
-        let all = noise.zip(parts).zip(finer);
-        let all = all.map(|((noise, parts), finer)| noise.max(parts / spread).hypot(finer / spread));
-        self.in_values(all.collect()).collect()
     }
 
     /// Whether an effect has an amplitude that is not zero for all that is known.

@@ -172,11 +172,13 @@ fn nearly_equal_in_order(finals: &mut [Final]) {
 fn takes_enough(effect: &Effect, with: f64, without: f64) -> bool {
     const MOST: f64 = 0.75;
     let is_once = effect.parameters.iter().any(|p| p.scale == Scale::Instant);
-    let is_noise = with <= NOISE;
-    if catalogue::is_only_beside_noise(effect) {
-        return is_noise;
-    }
-    !is_once || is_noise || without - with >= MOST * (without - 1.0).max(0.0)
+    let is_enough = !is_once || with <= NOISE || without - with >= MOST * (without - 1.0).max(0.0);
+    may_be_named(effect, with) && is_enough
+}
+
+/// Whether an effect is one to be named beside what it leaves on the judged records.
+pub(super) fn may_be_named(effect: &Effect, cost: f64) -> bool {
+    cost <= NOISE || !catalogue::is_only_beside_noise(effect)
 }
 
 /// Whether the last effect is one with the values that were found, and repeats along a record: less of a wave passes for any force

@@ -128,26 +128,18 @@ pub fn list_columns(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
 /// As [`list_columns`].
 pub fn look_into(path: &Path) -> Result<Contents, RecordError> {
     match format(path)? {
-        RecordFormat::Csv => return csv::contents(path),
-        RecordFormat::Mat => return mat::contents(path),
-        RecordFormat::Hdf5 => return mat::hdf5_contents(path),
-        RecordFormat::Tdms => return tdms::contents(path),
-        RecordFormat::Mdf => return mdf::contents(path),
-        RecordFormat::Uff => return uff::contents(path),
-        RecordFormat::Npz => return npz::contents(path),
-        RecordFormat::Parquet => {}
+        RecordFormat::Csv => csv::contents(path),
+        RecordFormat::Mat => mat::contents(path),
+        RecordFormat::Hdf5 => mat::hdf5_contents(path),
+        RecordFormat::Tdms => tdms::contents(path),
+        RecordFormat::Mdf => mdf::contents(path),
+        RecordFormat::Uff => uff::contents(path),
+        RecordFormat::Npz => npz::contents(path),
+        RecordFormat::Parquet => Ok(Contents {
+            columns: parquet::list(path)?.into_iter().map(Column::plain).collect(),
+            ..Contents::default()
+        }),
     }
-    let plain = |c: ColumnInfo| Column {
-        name: c.name,
-        rows: c.rows,
-        unit: String::new(),
-        source: None,
-        is_stamp: false,
-    };
-    Ok(Contents {
-        columns: list_columns(path)?.into_iter().map(plain).collect(),
-        ..Contents::default()
-    })
 }
 
 /// The named columns of a record file, in the order of the names, as they are in the file: no scale is applied, and

@@ -43,6 +43,19 @@ pub struct Column {
     pub is_stamp: bool,
 }
 
+impl Column {
+    /// One of which the file says its name and length alone.
+    pub(crate) fn plain(info: ColumnInfo) -> Self {
+        Self {
+            name: info.name,
+            rows: info.rows,
+            unit: String::new(),
+            source: None,
+            is_stamp: false,
+        }
+    }
+}
+
 /// Something in a file that is no column of a record.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PassedOver {

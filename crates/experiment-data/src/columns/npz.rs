@@ -92,35 +92,40 @@ fn open(path: &Path) -> Result<NpzArchive<BufReader<File>>, RecordError> {
     Ok(archive)
 }
 
-/// Every vector of real numbers, in the order of the archive.
-pub(crate) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
+/// Every array with its name and header, in the order of the archive; its numbers are still to be read.
+fn each_array(
+    path: &Path,
+    mut take: impl FnMut(String, &Header, &mut dyn Read) -> Result<(), RecordError>,
+) -> Result<(), RecordError> {
     let mut archive = open(path)?;
     let archive = archive.zip_archive();
-    let mut columns = Vec::new();
     for index in 0..archive.len() {
         let mut entry = archive.by_index(index).map_err(|e| refused("", &e))?;
         let Some(name) = array_name_from_file_name(entry.name()).map(str::to_owned) else {
             continue;
         };
         let header = Header::read(&mut entry).map_err(|problem| malformed(&name, problem))?;
+        take(name, &header, &mut entry)?;
+    }
+    Ok(())
+}
+
+/// Every vector of real numbers, in the order of the archive.
+pub(crate) fn list(path: &Path) -> Result<Vec<ColumnInfo>, RecordError> {
+    let mut columns = Vec::new();
+    each_array(path, |name, header, _| {
         if let (Some(_), Ok(rows)) = (number(&header.descr), vector_length(&name, &header.shape)) {
             columns.push(ColumnInfo { name, rows });
         }
-    }
+        Ok(())
+    })?;
     Ok(columns)
 }
 
 /// Every vector of real numbers, the single numbers, which are arrays of one element, and what else there is.
 pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
-    let mut archive = open(path)?;
-    let archive = archive.zip_archive();
     let mut contents = Contents::default();
-    for index in 0..archive.len() {
-        let mut entry = archive.by_index(index).map_err(|e| refused("", &e))?;
-        let Some(name) = array_name_from_file_name(entry.name()).map(str::to_owned) else {
-            continue;
-        };
-        let header = Header::read(&mut entry).map_err(|problem| malformed(&name, problem))?;
+    each_array(path, |name, header, mut entry| {
         let shape = header
             .shape
             .iter()
@@ -133,16 +138,13 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
                 name,
                 remedy: String::new(),
             });
-            continue;
+            return Ok(());
         };
         match vector_length(&name, &header.shape) {
-            Ok(rows) => contents.columns.push(Column {
+            Ok(rows) => contents.columns.push(Column::plain(ColumnInfo {
                 name: name.clone(),
                 rows,
-                unit: String::new(),
-                source: None,
-                is_stamp: false,
-            }),
+            })),
             // A number by itself.
             Err(_) if header.shape.is_empty() => {}
             Err(_) => contents.passed_over.push(PassedOver {
@@ -160,7 +162,8 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
             let value = value.first().copied().filter(|v| v.is_finite());
             contents.scalars.extend(value.map(|value| Scalar { name, value }));
         }
-    }
+        Ok(())
+    })?;
     Ok(contents)
 }
 

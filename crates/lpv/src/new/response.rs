@@ -4,7 +4,7 @@ use super::write::{HEAD, list, quoted};
 use super::{Draft, Known, common_folder, name_of, position, refuse};
 use crate::PipelineError;
 use crate::responses::BELOW_RATE;
-use experiment_data::{ResponseInfo, look_into};
+use experiment_data::{RecordFormat, ResponseInfo, look_into};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -17,14 +17,7 @@ pub(super) fn draft(
     paths: &[PathBuf],
     known: &Known,
 ) -> Result<Option<Draft>, PipelineError> {
-    let is_universal = |path: &PathBuf| {
-        let ending = path
-            .extension()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .to_lowercase();
-        matches!(ending.as_str(), "uff" | "unv")
-    };
+    let is_universal = |path: &PathBuf| RecordFormat::of(&path.to_string_lossy()) == Ok(RecordFormat::Uff);
     if !paths.iter().all(is_universal) {
         return Ok(None);
     }

@@ -158,6 +158,12 @@ pub enum Cause {
         /// Error relative to the force, percent.
         error_percent: f64,
     },
+    /// A pole outside the unit circle, of a model that was judged by its prediction alone, as a machine under feedback may have it. The sentence has
+    /// it whatever the worth.
+    UnstableAlone {
+        /// Largest magnitude of a pole.
+        radius: f64,
+    },
     /// A pole outside the unit circle, of a machine whose outputs stay bounded, which no feedback accounts for.
     Unstable {
         /// Largest magnitude of a pole.
@@ -233,23 +239,6 @@ impl Stability {
 }
 
 impl Verdict {
-    /// Whether it says that the model is unstable where the machine is not.
-    fn is_unstable(&self) -> bool {
-        let is = |c: &Cause| matches!(c, Cause::Unstable { .. } | Cause::UnstableResponse { .. });
-        self.causes.iter().any(is)
-    }
-
-    /// The same of a model that is unstable as a machine under feedback may be.
-    fn with_doubt(self, radius: f64) -> Self {
-        Self {
-            sentence: format!(
-                "{}; without feedback the model is unstable (pole of magnitude {radius:.6}): where the machine is not, it is wrong",
-                self.sentence
-            ),
-            ..self
-        }
-    }
-
     /// A verdict with its sentence.
     pub(crate) fn new(worth: Worth, basis: Basis, facts: &[Cause], causes: Vec<Cause>) -> Self {
         Self {

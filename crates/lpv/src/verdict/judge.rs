@@ -106,17 +106,20 @@ impl Verdict {
         missed.sort_by(|a, b| size(&b.fact).total_cmp(&size(&a.fact)));
         let mut causes = frozen_causes;
         causes.extend(missed.into_iter().map(|j| j.fact.clone()));
-        let verdict = Self::new(worth, basis, &facts, causes);
-        let is_simulated = along_records
-            .iter()
-            .flat_map(|r| &r.outputs)
-            .any(|o| o.closed_loop.is_some());
-        match stability {
-            Stability::Unstable { radius } if !is_simulated && !verdict.is_unstable() => {
-                verdict.with_doubt(radius)
-            }
-            _ => verdict,
+        if let Stability::Unstable { radius } = stability
+            && records.iter().any(|j| {
+                matches!(
+                    j.fact,
+                    Cause::Record {
+                        run: Run::OneStep,
+                        ..
+                    }
+                )
+            })
+        {
+            causes.push(Cause::UnstableAlone { radius });
         }
+        Self::new(worth, basis, &facts, causes)
     }
 }
 

@@ -163,6 +163,37 @@ fn a_model_that_explodes_where_the_record_is_bounded_is_none() {
     assert!(verdict.sentence.contains("unstable"), "{}", verdict.sentence);
 }
 
+/// Under feedback a machine may be unstable, and so may its model; from a growth on that no loop holds, it is none. What is said stays said
+/// beside what explains the errors.
+#[test]
+fn a_model_that_is_judged_by_its_prediction_says_that_it_is_unstable() {
+    for (radius, worth) in [
+        (1.001, Worth::Approximate),
+        (1.4, Worth::Approximate),
+        (1.6, Worth::NotAModel),
+    ] {
+        let mut predicted = record(&Case {
+            open_percent: 1e9,
+            ..QUIET
+        });
+        let of_one_step = Case {
+            open_percent: 5.0,
+            noise: false,
+            ..QUIET
+        };
+        predicted.outputs[0].one_step = Some(record(&of_one_step).outputs[0].open_loop);
+        let verdict = Verdict::of(None, &[predicted], Stability::Unstable { radius }, true, &[]);
+        assert_eq!(verdict.worth, worth, "{radius}");
+        let told = |v: &Verdict| {
+            v.sentence
+                .contains(&format!("unstable (pole of magnitude {radius:.6})"))
+        };
+        assert!(told(&verdict), "{}", verdict.sentence);
+        let explained = verdict.explained(vec!["the sensor is late".to_owned()]);
+        assert!(told(&explained), "{}", explained.sentence);
+    }
+}
+
 #[test]
 fn contradictions_come_first_and_nothing_to_compare_is_said() {
     let nothing = Verdict::of(None, &[], Stability::Stable, false, &["no record".to_owned()]);

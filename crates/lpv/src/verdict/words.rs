@@ -16,6 +16,9 @@ pub(super) fn sentence(worth: Worth, basis: Basis, facts: &[Cause], causes: &[Ca
     };
     /// Causes in the first line; the others follow in the account.
     const NAMED: usize = 2;
+    let (alone, causes): (Vec<&Cause>, Vec<&Cause>) = causes
+        .iter()
+        .partition(|c| matches!(c, Cause::UnstableAlone { .. }));
     let told: Vec<String> = match worth {
         Worth::Good => facts.iter().map(ToString::to_string).collect(),
         Worth::ContradictoryData => causes
@@ -34,12 +37,15 @@ pub(super) fn sentence(worth: Worth, basis: Basis, facts: &[Cause], causes: &[Ca
     };
     let what_to_do = causes
         .iter()
-        .find_map(remedy)
+        .find_map(|c| remedy(c))
         .filter(|_| worth != Worth::ContradictoryData);
     let mut line = format!("{head}: {}{basis}", told.join("; "));
     if let Some(remedy) = what_to_do {
         line += "; ";
         line += remedy;
+    }
+    for cause in alone {
+        line += &format!("; {cause}");
     }
     line
 }
@@ -184,6 +190,10 @@ impl fmt::Display for Cause {
                 f,
                 "the force that the model asks of {input} along record {record} errs by {}",
                 percent(*error_percent)
+            ),
+            Self::UnstableAlone { radius } => write!(
+                f,
+                "without feedback the model is unstable (pole of magnitude {radius:.6}): where the machine is not, it is wrong"
             ),
             Self::Unstable { radius } => write!(
                 f,

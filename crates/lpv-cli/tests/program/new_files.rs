@@ -217,27 +217,38 @@ fn scattered_stamps_state_their_error() {
     );
 }
 
-/// A data set 58 of even samples in text.
-fn function(quantity: u8, unit: &str, node: u8, data: &[f64]) -> String {
+/// A data set 58 in text, of this function and kind of numbers at even places: kinds and units of its axes, and lines of numbers.
+fn data_set(
+    [function, numbers]: [u8; 2],
+    [node, excited]: [u8; 2],
+    (start, step): (f64, f64),
+    axes: [(u8, &str); 3],
+    points: (usize, Vec<&[f64]>),
+) -> String {
     let mut text = format!("    -1\n    58\n{}", "NONE\n".repeat(5));
-    text += &format!("    1         0    1         0       NONE{node:10}   3       NONE         1   3\n");
     text += &format!(
-        "{:10}{:10}{:10}{:13.5}{:13.5}{:13.5}\n",
-        4,
-        data.len(),
-        1,
-        0.0,
-        0.1,
-        0.0
+        "{function:5}         0    1         0       NONE{node:10}   3       NONE{excited:10}   3\n"
     );
-    text += "        17    0    0    0 Time                 s\n";
-    text += &format!("{quantity:10}    0    0    0 NONE                 {unit}\n");
-    text += &"         0    0    0    0 NONE                 NONE\n".repeat(2);
-    for line in data.chunks(4) {
+    let (count, lines) = points;
+    text += &format!(
+        "{numbers:10}{count:10}{:10}{start:13.5}{step:13.5}{:13.5}\n",
+        1, 0.0
+    );
+    for (kind, unit) in axes.into_iter().chain([(0, "NONE")]) {
+        text += &format!("{kind:10}    0    0    0 NONE                 {unit}\n");
+    }
+    for line in lines {
         let cells: Vec<String> = line.iter().map(|v| format!("{v:20.11e}")).collect();
         text += &format!("{}\n", cells.concat());
     }
     text + "    -1\n"
+}
+
+/// A time history of samples every 0.1 s.
+fn function(quantity: u8, unit: &str, node: u8, data: &[f64]) -> String {
+    let axes = [(17, "s"), (quantity, unit), (0, "NONE")];
+    let points = (data.len(), data.chunks(4).collect());
+    data_set([1, 4], [node, 1], (0.0, 0.1), axes, points)
 }
 
 #[test]
@@ -264,27 +275,12 @@ fn a_universal_file_needs_no_edit() {
     desk.done("identify data -o model.json");
 }
 
-/// A data set 58 with the receptance of a place to a force, lines of 0.5 Hz.
+/// The receptance of a place to a force, lines of 0.5 Hz.
 fn response(node: u8, excited: u8, values: &[Complex<f64>]) -> String {
-    let mut text = format!("    -1\n    58\n{}", "NONE\n".repeat(5));
-    text += &format!("    4         0    1         0       NONE{node:10}   3       NONE{excited:10}   3\n");
-    text += &format!(
-        "{:10}{:10}{:10}{:13.5}{:13.5}{:13.5}\n",
-        6,
-        values.len(),
-        1,
-        0.5,
-        0.5,
-        0.0
-    );
-    for (kind, unit) in [(18, "Hz"), (8, "m"), (13, "N")] {
-        text += &format!("{kind:10}    0    0    0 NONE                 {unit}\n");
-    }
-    text += "         0    0    0    0 NONE                 NONE\n";
-    for v in values {
-        text += &format!("{:20.11e}{:20.11e}\n", v.re, v.im);
-    }
-    text + "    -1\n"
+    let axes = [(18, "Hz"), (8, "m"), (13, "N")];
+    let pairs: Vec<[f64; 2]> = values.iter().map(|v| [v.re, v.im]).collect();
+    let points = (values.len(), pairs.iter().map(<[f64; 2]>::as_slice).collect());
+    data_set([4, 6], [node, excited], (0.5, 0.5), axes, points)
 }
 
 /// Responses of two places to one, which is one of them: a draft without a line to fill in, and a model with both modes.

@@ -118,3 +118,21 @@ impl From<SchedulingRange> for Bounds {
         Self(range.bounds)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::SchedulingRange;
+
+    /// Ranges over six decades, and far from zero: half a thousandth of the width is the scatter of a sensor, two are not.
+    #[test]
+    fn what_a_sensor_scatters_is_inside() {
+        for (low, width) in [(0.0, 1e-3), (-0.1, 0.3), (1e3, 5.0), (-2.0, 1e3)] {
+            let range = SchedulingRange::interval(low, low + width).unwrap();
+            for (part, is_inside) in [(5e-4, true), (2e-3, false)] {
+                for p in [low - part * width, low + (1.0 + part) * width] {
+                    assert_eq!(range.check(&[p]).is_ok(), is_inside, "{p} of {range:?}");
+                }
+            }
+        }
+    }
+}

@@ -126,7 +126,7 @@ def test_every_frame_tells_its_time() -> None:
 def test_a_record_by_name_and_number() -> None:
     bundle = lpvident.Bundle.from_arrays([{**signals(k), "name": name} for k, name in ((1, "there"), (2, "back"))], sample_rate=10)
     assert np.array_equal(bundle.record(-1).y, bundle.record("back").y)
-    for wrong, message in [("bakc", "nearest: `back`"), (2, "no record 2"), (-3, "no record -3")]:
+    for wrong, message in [("bakc", "nearest: `back`"), (2, "no record 2"), (-3, "no record -3"), (0.5, "no record 0.5")]:
         with pytest.raises(lpvident.BundleError, match=message):
             bundle.record(wrong)
 

@@ -279,7 +279,7 @@ def _place(which: int | str, names: list[str]) -> int:
             return names.index(which)
         near = difflib.get_close_matches(which, names, 1)
         raise BundleError(f"no record `{which}`" + (f"; nearest: `{near[0]}`" if near else ""))
-    if not -len(names) <= which < len(names):
+    if which not in range(-len(names), len(names)):
         raise BundleError(f"no record {which}: the bundle has {len(names)}")
     return int(which) % len(names)
 

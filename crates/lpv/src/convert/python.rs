@@ -131,7 +131,7 @@ const LFR: &str = r#"def delta(p):
     """Delta(p): each parameter normalised to [-1, 1] over its range, repeated as `deltas` says."""
     p = np.atleast_1d(np.asarray(p, dtype=float))
     low, high = range[:, 0], range[:, 1]
-    if np.any(p < low - 1e-9 * (high - low)) or np.any(p > high + 1e-9 * (high - low)):
+    if np.any(p < low - 1e-3 * (high - low)) or np.any(p > high + 1e-3 * (high - low)):
         raise ValueError(f"p = {p} is outside the range {range.tolist()} of the model")
     normalised = (2 * p - low - high) / (high - low)
     entries = [np.full(int(count), normalised[int(parameter) - 1]) for parameter, count in deltas]

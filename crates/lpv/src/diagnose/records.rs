@@ -125,7 +125,7 @@ pub(super) fn split(
         let kept = only.len() - only.len() / 3;
         reasons.push(format!(
             "no record has use = \"validation\": the last third of {} judges; what changes with time from the start of a record on is not \
-             sought so: hold out a record of its own",
+             told by that: hold out a record of its own",
             only.name
         ));
         let last = Record {

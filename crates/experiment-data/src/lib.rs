@@ -85,7 +85,7 @@ pub use description::{ChannelGroup, Channels, Description, EntryKind, RecordEntr
 pub use error::{DataError, DescriptionError, Place, RecordError, RecordPlace, ResponseFault};
 pub use lpv_core;
 pub use quantity::{Quantity, ResponseQuantity};
-pub use response::{MeasuredResponse, Spread};
+pub use response::{MeasuredResponse, ResponseArrays, Spread, response_arrays};
 pub use rest::{RestingPlace, Travel};
 pub use schema::schema;
 pub use text::{Decimal, Separator, Text};

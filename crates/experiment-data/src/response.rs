@@ -3,10 +3,12 @@
 //! In files of arrays (`.npz`, `.mat`, `.h5`) `frequency` (Hz), `response` (lines x outputs x inputs, complex), and, where they are
 //! known, `variance` of the same shape (`E |dF|^2`), or `covariance` (lines x n x n, of the columns of F one below the other), or
 //! `coherence` with the number of `averages`; in `.mat` also a struct with `Frequency`, `ResponseData` (outputs x inputs x lines) and
-//! `Units`. In tables `frequency`, and of each channel `y/u re` and `y/u im` (`variance`, `coherence`). In universal files the
+//! `Units`. In tables `frequency`, or `omega` in rad/s, and of each channel `y/u re` and `y/u im`, or `y/u magnitude` or `y/u dB` with
+//! `y/u deg` or `y/u rad` (`variance`, `coherence`). In universal files the
 //! functions of type 4 of data set 58. `columns` of the record says where something is that has another name.
 
 mod arrays;
+mod look;
 pub(crate) mod names;
 pub(crate) mod numbers;
 pub(crate) mod raw;
@@ -15,6 +17,7 @@ mod table;
 use crate::columns::{self, RecordFormat};
 use crate::error::ResponseFault;
 use crate::{Bundle, DataError, RecordError, ResponseQuantity};
+pub use look::{ResponseArrays, response_arrays};
 use lpv_core::num_complex::Complex;
 use lpv_core::{Frf, Position, Purpose};
 pub use raw::Spread;
@@ -68,11 +71,7 @@ fn of_file(asked: &Asked<'_>) -> Result<MeasuredResponse, RecordError> {
         });
     }
     let format = columns::format(asked.path)?;
-    let as_table = asked
-        .entry
-        .columns
-        .keys()
-        .any(|k| k.ends_with(" re") || k.ends_with(" im"));
+    let as_table = asked.entry.columns.keys().any(|k| names::is_part(k));
     let mut raw = match format {
         RecordFormat::Uff => columns::uff_responses(asked)?,
         RecordFormat::Npz | RecordFormat::Mat | RecordFormat::Hdf5 if !as_table => {

@@ -213,7 +213,7 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
         ));
     }
     if roles::is_response(&common) {
-        return Err(refuse(first, RESPONSE.to_owned()));
+        return response::of_tables(&seen, &common)?.drafted(&files, &paths, known);
     }
     guesses.extend(see::passed_over(&seen, &common));
     check_known(first, known, &common)?;
@@ -353,12 +353,6 @@ fn check_known(first: &Path, known: &Known, common: &[String]) -> Result<(), Pip
     }
     Ok(())
 }
-
-/// What to do with a frequency response.
-const RESPONSE: &str = "these columns are those of a frequency response and no record in time; write an experiment.toml with \
-    `kind = \"response\"` for this file, and the columns `frequency` in Hz, `y/u re` and `y/u im` for each output y and input u \
-    (`columns = { \"y/u re\" = ... }` where they have other names; magnitude in dB and phase in degrees are \
-    10^(dB/20) (cos + i sin)); see docs/experiment-format.md";
 
 /// Why a file cannot be a record.
 const UNNAMEABLE: &str =

@@ -134,7 +134,10 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
             .join(" x ");
         let Some(number) = number(&header.descr) else {
             contents.passed_over.push(PassedOver {
-                what: format!("{shape} values that are no real numbers"),
+                what: match header.descr.get(1..) {
+                    Some("c8" | "c16") => format!("{shape} complex numbers"),
+                    _ => format!("{shape} values that are no real numbers"),
+                },
                 name,
                 remedy: String::new(),
             });

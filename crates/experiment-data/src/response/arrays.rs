@@ -1,5 +1,6 @@
 //! Responses as arrays: `frequency` and `response` with what is known of its error, or a struct of MATLAB's frd kind.
 
+use super::names::{FREQUENCY, OMEGA};
 use super::numbers::{Entries, Numbers};
 use super::raw::{Asked, Raw, Spread};
 use crate::columns::RecordFormat;
@@ -8,6 +9,7 @@ use crate::nearest::nearest;
 use crate::{RecordError, columns, mat};
 use lpv_core::num_complex::Complex;
 use std::f64::consts::TAU;
+use std::path::Path;
 
 const OF_LINES: &str = "lines";
 const OF_RESPONSE: &str = "lines x outputs x inputs";
@@ -16,10 +18,7 @@ const OF_COVARIANCE: &str =
 const OF_FRD: &str = "outputs x inputs x lines";
 
 pub(super) fn read(asked: &Asked<'_>, format: RecordFormat) -> Result<Raw, RecordError> {
-    let entries = match format {
-        RecordFormat::Npz => columns::npz_entries(asked.path)?,
-        _ => mat::entries(asked.path)?,
-    };
+    let entries = entries_of(asked.path, format)?;
     let file = File {
         asked,
         format,
@@ -28,6 +27,49 @@ pub(super) fn read(asked: &Asked<'_>, format: RecordFormat) -> Result<Raw, Recor
     match file.frd() {
         Some(name) => file.of_frd(&name),
         None => file.of_arrays(),
+    }
+}
+
+fn entries_of(path: &Path, format: RecordFormat) -> Result<Entries, RecordError> {
+    match format {
+        RecordFormat::Npz => columns::npz_entries(path),
+        _ => mat::entries(path),
+    }
+}
+
+/// An array that is there.
+pub(super) fn numbers_of(path: &Path, format: RecordFormat, place: &str) -> Result<Numbers, RecordError> {
+    match format {
+        RecordFormat::Npz => columns::npz_numbers(path, place),
+        RecordFormat::Hdf5 => mat::hdf5_numbers(path, place),
+        _ => mat::numbers(path, place),
+    }
+}
+
+/// What the frequencies beside `ResponseData` are divided by to be in Hz; none where the file does not say it.
+pub(super) fn frequency_unit(
+    path: &Path,
+    format: RecordFormat,
+    data: &str,
+) -> Result<Option<f64>, RecordError> {
+    let entries = entries_of(path, format)?;
+    let name = data.strip_suffix(".ResponseData").unwrap_or(data);
+    Ok(entries.per_hz(name).ok())
+}
+
+impl Entries {
+    /// What the frequencies of a struct are divided by to be in Hz, or the words of their unit.
+    fn per_hz(&self, name: &str) -> Result<f64, Option<&str>> {
+        let unit = |own: &str| {
+            let all = self.texts.iter();
+            let named = |(n, _): &&(String, String)| *n == format!("{name}.{own}");
+            all.clone().find(named).map(|(_, words)| words.as_str())
+        };
+        match unit("Units").or_else(|| unit("FrequencyUnit")) {
+            Some("Hz") => Ok(1.0),
+            Some("rad/s" | "rad/sec" | "rad/second") => Ok(TAU),
+            other => Err(other),
+        }
     }
 }
 
@@ -63,11 +105,7 @@ impl File<'_> {
             }
             .into());
         }
-        match self.format {
-            RecordFormat::Npz => columns::npz_numbers(self.asked.path, place),
-            RecordFormat::Hdf5 => mat::hdf5_numbers(self.asked.path, place),
-            _ => mat::numbers(self.asked.path, place),
-        }
+        numbers_of(self.asked.path, self.format, place)
     }
 
     /// What may be missing, unless the description says where it is.
@@ -89,15 +127,24 @@ impl File<'_> {
             }
             .into());
         }
-        let frequency = self.needed("frequency", self.asked.entry.source_of("frequency"))?;
+        let in_turns =
+            !self.has(self.asked.entry.source_of(FREQUENCY)) && self.has(self.asked.entry.source_of(OMEGA));
+        let at = if in_turns { OMEGA } else { FREQUENCY };
+        let frequency = self.needed(at, self.asked.entry.source_of(at))?;
         let lines = frequency.re.len();
-        let frequencies_hz = real(&frequency, "frequency", &[lines], OF_LINES)?;
+        let mut frequencies_hz = real(&frequency, at, &[lines], OF_LINES)?;
+        if in_turns {
+            frequencies_hz.iter_mut().for_each(|f| *f /= TAU);
+        }
         let sizes = [lines, outputs, inputs];
-        let values = by_columns(
-            response.ordered("response", &sizes, OF_RESPONSE)?,
-            outputs,
-            inputs,
-        );
+        let values = match response.ordered("response", &sizes, OF_RESPONSE) {
+            Ok(rows) => by_columns(rows, outputs, inputs),
+            // As `frd` of MATLAB and python-control has it.
+            Err(first) => match response.ordered("response", &[outputs, inputs, lines], OF_FRD) {
+                Ok(rows) => lines_first(&rows, (outputs, inputs, lines)),
+                Err(_) => return Err(first.into()),
+            },
+        };
         let of_channels = |name: &str| -> Result<Option<Vec<f64>>, RecordError> {
             let Some(found) = self.optional(name)? else {
                 return Ok(None);
@@ -135,17 +182,9 @@ impl File<'_> {
         let frequency = self.needed("frequency", &field("Frequency"))?;
         let lines = frequency.re.len();
         let mut frequencies_hz = real(&frequency, "Frequency", &[lines], OF_LINES)?;
-        let unit = |own: &str| {
-            let texts = &self.entries.texts;
-            texts
-                .iter()
-                .find(|(n, _)| *n == field(own))
-                .map(|(_, words)| words.as_str())
-        };
-        match unit("Units").or_else(|| unit("FrequencyUnit")) {
-            Some("Hz") => {}
-            Some("rad/s" | "rad/sec" | "rad/second") => frequencies_hz.iter_mut().for_each(|f| *f /= TAU),
-            other => {
+        match self.entries.per_hz(name) {
+            Ok(per_hz) => frequencies_hz.iter_mut().for_each(|f| *f /= per_hz),
+            Err(other) => {
                 return Err(ResponseFault::Units {
                     name: field("Units"),
                     found: other.map_or("missing".to_owned(), |words| format!("`{words}`")),
@@ -159,19 +198,21 @@ impl File<'_> {
             return Err(ResponseFault::NotComplex { name }.into());
         }
         let ordered = data.ordered("ResponseData", &[outputs, inputs, lines], OF_FRD)?;
-        let at = |k: usize, j: usize, i: usize| ordered[(i * inputs + j) * lines + k];
-        let values = (0..lines)
-            .flat_map(|k| (0..inputs).flat_map(move |j| (0..outputs).map(move |i| (k, j, i))))
-            .map(|(k, j, i)| at(k, j, i))
-            .collect();
         Ok(Raw {
             frequencies_hz,
-            values,
+            values: lines_first(&ordered, (outputs, inputs, lines)),
             spread: Spread::Unknown,
             averages: None,
             quantity: None,
         })
     }
+}
+
+/// Of an array outputs x inputs x lines the matrices with columns one after another, line after line.
+fn lines_first<T: Copy>(all: &[T], (outputs, inputs, lines): (usize, usize, usize)) -> Vec<T> {
+    let of_line =
+        |k: usize| (0..inputs).flat_map(move |j| (0..outputs).map(move |i| (i * inputs + j) * lines + k));
+    (0..lines).flat_map(of_line).map(|at| all[at]).collect()
 }
 
 fn real(

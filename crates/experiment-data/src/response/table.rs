@@ -1,11 +1,14 @@
-//! Responses as columns of real numbers: `frequency`, and of each channel `y/u re` and `y/u im`.
+//! Responses as columns of real numbers: `frequency`, and of each channel `y/u re` and `y/u im`, or magnitude and phase.
 
-use super::names::{COHERENCE, IM, RE, VARIANCE, column};
+use super::names::{
+    COHERENCE, DECIBEL, DEGREES, FREQUENCY, IM, MAGNITUDE, OMEGA, RADIANS, RE, VARIANCE, column,
+};
 use super::raw::{Asked, Raw, Spread};
 use crate::RecordError;
 use crate::columns;
 use crate::error::ResponseFault;
 use lpv_core::num_complex::Complex;
+use std::f64::consts::TAU;
 
 pub(super) fn read(asked: &Asked<'_>) -> Result<Raw, RecordError> {
     let (outputs, inputs) = asked.names();
@@ -21,13 +24,25 @@ pub(super) fn read(asked: &Asked<'_>) -> Result<Raw, RecordError> {
         let read = columns::read_columns_as(asked.path, &[source], asked.text);
         source != name || !matches!(read, Err(RecordError::ColumnMissing { .. }))
     };
-    let mut names = vec!["frequency".to_owned()];
-    names.extend(of(RE));
-    names.extend(of(IM));
+    let first_of = |parts: &[&'static str]| parts.iter().copied().find(|part| of(part).iter().any(there));
+    // What is not there at all is missed by its real and imaginary parts.
+    let polar = match first_of(&[RE, IM]) {
+        Some(_) => None,
+        None => first_of(&[MAGNITUDE, DECIBEL]).map(|size| {
+            let phase = first_of(&[DEGREES, RADIANS]).unwrap_or(DEGREES);
+            (size, phase)
+        }),
+    };
+    let (one, other) = polar.unwrap_or((RE, IM));
+    let at = match !there(&FREQUENCY.to_owned()) && there(&OMEGA.to_owned()) {
+        true => OMEGA,
+        false => FREQUENCY,
+    };
+    let mut names = vec![at.to_owned()];
+    names.extend(of(one));
+    names.extend(of(other));
     let parts = channels.len();
-    let spread = [VARIANCE, COHERENCE]
-        .into_iter()
-        .find(|part| of(part).iter().any(there));
+    let spread = first_of(&[VARIANCE, COHERENCE]);
     names.extend(spread.map(of).into_iter().flatten());
     let averages = Some("averages".to_owned()).filter(there);
     names.extend(averages.clone());
@@ -54,19 +69,31 @@ pub(super) fn read(asked: &Asked<'_>) -> Result<Raw, RecordError> {
             .flat_map(|k| columns.iter().map(move |c| c[k]))
             .collect()
     };
-    let (re, im) = (by_line(block(1)), by_line(block(1 + parts)));
+    let pairs = by_line(block(1)).into_iter().zip(by_line(block(1 + parts)));
+    let value = |(a, b): (f64, f64)| match polar {
+        None => Complex::new(a, b),
+        Some((size, phase)) => {
+            let size = if size == DECIBEL {
+                10.0_f64.powf(a / 20.0)
+            } else {
+                a
+            };
+            let phase = if phase == DEGREES { b.to_radians() } else { b };
+            // Not `from_polar`, which asks for a finite phase: what is not finite is refused below, by its line.
+            Complex::new(size * phase.cos(), size * phase.sin())
+        }
+    };
     let spread = match spread {
         Some(VARIANCE) => Spread::Variance(by_line(block(1 + 2 * parts))),
         Some(_) => Spread::Coherence(by_line(block(1 + 2 * parts))),
         None => Spread::Unknown,
     };
     Ok(Raw {
-        frequencies_hz: all[0].clone(),
-        values: re
-            .into_iter()
-            .zip(im)
-            .map(|(re, im)| Complex::new(re, im))
-            .collect(),
+        frequencies_hz: match at {
+            OMEGA => all[0].iter().map(|w| w / TAU).collect(),
+            _ => all[0].clone(),
+        },
+        values: pairs.map(value).collect(),
         spread,
         averages: averages.and_then(|_| all[all.len() - 1].first().copied()),
         quantity: None,

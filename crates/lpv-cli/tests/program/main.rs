@@ -20,6 +20,7 @@ mod manners;
 mod memory;
 mod new;
 mod new_files;
+mod new_responses;
 mod pages;
 mod plane;
 mod python;

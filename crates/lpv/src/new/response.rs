@@ -1,14 +1,36 @@
 //! Files that hold frequency responses and no samples.
 
+mod arrays;
+mod table;
+mod universal;
+
 use super::write::{HEAD, list, quoted};
-use super::{Draft, Known, common_folder, name_of, position, refuse};
+use super::{Draft, Known, UNNAMEABLE, common_folder, name_of, position, refuse};
 use crate::PipelineError;
 use crate::responses::BELOW_RATE;
-use experiment_data::{RecordFormat, ResponseInfo, look_into};
+use experiment_data::ResponseQuantity;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+pub(super) use table::of_tables;
 
-/// The draft of files that each hold the responses of the same outputs to the same inputs, and nothing else; none of others.
+/// What files that each hold the responses of the same outputs to the same inputs tell.
+#[derive(Debug, Default)]
+pub(super) struct Found {
+    outputs: Vec<String>,
+    inputs: Vec<String>,
+    /// Where a record has its parts: the names that a description gives them, and those of the file.
+    columns: Vec<(String, String)>,
+    quantity: Option<ResponseQuantity>,
+    /// Unit of the outputs and of the inputs, and what takes the outputs of the file to theirs.
+    units: Option<(String, String)>,
+    scale: Option<f64>,
+    highest_hz: f64,
+    /// `[text]`, where files are laid out otherwise than usual.
+    layout: String,
+    guesses: Vec<String>,
+}
+
+/// The draft of such files, unless they are tables, which are looked at with those of samples; none of others.
 ///
 /// # Errors
 /// A file whose responses have gaps, or others than those of the first.
@@ -17,138 +39,125 @@ pub(super) fn draft(
     paths: &[PathBuf],
     known: &Known,
 ) -> Result<Option<Draft>, PipelineError> {
-    let is_universal = |path: &PathBuf| RecordFormat::of(&path.to_string_lossy()) == Ok(RecordFormat::Uff);
-    if !paths.iter().all(is_universal) {
-        return Ok(None);
-    }
-    let mut all: Vec<Vec<ResponseInfo>> = Vec::new();
-    for (file, path) in files.iter().zip(paths) {
-        let contents = look_into(path).map_err(|e| refuse(file, e.to_string()))?;
-        if !contents.columns.is_empty() || contents.responses.is_empty() {
-            return Ok(None);
-        }
-        all.push(contents.responses);
-    }
-    let Some(folder) = common_folder(paths) else {
-        return Ok(None);
+    let found = match universal::of_universal(files, paths)? {
+        Some(found) => Some(found),
+        None => arrays::of_arrays(files, paths)?,
     };
-    let first = &all[0];
-    let [outputs, inputs] = [
-        distinct(first.iter().map(|r| r.output.as_str())),
-        distinct(first.iter().map(|r| r.input.as_str())),
-    ];
-    for (file, found) in files.iter().zip(&all) {
-        check(file, found, (&outputs, &inputs))?;
-    }
-    let highest = all.iter().flatten().map(|r| r.highest_hz).fold(0.0, f64::max);
-    let rate = known.sample_rate_hz.unwrap_or((BELOW_RATE * highest).ceil());
-    let names = |letter: &str, places: &[&str]| -> Vec<String> {
-        (1..=places.len()).map(|k| format!("{letter}{k}")).collect()
-    };
-    let (y, u) = (names("y", &outputs), names("u", &inputs));
-    let of = |names: &[String], places: &[&str]| -> Vec<String> {
-        let each = names.iter().zip(places);
-        each.map(|(name, place)| format!("{name} = {}", quoted(place)))
-            .collect()
-    };
-    let columns = [of(&y, &outputs), of(&u, &inputs)].concat();
-    let own = folder.file_name().map(|n| n.to_string_lossy().into_owned());
-    let name = known
-        .name
-        .clone()
-        .or(own)
-        .unwrap_or_else(|| "experiment".to_owned());
-    let mut text = format!(
-        "{HEAD}format = 2\nname = {}\nsample_rate = {rate:?}  # GUESS: that of the model, free to choose from {BELOW_RATE} times the highest line on\n\
-         \n[channels.output]\ncolumns = {}\n\n[channels.input]\ncolumns = {}\n",
-        quoted(&name),
-        list(&y),
-        list(&u)
-    );
-    let mut guesses = vec![
-        format!("sample_rate = {rate}, that of the model: the highest line is at {highest} Hz"),
-        format!("output: {}", of(&y, &outputs).join(", ")),
-        format!("input: {}", of(&u, &inputs).join(", ")),
-    ];
-    let mut questions = Vec::new();
-    let relative: Vec<String> = files
-        .iter()
-        .zip(paths)
-        .map(|(file, path)| name_of(path, &folder).ok_or_else(|| refuse(file, super::UNNAMEABLE.to_owned())))
-        .collect::<Result<_, _>>()?;
-    let places = match relative.len() {
-        1 => None,
-        _ => position::in_names(&relative),
-    };
-    for (k, (file, found)) in relative.iter().zip(&all).enumerate() {
-        let _ = write!(
-            text,
-            "\n[[records]]\nfile = {}\nkind = \"response\"\nuse = \"estimation\"\ncolumns = {{ {} }}\n",
-            quoted(file),
-            columns.join(", ")
+    found.map(|found| found.drafted(files, paths, known)).transpose()
+}
+
+impl Found {
+    /// The description.
+    pub(super) fn drafted(
+        mut self,
+        files: &[PathBuf],
+        paths: &[PathBuf],
+        known: &Known,
+    ) -> Result<Draft, PipelineError> {
+        let folder = common_folder(paths)
+            .ok_or_else(|| refuse(&files[0], "the files have no common folder".to_owned()))?;
+        let rate = known
+            .sample_rate_hz
+            .unwrap_or((BELOW_RATE * self.highest_hz).ceil());
+        let own = folder.file_name().map(|n| n.to_string_lossy().into_owned());
+        let name = known
+            .name
+            .clone()
+            .or(own)
+            .unwrap_or_else(|| "experiment".to_owned());
+        let mut text = format!(
+            "{HEAD}format = 2\nname = {}\nsample_rate = {rate:?}  # GUESS: that of the model, free to choose from {BELOW_RATE} times the \
+             highest line on\n",
+            quoted(&name)
         );
-        if found.iter().any(|r| r.quantity.is_none()) {
-            text += "# quantity = \"displacement/force\"  # FILL IN: displacement, velocity or acceleration over force or input\n";
-        }
-        if let Some(value) = places.as_ref().and_then(|p| p.get(k)) {
-            let _ = writeln!(text, "# position = {value}  # FILL IN: the place, if it is one");
-        }
-    }
-    match first[0].quantity {
-        Some(quantity) => guesses.push(format!("a response of {}, as the file says", quantity.name())),
-        None => questions.push("quantity: what the response is of; write it in each record".to_owned()),
-    }
-    if relative.len() > 1 {
-        questions
-            .push("position: where each file was measured; write `position = ...` in each record".to_owned());
-    }
-    Ok(Some(Draft {
-        folder,
-        text,
-        guesses,
-        questions,
-        command: None,
-    }))
-}
-
-fn distinct<'a>(names: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
-    let mut all = Vec::new();
-    for name in names {
-        if !all.contains(&name) {
-            all.push(name);
-        }
-    }
-    all
-}
-
-/// Refuses what is no response of each of these outputs to each of these inputs.
-fn check(
-    file: &Path,
-    found: &[ResponseInfo],
-    (outputs, inputs): (&[&str], &[&str]),
-) -> Result<(), PipelineError> {
-    for output in outputs {
-        for input in inputs {
-            let count = found
-                .iter()
-                .filter(|r| r.output == *output && r.input == *input)
-                .count();
-            if count != 1 {
-                let problem = format!(
-                    "{count} frequency responses of {output} to {input}, where the files have the outputs {} and the inputs {}: write a \
-                     description by hand, see docs/experiment-format.md, with the channels of one bundle",
-                    outputs.join(", "),
-                    inputs.join(", ")
-                );
-                return Err(refuse(file, problem));
+        for (role, names) in [("output", &self.outputs), ("input", &self.inputs)] {
+            let _ = writeln!(text, "\n[channels.{role}]\ncolumns = {}", list(names));
+            if let Some((output, input)) = &self.units {
+                let unit = if role == "output" { output } else { input };
+                let _ = writeln!(text, "units = {}", list(&vec![unit; names.len()]));
+            }
+            if let (Some(scale), "output") = (self.scale, role) {
+                let _ = writeln!(text, "scale = {:?}", vec![scale; names.len()]);
             }
         }
+        text += &self.layout;
+        let mut questions = Vec::new();
+        let relative: Vec<String> = files
+            .iter()
+            .zip(paths)
+            .map(|(file, path)| name_of(path, &folder).ok_or_else(|| refuse(file, UNNAMEABLE.to_owned())))
+            .collect::<Result<_, _>>()?;
+        let places = match relative.len() {
+            1 => None,
+            _ => position::in_names(&relative),
+        };
+        let columns: Vec<String> = self
+            .columns
+            .iter()
+            .map(|(name, place)| format!("{} = {}", key(name), quoted(place)))
+            .collect();
+        for (k, file) in relative.iter().enumerate() {
+            let held = known
+                .validation
+                .iter()
+                .any(|v| v.canonicalize().is_ok_and(|v| v == paths[k]));
+            let _ = write!(
+                text,
+                "\n[[records]]\nfile = {}\nkind = \"response\"\nuse = \"{}\"\n",
+                quoted(file),
+                if held { "validation" } else { "estimation" }
+            );
+            if !columns.is_empty() {
+                let _ = writeln!(text, "columns = {{ {} }}", columns.join(", "));
+            }
+            match self.quantity {
+                None => {
+                    text += "# quantity = \"displacement/force\"  # FILL IN: displacement, velocity or acceleration over force or input\n";
+                }
+                Some(quantity) if self.units.is_some() => {
+                    let _ = writeln!(text, "quantity = \"{}\"  # GUESS", quantity.name());
+                }
+                // The file says it.
+                Some(_) => {}
+            }
+            if let Some(value) = places.as_ref().and_then(|p| p.get(k)) {
+                let _ = writeln!(text, "# position = {value}  # FILL IN: the place, if it is one");
+            }
+        }
+        let mut guesses = vec![format!(
+            "sample_rate = {rate}, that of the model: the highest line is at {} Hz",
+            self.highest_hz
+        )];
+        guesses.append(&mut self.guesses);
+        match self.quantity {
+            Some(quantity) => guesses.push(format!("a response of {}, as the file says", quantity.name())),
+            None => questions.push("quantity: what the response is of; write it in each record".to_owned()),
+        }
+        if relative.len() > 1 {
+            questions.push(
+                "position: where each file was measured; write `position = ...` in each record".to_owned(),
+            );
+        }
+        Ok(Draft {
+            folder,
+            text,
+            guesses,
+            questions,
+            command: None,
+        })
     }
-    match found.len() == outputs.len() * inputs.len() {
-        true => Ok(()),
-        false => Err(refuse(
-            file,
-            "it has other channels than the first file; make one bundle for each kind".to_owned(),
-        )),
+}
+
+/// A key of TOML, bare where it may be.
+fn key(name: &str) -> String {
+    let is_bare = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    match !name.is_empty() && name.chars().all(is_bare) {
+        true => name.to_owned(),
+        false => quoted(name),
     }
+}
+
+/// Names of some channels: a letter with a number.
+fn numbered(letter: &str, count: usize) -> Vec<String> {
+    (1..=count).map(|k| format!("{letter}{k}")).collect()
 }

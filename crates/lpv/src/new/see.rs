@@ -1,6 +1,7 @@
 //! What the files hold, before anything is guessed from it.
 
 use super::rate::{Hints, Physics};
+use super::runs::{self, Run};
 use super::{pairs, refuse, stated};
 use crate::PipelineError;
 use experiment_data::{
@@ -39,6 +40,9 @@ pub(super) struct Seen {
 /// Looks into a file: one record, or two where it has its signals once to fit and once to judge.
 pub(super) fn see(file: &Path, path: &Path, guesses: &mut Vec<String>) -> Result<Vec<Seen>, PipelineError> {
     let contents = look_into(path).map_err(|e| refuse(file, e.to_string()))?;
+    if let Some(runs) = runs::split(&contents.columns) {
+        return records_of_runs(file, path, &contents, runs, guesses);
+    }
     let Some(pair) = pairs::split(&contents.columns) else {
         return Ok(vec![record_of(file, path, contents)?]);
     };
@@ -59,6 +63,45 @@ pub(super) fn see(file: &Path, path: &Path, guesses: &mut Vec<String>) -> Result
     let mut both = vec![record_of(file, path, fitted)?, record_of(file, path, held_out)?];
     both[1].is_validation = true;
     Ok(both)
+}
+
+/// A record for each run of a file.
+fn records_of_runs(
+    file: &Path,
+    path: &Path,
+    contents: &Contents,
+    runs: Vec<Run>,
+    guesses: &mut Vec<String>,
+) -> Result<Vec<Seen>, PipelineError> {
+    let names: Vec<&str> = runs.iter().map(|r| r.group.as_str()).collect();
+    guesses.push(format!(
+        "{}: {} are runs of one machine, a record each",
+        file.display(),
+        names.join(", ")
+    ));
+    let mut all = Vec::new();
+    for (k, run) in runs.into_iter().enumerate() {
+        let prefix = format!("{}.", run.group);
+        let number = |s: &Scalar| {
+            let name = s.name.strip_prefix(&prefix).unwrap_or(&s.name).to_owned();
+            (!name.contains('.')).then_some(Scalar { name, value: s.value })
+        };
+        let own = Contents {
+            columns: run.columns,
+            scalars: contents.scalars.iter().filter_map(number).collect(),
+            // What is no column is told once.
+            passed_over: if k == 0 {
+                contents.passed_over.clone()
+            } else {
+                Vec::new()
+            },
+            ..contents.clone()
+        };
+        let mut record = record_of(file, path, own)?;
+        record.is_validation = run.is_validation;
+        all.push(record);
+    }
+    Ok(all)
 }
 
 fn record_of(file: &Path, path: &Path, contents: Contents) -> Result<Seen, PipelineError> {

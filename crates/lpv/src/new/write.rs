@@ -121,7 +121,7 @@ impl Plan<'_> {
 }
 
 /// `[text]`, as far as it was found.
-fn layout(text: &Text) -> String {
+pub(super) fn layout(text: &Text) -> String {
     let mut out = String::from("\n[text]\n");
     if let Some(separator) = text.separator {
         let _ = writeln!(out, "separator = {}", quoted(&separator.character().to_string()));

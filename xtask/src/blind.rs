@@ -8,7 +8,7 @@ mod work;
 
 use crate::{Blind, TaskError};
 use experiment_data::{Bundle, RecordFormat};
-use lpv::diagnose::{Diagnosis, diagnose};
+use lpv::diagnose::{Diagnosis, Given, diagnose};
 use lpv::simulate::{CleanMoves, MachineFile, MultisineFile, PositionsFile, simulate};
 use lpv::{IdentifyConfig, ModelFile, PipelineError, identify_bundle, silent};
 use lpv_core::Discrete;
@@ -336,7 +336,7 @@ fn solve(case: &Case, identified: bool) -> Result<Outcome, TaskError> {
     simulate(&file, &hidden, &out, RecordFormat::Npz, &|_, _| ())?;
     let bundle = Bundle::open(&out)?;
     let start = Instant::now();
-    let found = diagnose(&bundle, None, &silent);
+    let found = diagnose(&bundle, Given::default(), &silent);
     let seconds = start.elapsed().as_secs_f64();
     let identified = match identified {
         true => {
@@ -368,5 +368,13 @@ fn with_identified(clean: &Bundle, bundle: &Bundle) -> Result<Diagnosis, Pipelin
     let config = IdentifyConfig::default();
     let outcome = identify_bundle(clean, &config, &silent)?;
     let file = ModelFile::of(outcome, clean, config, clean.folder())?;
-    Ok(diagnose(bundle, Some(&file), &silent)?.diagnosis)
+    Ok(diagnose(
+        bundle,
+        Given {
+            model: Some(&file),
+            ..Given::default()
+        },
+        &silent,
+    )?
+    .diagnosis)
 }

@@ -2,7 +2,7 @@
 
 use crate::TaskError;
 use crate::measured::open;
-use lpv::diagnose::{Diagnosis, diagnose};
+use lpv::diagnose::{Diagnosis, Given, diagnose};
 use lpv::silent;
 use lpv::validation::{AxisCheck, ClosedLoopAxis};
 use serde::Serialize;
@@ -34,7 +34,7 @@ pub(crate) fn run() -> Result<Vec<Found>, TaskError> {
     for bundle in BUNDLES {
         if let Some(data) = open(bundle)? {
             let start = Instant::now();
-            let diagnosis = diagnose(&data, None, &silent)?.diagnosis;
+            let diagnosis = diagnose(&data, Given::default(), &silent)?.diagnosis;
             all.push(Found {
                 bundle,
                 diagnosis,

@@ -2,7 +2,7 @@
 
 use crate::TaskError;
 use experiment_data::{Bundle, RecordFormat};
-use lpv::diagnose::{Diagnosed, diagnose};
+use lpv::diagnose::{Diagnosed, Given, diagnose};
 use lpv::silent;
 use lpv::simulate::{MachineFile, simulate};
 use lpv_diagnose::catalogue::KINDS;
@@ -121,7 +121,7 @@ fn found(hidden: HiddenEffect) -> Result<Diagnosed, TaskError> {
         ..MachineFile::default()
     };
     simulate(&file, &[hidden], &out, RecordFormat::Npz, &|_, _| ())?;
-    Ok(diagnose(&Bundle::open(&out)?, None, &silent)?)
+    Ok(diagnose(&Bundle::open(&out)?, Given::default(), &silent)?)
 }
 
 /// The view in which an effect is seen best.

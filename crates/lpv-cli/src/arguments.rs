@@ -173,6 +173,9 @@ pub(crate) struct Diagnose {
     /// The model that effects are added to, a file of `lpv identify` or `lpv convert`; made from the bundle without.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) model: Option<PathBuf>,
+    /// A TOML file with effects of your own, which are tried beside those of the catalogue.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) effects: Option<PathBuf>,
     /// The folder for diagnosis.json, diagnosis.html, and model.json, the model with the effects.
     #[arg(short, long, value_name = "FOLDER")]
     pub(crate) output: PathBuf,

@@ -23,6 +23,9 @@ pub(crate) struct Fleet {
     /// Of a diagnosis, the model that effects are added to; made from each bundle without.
     #[arg(short, long, value_name = "FILE", conflicts_with = "config")]
     pub(crate) model: Option<PathBuf>,
+    /// Of a diagnosis, a TOML file with effects of your own, which are tried beside those of the catalogue.
+    #[arg(long, value_name = "FILE", conflicts_with = "config")]
+    pub(crate) effects: Option<PathBuf>,
     /// Of an identification, its settings, a TOML file.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
@@ -69,14 +72,19 @@ fn slip(problem: &'static str) -> PipelineError {
 
 pub(crate) fn run_fleet(a: &Fleet) -> Result<Done, PipelineError> {
     let task = match (a.task, &a.config) {
-        (TaskName::Diagnose, None) => fleet::Task::Diagnose(a.model.clone()),
+        (TaskName::Diagnose, None) => fleet::Task::Diagnose {
+            model: a.model.clone(),
+            effects: a.effects.clone(),
+        },
         (TaskName::Diagnose, Some(_)) => {
             return Err(slip(
                 "--config has settings of an identification: add --task identify, or leave it out",
             ));
         }
-        (TaskName::Identify, _) if a.model.is_some() => {
-            return Err(slip("--model is for --task diagnose; leave it out"));
+        (TaskName::Identify, _) if a.model.is_some() || a.effects.is_some() => {
+            return Err(slip(
+                "--model and --effects are for --task diagnose; leave them out",
+            ));
         }
         (TaskName::Identify, None) => fleet::Task::Identify(Box::default()),
         (TaskName::Identify, Some(file)) => fleet::Task::Identify(Box::new(IdentifyConfig::read(file)?)),

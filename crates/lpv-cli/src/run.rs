@@ -263,13 +263,15 @@ fn run_validate(a: &Validate) -> Result<Done, PipelineError> {
 fn run_diagnose(a: &Diagnose) -> Result<Done, PipelineError> {
     let bundle = open(&a.bundle)?;
     let inputs = Inputs::none().bundle(&bundle);
-    let inputs = match &a.model {
-        Some(file) => inputs.file(file, "the model that effects are added to"),
-        None => inputs,
-    };
+    let inputs = inputs.beside(a.model.as_deref(), a.effects.as_deref());
     let files = diagnose::ResultFiles::check(&a.output, &inputs, Overwrite::if_asked(a.force))?;
     let model = a.model.as_deref().map(convert::import).transpose()?;
-    let found = diagnose::diagnose(&bundle, model.as_ref(), &bars::tell).map_err(|e| e.at(&a.bundle))?;
+    let effects = a.effects.as_deref().map(diagnose::read_effects).transpose()?;
+    let given = diagnose::Given {
+        model: model.as_ref(),
+        effects: effects.as_deref().unwrap_or_default(),
+    };
+    let found = diagnose::diagnose(&bundle, given, &bars::tell).map_err(|e| e.at(&a.bundle))?;
     files.write(&found, &bundle)?;
     let said = told(a.json, &found.diagnosis, names(&bundle), || {
         format!("{}\nwritten to {}", found.diagnosis.text(), shown(&a.output))

@@ -176,7 +176,7 @@ pub(crate) fn as_seen(
     coulomb_friction::at_rest(effect.place).unwrap_or(effect)
 }
 
-/// Ties with the best candidate of a list, the best first, are broken in the order of the catalogue.
+/// Ties with the best candidate of a list, the best first, are broken in the order of the catalogue; effects of a user come before it.
 pub(crate) fn first_of_equals<T>(
     list: &mut [T],
     effect: impl Fn(&T) -> &'static Effect,
@@ -222,7 +222,7 @@ fn least_creep(friction: f64, part: f64, mass: f64) -> f64 {
 }
 
 /// Forces of the motors that together do what this input of a channel does in the middle of the range.
-fn motor_forces(machine: &Base, channel: usize, input: f64) -> Pair {
+pub(crate) fn motor_forces(machine: &Base, channel: usize, input: f64) -> Pair {
     let mut inputs = [0.0; 2];
     inputs[channel] = input;
     machine.commanded(0.0, inputs)

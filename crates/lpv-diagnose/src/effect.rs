@@ -4,10 +4,12 @@ use crate::base::{Base, Forces, Motion, Pair};
 use crate::screen::Screen;
 use crate::track::Track;
 use num_complex::Complex64 as C64;
-use std::fmt::Debug;
+use serde::{Deserialize, Serialize};
+use std::fmt::{self, Debug};
 
 /// Families of effects, as the contract of `diagnosis.json` names them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Family {
     /// Forces against the motion of the guides.
     Friction,
@@ -62,6 +64,8 @@ pub enum Scale {
     NotNegative,
     /// As it is; a fit may go below zero, but what it finds there is not this effect.
     Positive,
+    /// As it is; no value of it is without effect.
+    Free,
     /// Not at all: a number that a start chooses, such as that of a record.
     Chosen,
 }
@@ -82,7 +86,7 @@ impl Scale {
 
     /// Whether it is that of an amplitude, of which zero is no effect.
     pub(crate) fn is_amplitude(self) -> bool {
-        self.is_fitted() && !self.is_logarithm()
+        self.is_fitted() && !self.is_logarithm() && self != Self::Free
     }
 }
 
@@ -199,8 +203,12 @@ impl Needs {
     }
 }
 
+/// Points from which a fit may start, in the order of the parameters.
+pub type Starts = dyn Fn(&Screen<'_>, Place) -> Vec<Vec<f64>> + Send + Sync;
+/// The block at given values, on a machine.
+pub type Make = dyn Fn(&[f64], &Base, Place) -> Box<dyn Block> + Send + Sync;
+
 /// An entry of the catalogue: what it is called, what it predicts, how it is simulated.
-#[derive(Debug)]
 pub struct Effect {
     /// Name in `diagnosis.json`; the same at every place.
     pub name: &'static str,
@@ -218,11 +226,17 @@ pub struct Effect {
     /// rough part is fitted.
     pub extends: Option<Extends>,
     /// Points from which to start, in the order of the parameters; none where the base or the data do not know it.
-    pub starts: fn(&Screen<'_>, Place) -> Vec<Vec<f64>>,
+    pub starts: &'static Starts,
     /// The same on a frequency response; none of what a response does not show.
     pub on_response: Option<StartsOnLines>,
     /// The block at given values, on a machine.
-    pub block: fn(&[f64], &Base, Place) -> Box<dyn Block>,
+    pub block: &'static Make,
+}
+
+impl Debug for Effect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} at {:?}", self.name, self.place)
+    }
 }
 
 impl Effect {
@@ -252,7 +266,7 @@ impl Effect {
         let fits = |(v, p): (&f64, &EffectParameter)| {
             v.is_finite()
                 && match p.scale {
-                    Scale::Linear | Scale::Chosen => true,
+                    Scale::Linear | Scale::Free | Scale::Chosen => true,
                     Scale::NotNegative => *v >= 0.0,
                     Scale::Positive => *v > 0.0,
                     scale => scale.is_logarithm() && *v > 0.0,

@@ -36,6 +36,14 @@ pub enum TraceError {
         /// What went wrong.
         why: String,
     },
+    /// A definition of a user's effect that is wrong.
+    #[error("the effect `{name}` of your own: {problem}")]
+    UserEffect {
+        /// Its name.
+        name: String,
+        /// What is wrong, and what to do.
+        problem: String,
+    },
     /// Too few records.
     #[error("{what}")]
     TooFew {

@@ -110,6 +110,7 @@
 //!     noise: [1e-5, 0.0],
 //!     fitted: &fitted,
 //!     judged: &judged,
+//!     own: &[],
 //!     seeks_load: false,
 //!     on_fit: &|_, _| {},
 //! })?;
@@ -139,6 +140,7 @@ mod skew;
 mod steady;
 mod trace;
 mod track;
+mod user_effect;
 mod whiten;
 
 pub use axes::{AxisChannels, axes};
@@ -163,3 +165,4 @@ pub use trace::{
     trace_slower,
 };
 pub use track::{Track, roughness};
+pub use user_effect::{UserEffect, UserParameter, UserState};

@@ -14,6 +14,7 @@ mod slower;
 use crate::TraceError;
 use crate::base::{Base, Pair};
 use crate::catalogue::quantization;
+use crate::effect::Effect;
 use crate::fit::{Explained, Fitted, Prior};
 use crate::track::Track;
 use crate::whiten::{SHORT, Whitening};
@@ -46,6 +47,8 @@ pub struct Case<'a> {
     pub fitted: &'a [Track],
     /// Records to judge by.
     pub judged: &'a [Track],
+    /// Effects of a user beside the catalogue.
+    pub own: &'a [&'static Effect],
     /// Whether a load on a spring is looked for in the place of a rigid axis.
     pub seeks_load: bool,
     /// Hears of every fit of an effect together with the machine, which takes most of the time: how many are done in this look at the

@@ -1,10 +1,10 @@
 //! What a model lacks.
 
 use crate::bundle::Bundle;
-use crate::error::to_python;
+use crate::error::{to_python, wrong_setting};
 use crate::model::Model;
 use crate::worker;
-use lpv::diagnose::{Diagnosed, ResultFiles};
+use lpv::diagnose::{Diagnosed, Given, ResultFiles, UserEffect};
 use lpv::encode::for_terminal;
 use lpv::output::{Inputs, Overwrite};
 use pyo3::prelude::*;
@@ -18,17 +18,31 @@ pub(crate) struct Diagnosis {
     bundle: Arc<lpv::experiment_data::Bundle>,
 }
 
-/// Finds the effects that a model of the bundle's machine lacks.
+/// The effects of a TOML file, as JSON.
+#[pyfunction]
+pub(crate) fn read_effects(py: Python<'_>, path: PathBuf) -> PyResult<String> {
+    let found = lpv::diagnose::read_effects(&path).map_err(|e| to_python(py, &e))?;
+    serde_json::to_string(&found).map_err(|e| to_python(py, &e.into()))
+}
+
+/// Finds the effects that a model of the bundle's machine lacks; `effects` are those of the user, a JSON list.
 #[pyfunction]
 pub(crate) fn diagnose(
     py: Python<'_>,
     bundle: &Bundle,
     model: Option<&Model>,
+    effects: &str,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Diagnosis> {
+    let effects: Vec<UserEffect> =
+        serde_json::from_str(effects).map_err(|e| wrong_setting(py, "effects", &e.to_string()))?;
     let (inner, file) = (Arc::clone(&bundle.inner), model.map(|m| Arc::clone(&m.file)));
     let found = worker::run(py, progress.as_ref(), move |tell| {
-        lpv::diagnose::diagnose(&inner, file.as_deref(), tell).map_err(|e| e.at(inner.folder()))
+        let given = Given {
+            model: file.as_deref(),
+            effects: &effects,
+        };
+        lpv::diagnose::diagnose(&inner, given, tell).map_err(|e| e.at(inner.folder()))
     })?;
     Ok(Diagnosis {
         found,

@@ -26,7 +26,7 @@ mod _lpvident {
     #[pymodule_export]
     use crate::commands::{identify, inspect, validate};
     #[pymodule_export]
-    use crate::diagnosis::{Diagnosis, diagnose};
+    use crate::diagnosis::{Diagnosis, diagnose, read_effects};
     #[pymodule_export]
     use crate::fit::fit_frf;
     #[pymodule_export]

@@ -21,6 +21,7 @@ mod record_errors;
 mod records;
 mod responses;
 mod saved;
+mod user;
 mod value;
 mod words;
 
@@ -44,6 +45,7 @@ pub use left::{Characterisation, LeftTest, LeftTests};
 use lpv_core::{Discrete, FrfEstimate, Model, Record};
 use lpv_diagnose::observer::{self, Observer};
 use lpv_diagnose::{Case, Explained, TraceError, Track, Verdict, sensor_noise, trace};
+pub use lpv_diagnose::{UserEffect, UserParameter, UserState};
 use lpv_report::Figure;
 pub use noise::NoiseSource;
 use noise::{roughness, unrepeated};
@@ -56,6 +58,7 @@ pub(crate) use responses::is_traced_on_responses;
 pub(crate) use saved::range_of;
 use saved::saved;
 use std::path::Path;
+pub use user::read_effects;
 pub use value::Value;
 
 /// A diagnosis with what its page shows.
@@ -79,20 +82,30 @@ pub struct Diagnosed {
     axes: Vec<Diagnosed>,
 }
 
-/// Finds the effects that a model of the bundle's machine lacks. The model is `model`; without one an xy-table from first
+/// What a diagnosis is given beside the data.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Given<'a> {
+    /// The model that effects are added to; one of the bundle if none.
+    pub model: Option<&'a ModelFile>,
+    /// Effects of the user, beside those of the catalogue.
+    pub effects: &'a [UserEffect],
+}
+
+/// Finds the effects that a model of the bundle's machine lacks. The model is the given one; without one an xy-table from first
 /// principles where the bundle has the `[geometry]` of one, a small LFR identified from its periodic records where there is a
 /// scheduling, else a servo axis; of an axis without moves, from its frequency responses.
 ///
 /// # Errors
 /// A bundle without moves or a base model; one without its controller whose inputs do not each move a position of their own; a
-/// model that does not fit the bundle; whatever is wrong with its records.
+/// model that does not fit the bundle; effects of the user that are wrong; whatever is wrong with its records.
 pub fn diagnose(
     bundle: &Bundle,
-    model: Option<&ModelFile>,
+    given: Given<'_>,
     progress: Progress<'_>,
 ) -> Result<Diagnosed, PipelineError> {
-    if let (None, Some((positions, reason))) = (model, positions_alone(bundle)) {
-        let mut found = diagnose(&positions, None, progress)?;
+    user::check(given.effects, bundle)?;
+    if let (None, Some((positions, reason))) = (given.model, positions_alone(bundle)) {
+        let mut found = diagnose(&positions, given, progress)?;
         found.diagnosis.reasons.insert(0, reason);
         return Ok(found);
     }
@@ -102,23 +115,25 @@ pub fn diagnose(
     check_records(description)?;
     let has_moves = description.records.iter().any(|r| r.is_transient());
     let is_by_itself = description.controller.is_none() && channels.scheduling.is_empty();
-    if is_by_itself && !is_one && has_moves && model.is_none() {
-        return axes::diagnose(bundle, progress);
+    if is_by_itself && !is_one && has_moves && given.model.is_none() {
+        return axes::diagnose(bundle, given, progress);
     }
-    of_axis(bundle, model, progress)
+    of_axis(bundle, given, progress)
 }
 
 /// The same of a bundle as a whole.
-fn of_axis(
-    bundle: &Bundle,
-    model: Option<&ModelFile>,
-    progress: Progress<'_>,
-) -> Result<Diagnosed, PipelineError> {
+fn of_axis(bundle: &Bundle, given: Given<'_>, progress: Progress<'_>) -> Result<Diagnosed, PipelineError> {
     let description = bundle.description();
     let clock = bundle.clock()?;
     one_signal(bundle, &(0..bundle.len()).collect::<Vec<_>>())?;
     if is_traced_on_responses(bundle) {
-        return match model {
+        if !given.effects.is_empty() {
+            return Err(PipelineError::Structure {
+                problem: "effects of your own act along moves, and this bundle has frequency responses alone: record moves, or leave out \
+                          the effects",
+            });
+        }
+        return match given.model {
             None => responses::diagnose(bundle, progress),
             Some(_) => Err(PipelineError::Structure {
                 problem: "effects are traced on the frequency responses of this bundle, which has no moves, from a rigid axis: leave out \
@@ -144,7 +159,7 @@ fn of_axis(
         observer::check_motion(&records)?;
         records = records.into_iter().map(observer::followed).collect();
     }
-    let found = of_moves(bundle, model, (records, clock), progress);
+    let found = of_moves(bundle, given, (records, clock), progress);
     let found = found.map_err(|e| records::in_view_of(&contradictions, is_known, e))?;
     let diagnosis = found.diagnosis.in_view_of(contradictions);
     Ok(Diagnosed {
@@ -160,7 +175,7 @@ fn of_axis(
 /// The same of moves that were looked at.
 fn of_moves(
     bundle: &Bundle,
-    model: Option<&ModelFile>,
+    given: Given<'_>,
     (records, clock): (Vec<Record>, Discrete),
     progress: Progress<'_>,
 ) -> Result<Diagnosed, PipelineError> {
@@ -179,7 +194,7 @@ fn of_moves(
         model,
     } = base::start(
         bundle,
-        model,
+        given.model,
         (&fit_records, &judge_records),
         clock,
         &mut reasons,
@@ -251,6 +266,7 @@ fn of_moves(
         }
         (position, left) => sensor_noise(&base, &start, &fitted[0], position, &left)?,
     };
+    let own = user::placed(given.effects, bundle)?;
     let on_fit = |done, of| progress("competition of effects, fits of one look", done, of);
     begin(progress, "competition of effects");
     let case = Case {
@@ -261,6 +277,7 @@ fn of_moves(
         noise,
         fitted: &[],
         judged: &[],
+        own: &own,
         seeks_load: true,
         on_fit: &on_fit,
     };

@@ -13,7 +13,7 @@ pub(crate) use merge::HEAD as TABLE_HEAD;
 pub use merge::{Table, TableRow, merge};
 pub use shard::Shard;
 
-use crate::diagnose::{Diagnosed, FoundEffect, ResultFiles, diagnose};
+use crate::diagnose::{Diagnosed, FoundEffect, Given, ResultFiles, diagnose, read_effects};
 use crate::output::{Inputs, Kind, Overwrite, Place, write_all};
 use crate::{IdentifyConfig, ModelFile, PipelineError, Progress, convert, identify_bundle};
 use experiment_data::Bundle;
@@ -35,8 +35,13 @@ const VERSION: u32 = 1;
 /// What is done with each bundle.
 #[derive(Debug, Clone)]
 pub enum Task {
-    /// `lpv diagnose`, from this model file where there is one.
-    Diagnose(Option<PathBuf>),
+    /// `lpv diagnose`, with the model file and the file of effects where they are given.
+    Diagnose {
+        /// The model that effects are added to.
+        model: Option<PathBuf>,
+        /// Effects of the user.
+        effects: Option<PathBuf>,
+    },
     /// `lpv identify`.
     Identify(Box<IdentifyConfig>),
 }
@@ -45,7 +50,7 @@ impl Task {
     /// In a word.
     pub fn name(&self) -> &'static str {
         match self {
-            Self::Diagnose(_) => "diagnose",
+            Self::Diagnose { .. } => "diagnose",
             Self::Identify(_) => "identify",
         }
     }
@@ -112,9 +117,20 @@ pub fn run(
         let bundle = names[twice].clone();
         return Err(FleetError::Twice { bundle }.into());
     }
-    let model = match task {
-        Task::Diagnose(Some(file)) => Some(convert::import(file)?),
-        _ => None,
+    let (model, effects) = match task {
+        Task::Diagnose { model, effects } => (
+            model.as_deref().map(convert::import).transpose()?,
+            effects
+                .as_deref()
+                .map(read_effects)
+                .transpose()?
+                .unwrap_or_default(),
+        ),
+        Task::Identify(_) => (None, Vec::new()),
+    };
+    let given = Given {
+        model: model.as_ref(),
+        effects: &effects,
     };
     let list = List {
         fleet: VERSION,
@@ -148,7 +164,7 @@ pub fn run(
         }
         let start = Instant::now();
         let found = catch_unwind(AssertUnwindSafe(|| {
-            one(path, task, model.as_ref(), (&place, overwrite), &tell)
+            one(path, task, given, (&place, overwrite), &tell)
         }));
         let row = Row {
             seconds: start.elapsed().as_secs_f64(),
@@ -211,20 +227,17 @@ impl Row {
 fn one(
     path: &Path,
     task: &Task,
-    model: Option<&ModelFile>,
+    given: Given<'_>,
     (place, overwrite): (&Path, Overwrite),
     progress: Progress<'_>,
 ) -> Result<Row, PipelineError> {
     let bundle = Bundle::open(path)?;
     let inputs = Inputs::none().bundle(&bundle);
     match task {
-        Task::Diagnose(file) => {
-            let inputs = match file {
-                Some(file) => inputs.file(file, "the model that effects are added to"),
-                None => inputs,
-            };
+        Task::Diagnose { model, effects } => {
+            let inputs = inputs.beside(model.as_deref(), effects.as_deref());
             let files = ResultFiles::check(place, &inputs, overwrite)?;
-            let found = diagnose(&bundle, model, progress).map_err(|e| e.at(path))?;
+            let found = diagnose(&bundle, given, progress).map_err(|e| e.at(path))?;
             files.write(&found, &bundle)?;
             let Diagnosed { diagnosis, .. } = found;
             let is_usable = diagnosis.contradictions.is_empty();

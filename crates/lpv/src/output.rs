@@ -57,6 +57,21 @@ impl Inputs {
         self
     }
 
+    /// Adds what a diagnosis is given beside a bundle.
+    #[must_use]
+    pub fn beside(mut self, model: Option<&Path>, effects: Option<&Path>) -> Self {
+        let files = [
+            (model, "the model that effects are added to"),
+            (effects, "the file of effects"),
+        ];
+        for (file, role) in files {
+            if let Some(file) = file {
+                self.push(file, role);
+            }
+        }
+        self
+    }
+
     /// Adds the description and all records of a bundle.
     #[must_use]
     pub fn bundle(mut self, bundle: &Bundle) -> Self {

@@ -10,7 +10,7 @@ use super::work::{Seeded, logged, publish, work};
 use crate::{Blind, TaskError};
 use draw::{Drawn, Machine, RECORDS};
 use experiment_data::{Bundle, BundleWriter, Description, RecordFormat};
-use lpv::diagnose::{Diagnosis, diagnose};
+use lpv::diagnose::{Diagnosis, Given, diagnose};
 use lpv::silent;
 use lpv_core::{Purpose, Record, RecordKind, Signals};
 use serde::{Deserialize, Serialize};
@@ -204,7 +204,7 @@ fn solve(case: &Case, keep: Option<&Path>) -> Result<Outcome, TaskError> {
     };
     let bundle = write(&machine, hidden.as_ref(), &bundle)?;
     let start = Instant::now();
-    let found = diagnose(&bundle, None, &silent);
+    let found = diagnose(&bundle, Given::default(), &silent);
     let seconds = start.elapsed().as_secs_f64();
     let base = |drawn: &Drawn| {
         let axis = &drawn.axis;

@@ -21,6 +21,7 @@ mod memory;
 mod new;
 mod new_files;
 mod new_responses;
+mod own_effects;
 mod pages;
 mod plane;
 mod python;

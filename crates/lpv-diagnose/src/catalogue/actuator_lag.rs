@@ -19,9 +19,9 @@ const fn at(place: Place) -> Effect {
             scale: Scale::NotNegative,
         }],
         extends: None,
-        starts: |screen, _| vec![vec![1e-4 * screen.step()], vec![0.3 * screen.step()]],
+        starts: &|screen, _| vec![vec![1e-4 * screen.step()], vec![0.3 * screen.step()]],
         on_response: Some(Lines::short_times),
-        block: |v, machine, place| Box::new(Late(super::of_motors(machine, place, v[0]))),
+        block: &|v, machine, place| Box::new(Late(super::of_motors(machine, place, v[0]))),
     }
 }
 

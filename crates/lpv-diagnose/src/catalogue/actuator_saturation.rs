@@ -18,9 +18,9 @@ const fn at(place: Place) -> Effect {
             scale: Scale::NotNegative,
         }],
         extends: None,
-        starts: |_, _| vec![vec![0.0]],
+        starts: &|_, _| vec![vec![0.0]],
         on_response: None,
-        block: |v, machine, place| {
+        block: &|v, machine, place| {
             Box::new(Saturation {
                 root: v[0].sqrt(),
                 unit: super::motor_forces(machine, place.first(), 1.0),

@@ -13,13 +13,13 @@ pub(super) static EFFECT: Effect = Effect {
     meaning: "play between a motor and what its sensor reads, which friction holds while the play is crossed",
     parameters: const { &[parameter("gap", "y", Scale::Positive)] },
     extends: None,
-    starts: |screen, _| {
+    starts: &|screen, _| {
         /// Gaps over the travel.
         const PARTS: [f64; 2] = [3e-4, 1e-2];
         PARTS.map(|part| vec![part * screen.travel(0)]).to_vec()
     },
     on_response: None,
-    block: |v, _, _| Box::new(Play(v[0])),
+    block: &|v, _, _| Box::new(Play(v[0])),
 };
 
 /// Where the motor is within its play, from -1 to 1: `z' = 2 v / gap` between its ends, which it reaches in the manner of Bouc and Wen.

@@ -15,9 +15,9 @@ pub(super) static EFFECTS: [Effect; 3] = [
             parameter("left_cubic", "u/y^3", Scale::Linear),
             parameter("right_cubic", "u/y^3", Scale::Linear),
         ],
-        starts: |_, _| vec![vec![0.0; 4]],
+        starts: &|_, _| vec![vec![0.0; 4]],
         on_response: None,
-        block: |v, machine, _| {
+        block: &|v, machine, _| {
             let unit = super::motor_forces(machine, 0, 1.0);
             Box::new(Cable {
                 linear: [unit[0] * v[0], unit[1] * v[1]],
@@ -44,9 +44,9 @@ const fn at(place: Place) -> Effect {
             ]
         },
         extends: None,
-        starts: |_, _| vec![vec![0.0; 2]],
+        starts: &|_, _| vec![vec![0.0; 2]],
         on_response: None,
-        block: |v, machine, place| {
+        block: &|v, machine, place| {
             let unit = super::motor_forces(machine, place.first(), 1.0);
             Box::new(Cable {
                 linear: unit.map(|u| u * v[0]),

@@ -18,9 +18,9 @@ pub(super) static EFFECTS: [Effect; 5] = [
             parameter("right_cosine", "u", Scale::Linear),
             PITCH,
         ],
-        starts: |screen, _| waves(screen, 0, &[0, 1]),
+        starts: &|screen, _| waves(screen, 0, &[0, 1]),
         on_response: None,
-        block: |v, machine, _| {
+        block: &|v, machine, _| {
             let unit = super::motor_forces(machine, 0, 1.0);
             Box::new(Cogging {
                 sine: [unit[0] * v[0], unit[1] * v[2]],
@@ -56,9 +56,9 @@ const fn at(place: Place) -> Effect {
             ]
         },
         extends: None,
-        starts: |screen, place| waves(screen, place.first(), &[place.first()]),
+        starts: &|screen, place| waves(screen, place.first(), &[place.first()]),
         on_response: None,
-        block: |v, machine, place| {
+        block: &|v, machine, place| {
             let unit = super::motor_forces(machine, place.first(), 1.0);
             Box::new(Cogging {
                 sine: unit.map(|u| u * v[0]),
@@ -87,8 +87,8 @@ const fn two_waves(place: Place) -> Effect {
             name: NAME,
             starts: second_waves,
         }),
-        starts: |_, _| Vec::new(),
-        block: |v, machine, place| {
+        starts: &|_, _| Vec::new(),
+        block: &|v, machine, place| {
             let unit = super::motor_forces(machine, place.first(), 1.0);
             let wave = |sine: f64, cosine: f64, pitch: f64| Cogging {
                 sine: unit.map(|u| u * sine),

@@ -16,8 +16,8 @@ pub(super) static EFFECTS: [Effect; 4] = [
                 parameter("right_force", "u", Scale::Linear),
             ]
         },
-        starts: |_, _| vec![vec![0.0; 2]],
-        block: |v, machine, _| {
+        starts: &|_, _| vec![vec![0.0; 2]],
+        block: &|v, machine, _| {
             let unit = super::motor_forces(machine, 0, 1.0);
             Box::new(Constant([unit[0] * v[0], unit[1] * v[1]]))
         },
@@ -34,11 +34,11 @@ const fn at(place: Place) -> Effect {
         needs: Needs::OwnMotor(place.first()),
         meaning: "constant force on the motor, in every record",
         parameters: const { &[parameter("force", "u", Scale::Linear)] },
-        starts: |screen, _| match screen.base {
+        starts: &|screen, _| match screen.base {
             Base::Axis(_) => vec![],
             _ => vec![vec![0.0]],
         },
-        block: |v, machine, place| Box::new(Constant(super::motor_forces(machine, place.first(), v[0]))),
+        block: &|v, machine, place| Box::new(Constant(super::motor_forces(machine, place.first(), v[0]))),
         ..BEGINS
     }
 }
@@ -57,9 +57,9 @@ const BEGINS: Effect = Effect {
         ]
     },
     extends: None,
-    starts: |screen, _| since::begins(screen, |_, _, _| 1.0),
+    starts: &|screen, _| since::begins(screen, |_, _, _| 1.0),
     on_response: None,
-    block: |v, _, _| {
+    block: &|v, _, _| {
         Box::new(Begun {
             force: v[0],
             since: Since::new(v[1], v[2]),

@@ -30,9 +30,9 @@ const fn at(place: Place) -> Effect {
             },
         ],
         extends: None,
-        starts: |screen, place| vec![vec![0.0, screen.top_speed(place.first()) / 300.0]],
+        starts: &|screen, place| vec![vec![0.0, screen.top_speed(place.first()) / 300.0]],
         on_response: None,
-        block: |v, machine, place| {
+        block: &|v, machine, place| {
             Box::new(Coulomb {
                 force: super::motor_forces(machine, place.first(), v[0]),
                 creep: v[1],
@@ -61,9 +61,9 @@ const fn sticking(place: Place) -> Effect {
                 scale: Scale::Logarithmic,
             },
         ],
-        starts: |_, _| Vec::new(),
+        starts: &|_, _| Vec::new(),
         on_response: None,
-        block: |v, machine, place| {
+        block: &|v, machine, place| {
             super::hysteresis::builds_up(super::motor_forces(machine, place.first(), v[0]), v[1])
         },
         ..at(place)

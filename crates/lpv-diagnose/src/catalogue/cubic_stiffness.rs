@@ -16,9 +16,9 @@ pub(super) static EFFECTS: [Effect; 2] = [
             scale: Scale::Linear,
         }],
         extends: None,
-        starts: |_, _| vec![vec![0.0]],
+        starts: &|_, _| vec![vec![0.0]],
         on_response: None,
-        block: |v, _, _| Box::new(Cubic(v[0])),
+        block: &|v, _, _| Box::new(Cubic(v[0])),
     },
     Effect {
         name: "cubic-stiffness",
@@ -39,9 +39,9 @@ pub(super) static EFFECTS: [Effect; 2] = [
             },
         ],
         extends: None,
-        starts: |_, _| vec![vec![0.0; 2]],
+        starts: &|_, _| vec![vec![0.0; 2]],
         on_response: None,
-        block: |v, _, _| {
+        block: &|v, _, _| {
             Box::new(Spring {
                 square: v[0],
                 cube: v[1],

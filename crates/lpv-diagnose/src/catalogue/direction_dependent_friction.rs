@@ -18,9 +18,9 @@ const fn at(place: Place) -> Effect {
             scale: Scale::Linear,
         }],
         extends: None,
-        starts: |_, _| vec![vec![0.0]],
+        starts: &|_, _| vec![vec![0.0]],
         on_response: None,
-        block: |v, machine, place| Box::new(Directed(super::motor_forces(machine, place.first(), v[0]))),
+        block: &|v, machine, place| Box::new(Directed(super::motor_forces(machine, place.first(), v[0]))),
     }
 }
 

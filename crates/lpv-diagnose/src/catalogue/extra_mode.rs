@@ -48,14 +48,14 @@ const fn at(place: Place) -> Effect {
                 _ => Vec::new(),
             },
         }),
-        starts: |screen, _| {
+        starts: &|screen, _| {
             frequencies(screen, 2.0)
                 .into_iter()
                 .map(|f| vec![0.0, f, 0.02])
                 .collect()
         },
         on_response: Some(swinging_halves),
-        block: |v, _, place| {
+        block: &|v, _, place| {
             Box::new(Swing {
                 channel: place.first(),
                 mass: v[0],

@@ -30,9 +30,9 @@ pub(super) static EFFECT: Effect = Effect {
             times.into_iter().flat_map(of).collect()
         },
     }),
-    starts: |_, _| Vec::new(),
+    starts: &|_, _| Vec::new(),
     on_response: None,
-    block: |v, machine, place| {
+    block: &|v, machine, place| {
         let force = |input| super::motor_forces(machine, place.first(), input)[0];
         Box::new(Drifting {
             level: force(v[0]),

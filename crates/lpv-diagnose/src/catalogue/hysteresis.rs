@@ -33,12 +33,12 @@ const fn at(place: Place) -> Effect {
                     .to_vec()
             },
         }),
-        starts: |screen, place| {
+        starts: &|screen, place| {
             let travel = screen.travel(place.first());
             [0.002, 0.02, 0.1].map(|part| vec![0.0, part * travel]).to_vec()
         },
         on_response: None,
-        block: |v, machine, place| builds_up(super::motor_forces(machine, place.first(), v[0]), v[1]),
+        block: &|v, machine, place| builds_up(super::motor_forces(machine, place.first(), v[0]), v[1]),
     }
 }
 

@@ -14,12 +14,12 @@ pub(super) static EFFECT: Effect = Effect {
     meaning: "scale of the input that is so much larger in one record than in the others",
     parameters: const { &[parameter("gain", "", Scale::Linear), since::RECORD] },
     extends: None,
-    starts: |screen, _| {
+    starts: &|screen, _| {
         let single = since::single(screen).into_iter();
         single.map(|record| vec![0.0, record as f64]).collect()
     },
     on_response: None,
-    block: |v, _, _| {
+    block: &|v, _, _| {
         Box::new(Scaled {
             gain: v[0],
             since: since::Since::new(f64::NEG_INFINITY, v[1]),

@@ -22,9 +22,9 @@ pub(super) static EFFECT: Effect = Effect {
         // Of what an axis of its force at rest and its acceleration alone takes, friction takes a part.
         starts: |v, _, _| [0.9, 0.1].map(|part| vec![part * v[0], 1e-3, v[1]]).to_vec(),
     }),
-    starts: |_, _| Vec::new(),
+    starts: &|_, _| Vec::new(),
     on_response: None,
-    block: |v, machine, place| {
+    block: &|v, machine, place| {
         Box::new(Loaded {
             level: super::motor_forces(machine, place.first(), v[0])[0],
             coefficient: v[1],

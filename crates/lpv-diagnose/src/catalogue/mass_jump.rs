@@ -21,9 +21,9 @@ pub(super) static EFFECT: Effect = Effect {
         since::RECORD,
     ],
     extends: None,
-    starts: |screen, _| since::begins(screen, since::inertia),
+    starts: &|screen, _| since::begins(screen, since::inertia),
     on_response: None,
-    block: |v, _, _| more(v[0], Since::new(v[1], v[2])),
+    block: &|v, _, _| more(v[0], Since::new(v[1], v[2])),
 };
 
 /// Whether a mass of these values shows apart from one that is there all the time: the axis accelerates before it changes, and after.

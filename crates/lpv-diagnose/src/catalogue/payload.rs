@@ -25,9 +25,9 @@ const OF_A_TABLE: Effect = Effect {
         },
     ],
     extends: None,
-    starts: |_, _| vec![vec![0.0; 2]],
+    starts: &|_, _| vec![vec![0.0; 2]],
     on_response: None,
-    block: |v, _, _| {
+    block: &|v, _, _| {
         Box::new(Payload {
             mass: v[0],
             inertia: v[1],
@@ -47,11 +47,11 @@ const OF_A_RECORD: Effect = Effect {
         },
         since::RECORD,
     ],
-    starts: |screen, _| {
+    starts: &|screen, _| {
         let single = since::single(screen).into_iter();
         single.map(|record| vec![0.0, record as f64]).collect()
     },
-    block: |v, _, _| super::mass_jump::more(v[0], Since::new(f64::NEG_INFINITY, v[1])),
+    block: &|v, _, _| super::mass_jump::more(v[0], Since::new(f64::NEG_INFINITY, v[1])),
     ..OF_A_TABLE
 };
 

@@ -32,7 +32,7 @@ const fn at(place: Place) -> Effect {
             },
         ],
         extends: None,
-        starts: |screen, place| {
+        starts: &|screen, place| {
             let unit = super::motor_forces(screen.base, place.first(), 1.0);
             let width = 0.25 / screen.duration();
             let mut found = Vec::new();
@@ -52,7 +52,7 @@ const fn at(place: Place) -> Effect {
             found
         },
         on_response: None,
-        block: |v, machine, place| {
+        block: &|v, machine, place| {
             let unit = super::motor_forces(machine, place.first(), 1.0);
             Box::new(Periodic {
                 sine: unit.map(|f| f * v[0]),

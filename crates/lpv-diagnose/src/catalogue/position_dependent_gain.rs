@@ -25,9 +25,9 @@ const fn at(place: Place) -> Effect {
             },
         ],
         extends: None,
-        starts: |_, _| vec![vec![0.0; 2]],
+        starts: &|_, _| vec![vec![0.0; 2]],
         on_response: None,
-        block: |v, machine, place| {
+        block: &|v, machine, place| {
             Box::new(Gain {
                 slope: super::of_motors(machine, place, v[0]),
                 curvature: super::of_motors(machine, place, v[1]),

@@ -40,9 +40,9 @@ const fn at(place: Place) -> Effect {
             name: NAME,
             starts: |v, _, _| vec![vec![v[0], 0.0, 0.0]],
         }),
-        starts,
+        starts: &starts,
         on_response: None,
-        block: |v, machine, place| {
+        block: &|v, machine, place| {
             let unit = super::motor_forces(machine, place.first(), 1.0);
             Box::new(Smooth {
                 unit,
@@ -57,11 +57,11 @@ const fn straight(place: Place) -> Effect {
     Effect {
         parameters: const { &[parameter("slope", "u/y", Scale::Linear)] },
         extends: None,
-        starts: |screen, place| match starts(screen, place).is_empty() {
+        starts: &|screen, place| match starts(screen, place).is_empty() {
             true => Vec::new(),
             false => vec![vec![0.0]],
         },
-        block: |v, machine, place| {
+        block: &|v, machine, place| {
             let unit = super::motor_forces(machine, place.first(), 1.0);
             Box::new(Smooth {
                 unit,
@@ -102,8 +102,8 @@ const fn of_any_shape(place: Place) -> Effect {
             name: NAME,
             starts: shapes,
         }),
-        starts: |_, _| Vec::new(),
-        block: |v, machine, place| {
+        starts: &|_, _| Vec::new(),
+        block: &|v, machine, place| {
             let unit = super::motor_forces(machine, place.first(), 1.0);
             Box::new(Shape {
                 unit,

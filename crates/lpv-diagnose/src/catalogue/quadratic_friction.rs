@@ -15,9 +15,9 @@ pub(super) static EFFECT: Effect = Effect {
         scale: Scale::Linear,
     }],
     extends: None,
-    starts: |_, _| vec![vec![0.0]],
+    starts: &|_, _| vec![vec![0.0]],
     on_response: None,
-    block: |v, _, _| Box::new(Quadratic(v[0])),
+    block: &|v, _, _| Box::new(Quadratic(v[0])),
 };
 
 /// `-c v |v|`.

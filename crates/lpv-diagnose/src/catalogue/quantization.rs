@@ -23,9 +23,9 @@ pub(crate) static EFFECT: Effect = Effect {
     ],
     extends: None,
     // It is read off the values, not fitted.
-    starts: |_, _| Vec::new(),
+    starts: &|_, _| Vec::new(),
     on_response: None,
-    block: |_, _, _| Box::new(Steps),
+    block: &|_, _, _| Box::new(Steps),
 };
 
 /// In a simulation nothing: which way a reading is rounded depends on the noise. It adds to the noise of the sensors.

@@ -22,9 +22,9 @@ pub(super) static EFFECT: Effect = Effect {
         },
     ],
     extends: None,
-    starts: |_, _| vec![vec![0.0; 2]],
+    starts: &|_, _| vec![vec![0.0; 2]],
     on_response: None,
-    block: |v, _, _| {
+    block: &|v, _, _| {
         Box::new(Rate {
             force: v[0],
             torque: v[1],

@@ -22,7 +22,7 @@ pub(super) static EFFECT: Effect = Effect {
         },
     ],
     extends: None,
-    starts: |screen, _| {
+    starts: &|screen, _| {
         if screen.auxiliaries() > 0 {
             vec![vec![0.0; 2]]
         } else {
@@ -30,7 +30,7 @@ pub(super) static EFFECT: Effect = Effect {
         }
     },
     on_response: None,
-    block: |v, _, _| Box::new(Second([v[0], v[1]])),
+    block: &|v, _, _| Box::new(Second([v[0], v[1]])),
 };
 
 /// `k e (1 + c q)`, q the first further signal.

@@ -32,7 +32,7 @@ const fn at(place: Place) -> Effect {
             },
         ],
         extends: None,
-        starts: |screen, place| {
+        starts: &|screen, place| {
             let (shortest, travel) = screen.periods(place.first());
             super::pitches(screen, (travel, f64::max(1e-3 * travel, shortest)), |pitch| {
                 let waves = screen.waves(|track, k, _| {
@@ -47,7 +47,7 @@ const fn at(place: Place) -> Effect {
             .collect()
         },
         on_response: None,
-        block: |v, _, place| {
+        block: &|v, _, place| {
             Box::new(Cyclic {
                 channel: place.first(),
                 sine: v[0],

@@ -25,13 +25,13 @@ const fn at(place: Place) -> Effect {
             },
         ],
         extends: None,
-        starts: |screen, _| {
+        starts: &|screen, _| {
             [0.05, 0.2, 1.0]
                 .map(|part| vec![0.0, part * screen.duration()])
                 .to_vec()
         },
         on_response: None,
-        block: |v, _, place| {
+        block: &|v, _, place| {
             Box::new(Drift {
                 channel: place.first(),
                 drift: v[0],

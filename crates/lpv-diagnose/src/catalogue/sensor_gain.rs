@@ -20,7 +20,7 @@ const fn at(place: Place) -> Effect {
         }],
         extends: None,
         // A scale of the only sensor is one of mass and friction.
-        starts: |screen, _| {
+        starts: &|screen, _| {
             if screen.base.is_table() {
                 vec![vec![0.0]]
             } else {
@@ -34,7 +34,7 @@ const fn at(place: Place) -> Effect {
                 Vec::new()
             }
         }),
-        block: |v, _, place| {
+        block: &|v, _, place| {
             Box::new(Gain {
                 channel: place.first(),
                 gain: v[0],

@@ -17,13 +17,13 @@ pub(super) static EFFECT: Effect = Effect {
         ]
     },
     extends: None,
-    starts: |screen, _| {
+    starts: &|screen, _| {
         [0.1, 0.4, 2.0]
             .map(|part| vec![0.0, part * screen.duration()])
             .to_vec()
     },
     on_response: None,
-    block: |v, _, _| {
+    block: &|v, _, _| {
         Box::new(Softening {
             change: v[0],
             rate: v[1].recip(),

@@ -49,7 +49,7 @@ const fn at(place: Place) -> Effect {
                 creep.into_iter().flat_map(starts).collect()
             },
         }),
-        starts: |screen, place| {
+        starts: &|screen, place| {
             let top = screen.top_speed(place.first());
             vec![
                 vec![0.0, 0.0, top / 300.0, top / 10.0],
@@ -57,7 +57,7 @@ const fn at(place: Place) -> Effect {
             ]
         },
         on_response: None,
-        block: |v, machine, place| {
+        block: &|v, machine, place| {
             Box::new(Stribeck {
                 level: super::motor_forces(machine, place.first(), v[0]),
                 more: super::motor_forces(machine, place.first(), v[1]),

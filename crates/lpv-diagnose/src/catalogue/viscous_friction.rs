@@ -19,7 +19,7 @@ const fn at(place: Place) -> Effect {
         }],
         extends: None,
         // An axis has viscous friction of its own.
-        starts: |screen, _| {
+        starts: &|screen, _| {
             if !matches!(screen.base, Base::Axis(_)) {
                 vec![vec![0.0]]
             } else {
@@ -27,7 +27,7 @@ const fn at(place: Place) -> Effect {
             }
         },
         on_response: None,
-        block: |v, machine, place| Box::new(Viscous(super::motor_forces(machine, place.first(), v[0]))),
+        block: &|v, machine, place| Box::new(Viscous(super::motor_forces(machine, place.first(), v[0]))),
     }
 }
 

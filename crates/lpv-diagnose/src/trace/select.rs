@@ -35,7 +35,9 @@ pub(super) struct Selection {
 pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) -> Option<Selection> {
     let screen = bench.look(base, now)?;
     let taken = |e: &Effect| now.model.effects.iter().any(|(t, _)| t.is_called(e));
-    let mut found: Vec<Candidate> = catalogue::all()
+    let own = bench.case.own.iter().copied();
+    let mut found: Vec<Candidate> = own
+        .chain(catalogue::all())
         .filter(|e| e.suits(base) && !taken(e) && bench.aim.admits(e))
         .flat_map(|e| (e.starts)(&screen, e.place).into_iter().map(move |v| (e, v)))
         .collect::<Vec<_>>()

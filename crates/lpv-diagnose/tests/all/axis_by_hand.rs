@@ -2,6 +2,7 @@
 //! parts of a sample do not integrate it.
 
 use lpv_core::{Controller, Purpose, Record, RecordKind, Signals};
+use lpv_diagnose::effect::Effect;
 use lpv_diagnose::{Axis, Base, Case, Trace, Track, Verdict, trace};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -45,7 +46,7 @@ fn record(name: &str, rate: f64, controller: &Controller, force: impl Fn(f64, f6
 }
 
 /// A proportional and differential controller, this much in the unit of its first gain.
-fn controller(gain: f64) -> Controller {
+pub(super) fn controller(gain: f64) -> Controller {
     let numerator = || vec![vec![3000.0 * gain, -2900.0 * gain]];
     Controller {
         reference_numerator: numerator(),
@@ -57,6 +58,16 @@ fn controller(gain: f64) -> Controller {
 
 /// What is found from three records of an axis with this force, where the model has no force but this damping.
 fn find(controller: &Controller, damping: f64, force: impl Fn(f64, f64) -> f64) -> Trace {
+    find_beside(controller, damping, &[], force)
+}
+
+/// The same beside effects of a user.
+pub(super) fn find_beside(
+    controller: &Controller,
+    damping: f64,
+    own: &[&'static Effect],
+    force: impl Fn(f64, f64) -> f64,
+) -> Trace {
     let record = |name: &str, rate: f64| record(name, rate, controller, &force);
     trace(&Case {
         base: &Base::Axis(Axis::new(10.0, damping, 0.0)),
@@ -66,6 +77,7 @@ fn find(controller: &Controller, damping: f64, force: impl Fn(f64, f64) -> f64) 
         noise: [NOISE, 0.0],
         fitted: &[record("slow", 0.7), record("faster", 1.9)],
         judged: &[record("between", 1.3)],
+        own,
         seeks_load: false,
         on_fit: &|_, _| {},
     })

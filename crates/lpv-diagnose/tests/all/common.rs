@@ -56,6 +56,7 @@ impl Held {
         trace(&Case {
             fitted: &fitted,
             judged: &judged,
+            own: &[],
             seeks_load,
             ..self.case(&self.observer, step)
         })
@@ -81,6 +82,7 @@ impl Held {
             noise: [step / 12_f64.sqrt(), 0.0],
             fitted: &[],
             judged: &[],
+            own: &[],
             seeks_load: false,
             on_fit: &|_, _| {},
         }

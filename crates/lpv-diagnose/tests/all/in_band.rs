@@ -86,6 +86,7 @@ fn find(
         noise: [1e-5 * reach / 12_f64.sqrt(), 0.0],
         fitted: &fitted,
         judged: &judged,
+        own: &[],
         seeks_load: false,
         on_fit: &|_, _| {},
     };

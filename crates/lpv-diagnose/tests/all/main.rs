@@ -11,4 +11,5 @@ mod in_band;
 mod motor_and_load;
 mod slower;
 mod two_axes_by_hand;
+mod user_effects;
 mod workshop;

@@ -116,6 +116,7 @@ fn find(wrong: &Wrong) -> Trace {
         noise: [NOISE; 2],
         fitted: &[record("slow", 0.7, wrong), record("faster", 1.9, wrong)],
         judged: &[record("between", 1.3, wrong)],
+        own: &[],
         seeks_load: false,
         on_fit: &|_, _| {},
     })

@@ -27,6 +27,7 @@ from ._lpvident import template as settings_template
 from .accounts import Diagnosis, Inspection, Run, Validation
 from .bundle import Bundle, Record
 from .commands import diagnose, fit_frf, identify, inspect, simulate_machine, validate
+from .effects import Effect, Parameter, State, read_effects
 from .errors import (
     BundleError,
     ContradictionError,
@@ -50,6 +51,7 @@ __all__ = [
     "ContradictionError",
     "DiagnoseError",
     "Diagnosis",
+    "Effect",
     "Frf",
     "FrozenDeviation",
     "IdentifyError",
@@ -59,10 +61,12 @@ __all__ = [
     "MachineError",
     "Model",
     "ModelError",
+    "Parameter",
     "Record",
     "Responses",
     "Run",
     "SettingError",
+    "State",
     "StateSpace",
     "Validation",
     "WriteError",
@@ -73,6 +77,7 @@ __all__ = [
     "inspect",
     "load",
     "machine_template",
+    "read_effects",
     "settings_template",
     "simulate_machine",
     "validate",

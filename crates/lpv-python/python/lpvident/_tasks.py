@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from .bundle import Bundle
 from .commands import diagnose, fit_frf, identify
+from .effects import Effects
 from .errors import LpvError
 from .model import Model
 from .responses import Frf, Responses
@@ -69,10 +70,10 @@ def _portable(problem: Exception) -> Exception:
     return problem.with_traceback(None)
 
 
-def diagnose_one(item: tuple[str, str | None], *, model: Model | str | None) -> dict[str, Any]:
+def diagnose_one(item: tuple[str, str | None], *, model: Model | str | None, effects: Effects | None) -> dict[str, Any]:
     path, results = item
     known = Model.load(model) if isinstance(model, str) else model
-    found = diagnose(path, known, progress=heed)
+    found = diagnose(path, known, effects=effects, progress=heed)
     if results is not None:
         found.save(results)
     worth = "contradictory-data" if found.data.get("contradictions") else str(found.data["verdict"])

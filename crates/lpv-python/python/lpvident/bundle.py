@@ -27,6 +27,8 @@ from .responses import Responses
 if TYPE_CHECKING:
     import pandas
 
+    from .effects import Effects
+
 #: Roles of channels, with the names of their columns, in arrays and in a description.
 _ROLES = {"y": "output", "u": "input", "r": "reference", "p": "scheduling", "aux": "auxiliary"}
 
@@ -261,11 +263,13 @@ class Bundle:
 
         return identify(self, **settings)
 
-    def diagnose(self, model: Model | None = None, *, progress: Progress = None) -> Diagnosis:
+    def diagnose(
+        self, model: Model | None = None, *, effects: Effects | None = None, progress: Progress = None
+    ) -> Diagnosis:
         """What a model lacks: `lpvident.diagnose` with this bundle."""
         from .commands import diagnose
 
-        return diagnose(self, model, progress=progress)
+        return diagnose(self, model, effects=effects, progress=progress)
 
     def __repr__(self) -> str:
         records = f"{len(self)} record" + ("" if len(self) == 1 else "s")

@@ -13,6 +13,7 @@ from . import _lpvident
 from ._ask import Progress, as_json, as_settings, listener, with_dashes
 from .accounts import Diagnosis, Inspection, Validation
 from .bundle import Bundle
+from .effects import Effects, as_effects
 from .errors import ModelError
 from .model import Model
 from .responses import Frf, Responses
@@ -159,16 +160,26 @@ def validate(
     return Validation(json_text, text, runs)
 
 
-def diagnose(bundle: Source, model: Model | str | os.PathLike[str] | None = None, *, progress: Progress = None) -> Diagnosis:
+def diagnose(
+    bundle: Source,
+    model: Model | str | os.PathLike[str] | None = None,
+    *,
+    effects: Effects | None = None,
+    progress: Progress = None,
+) -> Diagnosis:
     """Finds the effects that a model lacks on the moves of a bundle, fits them and judges them on held-out moves.
 
     Args:
         model: the model that effects are added to, or its file; without it one from the bundle: an xy-table where there is its [geometry], a
             small LFR where p is scheduled, else a servo axis.
+        effects: effects of your own beside those of the catalogue, or the TOML file of some.
+
+    Raises:
+        SettingError, DiagnoseError: for an effect of your own with what is wrong with it.
     """
     opened, known = _open(bundle), None if model is None else _model(model)
     with listener(progress) as tell:
-        return Diagnosis(_lpvident.diagnose(opened._native, None if known is None else known._native, tell))
+        return Diagnosis(_lpvident.diagnose(opened._native, None if known is None else known._native, as_effects(effects), tell))
 
 
 def simulate_machine(

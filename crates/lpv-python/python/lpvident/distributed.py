@@ -35,6 +35,7 @@ from ._ask import Progress, listener
 from ._tasks import Outcome, heed
 from .bundle import Bundle
 from .commands import Source
+from .effects import Effects, read_effects
 from .model import Model
 from .responses import Responses
 
@@ -97,6 +98,7 @@ def diagnose_many(
     bundles: Iterable[Source],
     *,
     model: Model | str | os.PathLike[str] | None = None,
+    effects: Effects | None = None,
     folder: str | os.PathLike[str] | None = None,
     client: Client | None = None,
     progress: Progress = None,
@@ -106,13 +108,16 @@ def diagnose_many(
     Args:
         bundles: folders that the workers can read.
         model: the model that effects are added to, for all of them, or a file that the workers can read; made from each bundle without.
+        effects: as in `lpvident.diagnose`; a file is read here.
         folder: where the workers write diagnosis.json, diagnosis.html and model.json, one folder a bundle, named by its number and name;
             without it they write nothing.
         client: a client of Dask; without it the current one, else a cluster of the cores of this machine for this call.
         progress: called with ("bundles", bundles done, bundles in all); True for a bar of tqdm.
     """
     paths = [_Place(source) for source in bundles]
-    task = functools.partial(_tasks.diagnose_one, model=model if isinstance(model, Model) else _absolute(model))
+    known = model if isinstance(model, Model) else _absolute(model)
+    own = read_effects(effects) if isinstance(effects, (str, os.PathLike)) else effects
+    task = functools.partial(_tasks.diagnose_one, model=known, effects=own)
     return _rows(task, [(p.path, _results(folder, i, p.path)) for i, p in enumerate(paths)], paths, client, progress, "bundles")
 
 

@@ -5,7 +5,8 @@ use super::found::names;
 use super::places::record_names;
 use super::words::contradicted;
 use super::{
-    AxisErrors, Diagnosed, Diagnosis, Errors, Evidence, Explanation, FoundEffect, LeftTests, PlaceName, Value,
+    AxisErrors, Diagnosed, Diagnosis, Errors, Evidence, Explanation, FoundEffect, Given, LeftTests,
+    PlaceName, Value,
 };
 use crate::PipelineError;
 use crate::progress::Progress;
@@ -17,7 +18,11 @@ use lpv_diagnose::{AxisChannels, axes, skew};
 use std::collections::BTreeMap;
 
 /// The axes of a bundle, one after the other.
-pub(super) fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagnosed, PipelineError> {
+pub(super) fn diagnose(
+    bundle: &Bundle,
+    given: Given<'_>,
+    progress: Progress<'_>,
+) -> Result<Diagnosed, PipelineError> {
     let clock = bundle.clock()?;
     let description = bundle.description();
     let records = load_records(bundle, |i| description.records[i].is_transient(), progress)?;
@@ -25,7 +30,7 @@ pub(super) fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagno
     let mut all = Vec::new();
     for axis in &found {
         let one = bundle.of_channels(&[axis.output], &[axis.input]);
-        all.push(super::of_axis(&one, None, progress)?);
+        all.push(super::of_axis(&one, given, progress)?);
     }
     let (judged, fitted): (Vec<Record>, Vec<Record>) = records
         .into_iter()
@@ -129,6 +134,7 @@ fn named(bundle: &Bundle, axis: &AxisChannels, other: usize, found: lpv_diagnose
         class: Vec::new(),
         caveats: Vec::new(),
         would_tell: None,
+        definition: None,
         place: Some(PlaceName {
             kind: "output".to_owned(),
             index: late,

@@ -2,7 +2,7 @@
 
 use super::base::{axis_of, lpv};
 use super::places::{base_parameters, channel};
-use super::{FoundEffect, Value};
+use super::{FoundEffect, Value, user};
 use crate::PipelineError;
 use experiment_data::Bundle;
 use lpv_core::Model;
@@ -106,7 +106,10 @@ impl Explanation {
             .effects
             .iter()
             .map(|found| {
-                let mut places = catalogue::all().filter(|e| is_of(e, found)).peekable();
+                let own = found.definition.iter().map(|own| user::placed(std::slice::from_ref(own), bundle));
+                let own = own.collect::<Result<Vec<_>, _>>()?.concat();
+                let known = catalogue::all().filter(|e| is_of(e, found));
+                let mut places = own.into_iter().chain(known).peekable();
                 places.peek().ok_or(PipelineError::Structure {
                     problem: "the model has an effect that the catalogue of this version does not know; diagnose the bundle again",
                 })?;

@@ -7,7 +7,7 @@ use super::value::Value;
 use crate::verdict::number;
 use experiment_data::Bundle;
 use lpv_diagnose::effect::EffectParameter;
-use lpv_diagnose::{Added, Trace, Track};
+use lpv_diagnose::{Added, Trace, Track, UserEffect};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -54,6 +54,10 @@ pub struct FoundEffect {
     /// What would tell the effects of the class apart; in format 2.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub would_tell: Option<String>,
+    /// What it is, where a user wrote it down.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<serde_json::Value>")]
+    pub definition: Option<UserEffect>,
 }
 
 impl FoundEffect {
@@ -90,6 +94,7 @@ impl FoundEffect {
             would_tell: (!class.is_empty()).then(|| doubt::experiment(a.effect).to_owned()),
             class,
             caveats: doubt::caveats(a, judged),
+            definition: UserEffect::behind(a.effect),
         }
     }
 
@@ -104,7 +109,12 @@ impl FoundEffect {
     /// Its name, its place and its size, as the first line tells them.
     fn in_short(&self, records: &[String]) -> String {
         let value = |name: &str| self.parameters.get(name);
+        let own = |value: &BTreeMap<String, Value>| {
+            let one = |(name, v): (&String, &Value)| format!("{name} {}", v.in_short());
+            value.iter().map(one).collect::<Vec<_>>().join(", ")
+        };
         let size = match (value("sine"), value("cosine"), self.parameters.len()) {
+            _ if self.definition.is_some() => Some(own(&self.parameters)),
             (Some(sine), Some(cosine), _) => Some(format!(
                 "{} {}",
                 number(sine.value.hypot(cosine.value)),

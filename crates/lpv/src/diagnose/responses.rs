@@ -201,6 +201,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
                 class: Vec::new(),
                 caveats: Vec::new(),
                 would_tell: None,
+                definition: None,
                 place: None,
             })
         })

@@ -63,8 +63,14 @@ pub(super) fn fingerprint(path: &Path, task: &Task) -> Result<String, PipelineEr
     print.text(env!("CARGO_PKG_VERSION"));
     print.text(task.name());
     match task {
-        Task::Diagnose(None) => {}
-        Task::Diagnose(Some(model)) => take(&mut print, model)?,
+        Task::Diagnose { model, effects } => {
+            for (what, file) in [("model", model), ("effects", effects)] {
+                if let Some(file) = file {
+                    print.text(what);
+                    take(&mut print, file)?;
+                }
+            }
+        }
         Task::Identify(config) => print.text(&serde_json::to_string(config)?),
     }
     let bundle = Bundle::open(path)?;

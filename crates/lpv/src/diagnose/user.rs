@@ -1,0 +1,81 @@
+//! Effects of a user's own file.
+
+use crate::PipelineError;
+use crate::settings_file::{nearest_name, read_settings};
+use experiment_data::Bundle;
+use lpv_diagnose::effect::Effect;
+use lpv_diagnose::{TraceError, UserEffect};
+use serde::Deserialize;
+use std::path::Path;
+
+/// What a file of effects holds.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Effects {
+    effect: Vec<UserEffect>,
+}
+
+/// Reads a TOML file with one table `[[effect]]` for each effect.
+///
+/// # Errors
+/// [`PipelineError::Config`] with file, line and column.
+pub fn read_effects(file: &Path) -> Result<Vec<UserEffect>, PipelineError> {
+    Ok(read_settings::<Effects>(file)?.effect)
+}
+
+fn wrong(effect: &UserEffect, problem: String) -> PipelineError {
+    let name = effect.name.clone();
+    TraceError::UserEffect { name, problem }.into()
+}
+
+/// Whether a bundle can have these effects.
+///
+/// # Errors
+/// Two of one name, a channel that is not there, a wrong formula or parameter.
+pub(super) fn check(effects: &[UserEffect], bundle: &Bundle) -> Result<(), PipelineError> {
+    for (i, effect) in effects.iter().enumerate() {
+        if effects[..i].iter().any(|e| e.name == effect.name) {
+            return Err(wrong(effect, "there are two of this name".to_owned()));
+        }
+        let (what, columns) = channels(effect, bundle);
+        if let Some(name) = &effect.channel
+            && !columns.contains(name)
+        {
+            let nearest = nearest_name(name, columns.iter().map(String::as_str));
+            let nearest = nearest.map_or(String::new(), |n| format!("; nearest: `{n}`"));
+            let known = columns.join(", ");
+            let problem = format!("the bundle has no {what} `{name}`; it has {known}{nearest}");
+            return Err(wrong(effect, problem));
+        }
+        at(effect, 0, bundle)?;
+    }
+    Ok(())
+}
+
+/// The effects at the channels of a bundle; those that act at a channel that it does not have are left out.
+pub(super) fn placed(effects: &[UserEffect], bundle: &Bundle) -> Result<Vec<&'static Effect>, PipelineError> {
+    let mut all = Vec::new();
+    for effect in effects {
+        let (_, columns) = channels(effect, bundle);
+        for (i, name) in columns.iter().enumerate() {
+            if effect.channel.as_ref().is_none_or(|c| c == name) {
+                all.push(at(effect, i, bundle)?);
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// The channels that an effect may act at, and what they are.
+fn channels<'a>(effect: &UserEffect, bundle: &'a Bundle) -> (&'static str, &'a [String]) {
+    let channels = &bundle.description().channels;
+    match effect.is_of_sensor() {
+        true => ("output", &channels.output.columns),
+        false => ("input", &channels.input.columns),
+    }
+}
+
+fn at(effect: &UserEffect, channel: usize, bundle: &Bundle) -> Result<&'static Effect, PipelineError> {
+    let auxiliary = &bundle.description().channels.auxiliary.columns;
+    Ok(effect.at(channel, auxiliary)?)
+}

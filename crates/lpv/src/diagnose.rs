@@ -286,20 +286,9 @@ fn of_moves(
         judged: &judged,
         ..case
     })?;
-    // Where a record begins, and what is noise, is told by the model that was found.
-    if is_observed && found.verdict != Verdict::NothingMissing {
-        [fitted, judged] = told
-            .each_ref()
-            .map(|t| observer::settled(&found.model, &start, t));
-        let seen = roughness(&found.model, &start, &fitted);
-        noise = std::array::from_fn(|i| noise[i].min(seen[i]));
-        found = trace(&Case {
-            noise,
-            fitted: &fitted,
-            judged: &judged,
-            seeks_load: found.rigid.is_some(),
-            ..case
-        })?;
+    if is_observed && let Some(settled) = beginnings::by_the_model(&Case { noise, ..case }, &found, &told)? {
+        ([fitted, judged], found) = (settled.begun.tracks, settled.begun.found);
+        noise = settled.noise;
     }
     let case = Case {
         noise,

@@ -2,9 +2,10 @@
 //! beginning that was told by a model without these is wrong by something that dies out, as such a drift does; or a mass that comes soon
 //! after the start of one record, where it may have been there.
 
+use super::noise::roughness;
 use crate::PipelineError;
 use lpv_diagnose::catalogue::from_the_start;
-use lpv_diagnose::{Case, Explained, Trace, Track, observer, trace};
+use lpv_diagnose::{Case, Explained, Trace, Track, Verdict, observer, trace};
 
 const DRIFT: &str = "sensor-drift";
 
@@ -13,6 +14,51 @@ pub(super) struct Begun {
     pub(super) found: Trace,
     /// Fitted and judged records.
     pub(super) tracks: [Vec<Track>; 2],
+}
+
+/// What is found where the model tells the beginnings, with the noise that it sees.
+pub(super) struct Settled {
+    pub(super) begun: Begun,
+    pub(super) noise: [f64; 2],
+}
+
+/// Where a record begins, and what is noise, is told by the model that was found, the better the more it explains: from there is looked again, and
+/// once more as long as a look leaves at most half of what the one before left. None where nothing is missing.
+pub(super) fn by_the_model(
+    case: &Case<'_>,
+    found: &Trace,
+    told: &[Vec<Track>; 2],
+) -> Result<Option<Settled>, PipelineError> {
+    const MOST_LOOKS: usize = 5;
+    const LESS: f64 = 0.5;
+    let mut last: Option<Settled> = None;
+    for _ in 0..MOST_LOOKS {
+        let now = last.as_ref().map_or(found, |l| &l.begun.found);
+        if now.verdict == Verdict::NothingMissing {
+            break;
+        }
+        let before = now.after.cost;
+        let tracks = told
+            .each_ref()
+            .map(|t| observer::settled(&now.model, case.controller, t));
+        let seen = roughness(&now.model, case.controller, &tracks[0]);
+        let known = last.as_ref().map_or(case.noise, |l| l.noise);
+        let noise = std::array::from_fn(|i| known[i].min(seen[i]));
+        let next = trace(&Case {
+            noise,
+            fitted: &tracks[0],
+            judged: &tracks[1],
+            seeks_load: now.rigid.is_some(),
+            ..*case
+        })?;
+        let is_less = next.after.cost <= LESS * before;
+        let begun = Begun { found: next, tracks };
+        last = Some(Settled { begun, noise });
+        if !is_less {
+            break;
+        }
+    }
+    Ok(last)
 }
 
 /// What is found from the beginnings that a model without such an effect tells; none where it does not do without it.

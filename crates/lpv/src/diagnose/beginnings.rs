@@ -1,6 +1,6 @@
 //! Where records begin, if an effect is found that lives off a wrong beginning: a drift of the sensor beside other effects, since a
-//! beginning that was told by a model without these is wrong by something that dies out, as such a drift does; or a mass that comes soon
-//! after the start of one record, where it may have been there.
+//! beginning that was told by a model without these is wrong by something that dies out, as such a drift does; a mass that comes soon
+//! after the start of one record, where it may have been there; or a small effect beside large ones, of records that are explained.
 
 use super::noise::roughness;
 use crate::PipelineError;
@@ -67,7 +67,9 @@ pub(super) fn look(
     found: &Trace,
     told: &[Vec<Track>; 2],
 ) -> Result<Option<Begun>, PipelineError> {
-    let Some((model, doubtful)) = without_drift(&found.model).or_else(|| loaded_from_the_start(&found.model))
+    let Some((model, doubtful)) = without_drift(&found.model)
+        .or_else(|| loaded_from_the_start(&found.model))
+        .or_else(|| without_the_least(found))
     else {
         return Ok(None);
     };
@@ -97,6 +99,21 @@ fn without_drift(model: &Explained) -> Option<(Explained, &'static str)> {
     let mut model = model.clone();
     model.effects.retain(|(e, _)| !is_drift(e.name));
     Some((model, DRIFT))
+}
+
+/// A model without the effect that brought the least, where that is little and the others explain the records with it.
+fn without_the_least(found: &Trace) -> Option<(Explained, &'static str)> {
+    /// Decibels of the squared error.
+    const LITTLE: f64 = 6.0;
+    let counts = |name: &str| name != "quantization";
+    let counted = || found.added.iter().filter(|a| counts(a.effect.name));
+    let least = counted().min_by(|a, b| a.gain_db.total_cmp(&b.gain_db))?;
+    if found.verdict != Verdict::Explained || counted().count() < 2 || least.gain_db > LITTLE {
+        return None;
+    }
+    let mut model = found.model.clone();
+    model.effects.retain(|(e, _)| !e.is_called(least.effect));
+    Some((model, least.effect.name))
 }
 
 /// A model with a mass from the start of a record on, where it has one that comes later.

@@ -32,12 +32,21 @@ def axis(force: Callable[[float, float, float], float], *, samples: int = 2000) 
         y, u = np.empty(samples), np.empty(samples)
         for k in range(samples):
             t, slow = k * STEP, 0.41 + 0.06 * seed
-            error = 0.09 * (math.sin(math.tau * slow * t) + 0.3 * math.sin(math.tau * 1.7 * slow * t)) - x - noise[k]
+            # From rest.
+            begun = 1.0 - math.exp(-((t / 0.4) ** 2))
+            error = 0.09 * begun * (math.sin(math.tau * slow * t) + 0.3 * math.sin(math.tau * 1.7 * slow * t)) - x - noise[k]
             y[k], u[k] = x + noise[k], 2.0 * (900.0 * error + 42.0 * (error - last) / STEP)
             last = error
+            h = STEP / 25
             for part in range(25):
-                v += STEP / 25 * (u[k] + force(x, v, temperature(t + part * STEP / 25, seed)) - 3.0 * v) / 2.0
-                x += STEP / 25 * v
+                # By the rule of the middle: the error of a plain step is a time that the readings would tell.
+                def rate(x: float, v: float, t: float) -> float:
+                    return (u[k] + force(x, v, temperature(t, seed)) - 3.0 * v) / 2.0
+
+                now = t + part * h
+                middle = v + 0.5 * h * rate(x, v, now)
+                v += h * rate(x + 0.5 * h * v, middle, now + 0.5 * h)
+                x += h * middle
         records.append({"y": y, "u": u, "aux": warm, "use": "estimation" if seed == 1 else "validation"})
     return lpvident.Bundle.from_arrays(records, sample_rate=1 / STEP, units={"y1": "m", "u1": "N", "aux1": "K"})
 

@@ -104,6 +104,11 @@ pub fn diagnose(
     progress: Progress<'_>,
 ) -> Result<Diagnosed, PipelineError> {
     user::check(given.effects, bundle)?;
+    let of_model = user::of_model(given);
+    let given = Given {
+        effects: &of_model,
+        ..given
+    };
     if let (None, Some((positions, reason))) = (given.model, positions_alone(bundle)) {
         let mut found = diagnose(&positions, given, progress)?;
         found.diagnosis.reasons.insert(0, reason);

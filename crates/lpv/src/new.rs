@@ -190,7 +190,9 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
         });
     }
     let (files, paths) = given::files(files, &known.validation)?;
-    if let Some(draft) = response::draft(&files, &paths, known)? {
+    // Who gives roles has samples.
+    let has_roles = !(known.output.is_empty() && known.input.is_empty());
+    if !has_roles && let Some(draft) = response::draft(&files, &paths, known)? {
         return Ok(draft);
     }
     let folder =
@@ -212,7 +214,7 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
             "the files have no column in common; make one bundle for each kind of file".to_owned(),
         ));
     }
-    if roles::is_response(&common) {
+    if !has_roles && response::is_response(&common, |name| see::unit_of(&seen, name)) {
         return response::of_tables(&seen, &common)?.drafted(&files, &paths, known);
     }
     guesses.extend(see::passed_over(&seen, &common));

@@ -127,8 +127,10 @@ impl File<'_> {
             }
             .into());
         }
-        let in_turns =
-            !self.has(self.asked.entry.source_of(FREQUENCY)) && self.has(self.asked.entry.source_of(OMEGA));
+        // What the description says goes before what a name says.
+        let says = |name: &str| self.asked.entry.columns.contains_key(name);
+        let has = |name: &str| self.has(self.asked.entry.source_of(name));
+        let in_turns = says(OMEGA) || !says(FREQUENCY) && !has(FREQUENCY) && has(OMEGA);
         let at = if in_turns { OMEGA } else { FREQUENCY };
         let frequency = self.needed(at, self.asked.entry.source_of(at))?;
         let lines = frequency.re.len();

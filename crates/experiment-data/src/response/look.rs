@@ -61,6 +61,11 @@ pub fn response_arrays(path: &Path) -> Result<Option<ResponseArrays>, RecordErro
     }
     let values = numbers_of(path, format, at)?;
     let lines = values.re.len() as u64;
+    // Signals beside it are samples, and the response is a result of them.
+    let signals = contents.columns.iter().filter(|c| c.rows > 1 && c.rows != lines);
+    if signals.count() > 1 {
+        return Ok(None);
+    }
     let grow = values.re.windows(2).all(|w| w[0] < w[1]);
     if lines < 2 || !grow || values.im.is_some() {
         return Ok(None);

@@ -34,7 +34,11 @@ pub(super) fn read(asked: &Asked<'_>) -> Result<Raw, RecordError> {
         }),
     };
     let (one, other) = polar.unwrap_or((RE, IM));
-    let at = match !there(&FREQUENCY.to_owned()) && there(&OMEGA.to_owned()) {
+    // What the description says goes before what a name says.
+    let says = |name: &str| asked.entry.columns.contains_key(name);
+    let in_turns =
+        says(OMEGA) || !says(FREQUENCY) && !there(&FREQUENCY.to_owned()) && there(&OMEGA.to_owned());
+    let at = match in_turns {
         true => OMEGA,
         false => FREQUENCY,
     };

@@ -23,7 +23,9 @@ fn record(seed: u64) -> String {
     for (k, noise) in noise.iter().enumerate() {
         let t = k as f64 * STEP;
         let slow = 0.31 + 0.06 * seed as f64;
-        let aim = 0.09 * ((TAU * slow * t).sin() + 0.3 * (TAU * 1.7 * slow * t).sin());
+        // From rest.
+        let begun = 1.0 - (-(t / 0.4).powi(2)).exp();
+        let aim = 0.09 * begun * ((TAU * slow * t).sin() + 0.3 * (TAU * 1.7 * slow * t).sin());
         let read = x + noise;
         let error = aim - read;
         let force = 2.0 * (900.0 * error + 42.0 * (error - last) / STEP);
@@ -31,9 +33,15 @@ fn record(seed: u64) -> String {
         y.push(read);
         u.push(force);
         for _ in 0..PARTS {
-            let push = TRUTH[0].1 * (-((x - TRUTH[1].1) / TRUTH[2].1).powi(2)).exp();
-            v += STEP / PARTS as f64 * (force - push - 3.0 * v) / 2.0;
-            x += STEP / PARTS as f64 * v;
+            // By the rule of the middle: the error of a plain step is a time that the readings would tell.
+            let h = STEP / PARTS as f64;
+            let rate = |x: f64, v: f64| {
+                let push = TRUTH[0].1 * (-((x - TRUTH[1].1) / TRUTH[2].1).powi(2)).exp();
+                (force - push - 3.0 * v) / 2.0
+            };
+            let middle = v + 0.5 * h * rate(x, v);
+            v += h * rate(x + 0.5 * h * v, middle);
+            x += h * middle;
         }
     }
     csv(&[("y", &y), ("u", &u)])

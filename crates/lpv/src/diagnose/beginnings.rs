@@ -101,10 +101,10 @@ fn without_drift(model: &Explained) -> Option<(Explained, &'static str)> {
     Some((model, DRIFT))
 }
 
-/// A model without the effect that brought the least, where that is little and the others explain the records with it.
+/// A model without the effect that brought the least, where that is much less than all, and the others explain the records with it.
 fn without_the_least(found: &Trace) -> Option<(Explained, &'static str)> {
     /// Decibels of the squared error.
-    const LITTLE: f64 = 6.0;
+    const LITTLE: f64 = 20.0;
     let counts = |name: &str| name != "quantization";
     let counted = || found.added.iter().filter(|a| counts(a.effect.name));
     let least = counted().min_by(|a, b| a.gain_db.total_cmp(&b.gain_db))?;

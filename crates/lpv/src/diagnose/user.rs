@@ -1,5 +1,6 @@
 //! Effects of a user's own file.
 
+use super::Given;
 use crate::PipelineError;
 use crate::settings_file::{nearest_name, read_settings};
 use experiment_data::Bundle;
@@ -26,6 +27,19 @@ pub fn read_effects(file: &Path) -> Result<Vec<UserEffect>, PipelineError> {
 fn wrong(effect: &UserEffect, problem: String) -> PipelineError {
     let name = effect.name.clone();
     TraceError::UserEffect { name, problem }.into()
+}
+
+/// The given effects, and those that the model has the definitions of.
+pub(super) fn of_model(given: Given<'_>) -> Vec<UserEffect> {
+    let mut all = given.effects.to_vec();
+    let explanation = given.model.and_then(|m| m.explanation.as_ref());
+    let known = explanation.into_iter().flat_map(|e| &e.effects);
+    for own in known.filter_map(|e| e.definition.as_ref()) {
+        if !all.iter().any(|e| e.name == own.name) {
+            all.push(own.clone());
+        }
+    }
+    all
 }
 
 /// Whether a bundle can have these effects.

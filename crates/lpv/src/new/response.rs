@@ -11,7 +11,7 @@ use crate::responses::BELOW_RATE;
 use experiment_data::ResponseQuantity;
 use std::fmt::Write as _;
 use std::path::PathBuf;
-pub(super) use table::of_tables;
+pub(super) use table::{is_response, of_tables};
 
 /// What files that each hold the responses of the same outputs to the same inputs tell.
 #[derive(Debug, Default)]
@@ -72,9 +72,21 @@ impl Found {
         );
         for (role, names) in [("output", &self.outputs), ("input", &self.inputs)] {
             let _ = writeln!(text, "\n[channels.{role}]\ncolumns = {}", list(names));
-            if let Some((output, input)) = &self.units {
-                let unit = if role == "output" { output } else { input };
-                let _ = writeln!(text, "units = {}", list(&vec![unit; names.len()]));
+            // Of an acceleration over a force a model has the displacement.
+            let is_accelerance = self.quantity == Some(ResponseQuantity::AccelerationForce);
+            match &self.units {
+                Some(_) if is_accelerance && role == "output" => {
+                    let _ = writeln!(
+                        text,
+                        "quantity = {}  # GUESS",
+                        list(&vec!["position"; names.len()])
+                    );
+                }
+                Some((output, input)) => {
+                    let unit = if role == "output" { output } else { input };
+                    let _ = writeln!(text, "units = {}", list(&vec![unit; names.len()]));
+                }
+                None => {}
             }
             if let (Some(scale), "output") = (self.scale, role) {
                 let _ = writeln!(text, "scale = {:?}", vec![scale; names.len()]);

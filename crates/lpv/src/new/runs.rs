@@ -65,7 +65,11 @@ pub(super) fn split(columns: &[Column]) -> Option<Vec<Run>> {
             && is_one_record
             && hold_the_same(groups.iter().map(|(_, held)| held.iter().map(|(leaf, _)| *leaf)))
             && groups[0].1.len() > 1
-            && (names.iter().all(|n| is_run(n)) || lengths.iter().any(|n| *n != lengths[0]));
+            && !names
+                .iter()
+                .chain(groups[0].1.iter().map(|(leaf, _)| leaf))
+                .any(|n| is_of_axis(n))
+            && (varying(&names).iter().all(|n| is_run(n)) || lengths.iter().any(|n| *n != lengths[0]));
         if !are_runs {
             return None;
         }
@@ -105,6 +109,28 @@ fn hold_the_same<'a>(groups: impl Iterator<Item = impl Iterator<Item = &'a str>>
     });
     let first = sorted.next();
     sorted.all(|leaves| Some(leaves) == first)
+}
+
+/// The level of the names that is not the same in all.
+fn varying<'a>(names: &[&'a str]) -> Vec<&'a str> {
+    let level = |name: &'a str, k: usize| name.split('.').nth(k).unwrap_or_default();
+    let most = names.iter().map(|n| n.split('.').count()).max().unwrap_or(0);
+    let differs = |k: &usize| names.iter().any(|n| level(n, *k) != level(names[0], *k));
+    match (0..most).find(differs) {
+        Some(k) => names.iter().map(|n| level(n, k)).collect(),
+        None => names.to_vec(),
+    }
+}
+
+/// Whether a name has the word for one of several axes.
+fn is_of_axis(name: &str) -> bool {
+    const AXES: [&str; 8] = [
+        "axis", "axes", "achse", "axe", "motor", "joint", "drive", "gelenk",
+    ];
+    const LETTERS: [&str; 3] = ["x", "y", "z"];
+    let all = words(name);
+    let is_letter = all.len() > 1 && all.first().is_some_and(|w| LETTERS.contains(&w.as_str()));
+    is_letter || all.iter().any(|w| AXES.contains(&w.as_str()))
 }
 
 fn is_run(group: &str) -> bool {

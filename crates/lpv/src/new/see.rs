@@ -305,6 +305,14 @@ fn list(others: &[PassedOver]) -> String {
     named.join(", ")
 }
 
+/// The unit of a column of the first file, apart from its name or in it.
+pub(super) fn unit_of(seen: &[Seen], name: &str) -> String {
+    match seen.first().map_or("", |s| s.unit(name)) {
+        "" => super::names::unit_of(name).unwrap_or("").to_owned(),
+        unit => unit.to_owned(),
+    }
+}
+
 /// Units that the files have apart from the names.
 pub(super) fn units(seen: &[Seen]) -> Vec<(String, String)> {
     let first = seen.first().map_or(&[][..], |s| s.columns.as_slice());

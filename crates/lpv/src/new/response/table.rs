@@ -4,6 +4,7 @@ use super::Found;
 use crate::PipelineError;
 use crate::new::names::{plain_name, unit_of, words};
 use crate::new::refuse;
+use crate::new::roles::{Role, is_response as is_called_response, role_of};
 use crate::new::see::{self, Seen};
 use crate::new::write::layout;
 use experiment_data::{Quantity, ResponseQuantity};
@@ -37,32 +38,46 @@ impl Part {
     }
 
     /// By the words of a name and its unit.
-    fn of(words: &[String], unit: &str) -> Option<Self> {
+    ///
+    /// # Errors
+    /// A phase in another unit.
+    fn of(name: &str, unit: &str) -> Result<Option<Self>, String> {
+        let plain = label(name);
+        let words = words(&plain);
         let has = |list: &[&str]| words.iter().any(|w| list.contains(&w.as_str()));
         let unit = unit.to_lowercase();
+        let lower = plain.to_lowercase();
+        let in_decibel = unit == "db" || lower.split(|c: char| !c.is_alphanumeric()).any(|w| w == "db");
         if has(&["coherence", "coh", "kohärenz"]) {
-            return Some(Self::Coherence);
+            return Ok(Some(Self::Coherence));
         }
         if has(PHASES) {
             let own = |list: &[&str]| has(list) || list.contains(&unit.as_str());
-            return Some(if own(&["deg", "degree", "degrees", "°", "grad"]) {
-                Self::Degrees
-            } else if own(&["rad", "radian", "radians"]) {
-                Self::Radians
+            return if own(DEGREES) {
+                Ok(Some(Self::Degrees))
+            } else if own(RADIANS) {
+                Ok(Some(Self::Radians))
+            } else if unit.is_empty() {
+                Ok(Some(Self::Phase))
             } else {
-                Self::Phase
-            });
+                Err(format!("`{name}` is in {unit}: give it in deg or rad"))
+            };
         }
-        if unit == "db" || has(&["db"]) {
-            return Some(Self::Decibel);
-        }
-        if has(REALS) {
-            return Some(Self::Re);
-        }
-        if has(IMAGINARIES) {
-            return Some(Self::Im);
-        }
-        has(SIZES).then_some(Self::Magnitude)
+        Ok(if in_decibel {
+            Some(Self::Decibel)
+        } else if has(REALS) {
+            Some(Self::Re)
+        } else if has(IMAGINARIES) {
+            Some(Self::Im)
+        } else if has(SIZES) || plain.starts_with('|') {
+            Some(Self::Magnitude)
+        } else if plain.contains('/') && has(DEGREES) {
+            Some(Self::Degrees)
+        } else if plain.contains('/') && has(RADIANS) {
+            Some(Self::Radians)
+        } else {
+            None
+        })
     }
 
     fn is_size(self) -> bool {
@@ -87,6 +102,8 @@ const SIZES: &[&str] = &[
     "verstärkung",
 ];
 const PHASES: &[&str] = &["phase", "phas", "angle", "arg", "winkel"];
+const DEGREES: &[&str] = &["deg", "degree", "degrees", "°", "grad"];
+const RADIANS: &[&str] = &["rad", "radian", "radians"];
 /// Words beside these that say nothing of the channel.
 const FILLERS: &[&str] = &[
     "frf",
@@ -123,16 +140,30 @@ pub(in crate::new) fn of_tables(seen: &[Seen], common: &[String]) -> Result<Foun
         "" => unit_of(name).unwrap_or("").to_owned(),
         unit => unit.to_owned(),
     };
+    let lower = at.to_lowercase();
     let in_turns = match unit(at).as_str() {
-        "" => words(at).iter().any(|w| w == "omega" || w == "w"),
-        "Hz" | "hz" | "1/s" => false,
+        "" if lower.contains("khz") || lower.contains("mhz") => {
+            return Err(wrong(format!(
+                "`{at}` is not in Hz by its name: give it in Hz or rad/s"
+            )));
+        }
+        "" => {
+            let turns = ["omega", "w", "rad", "angular", "kreisfrequenz"];
+            words(at).iter().any(|w| turns.contains(&w.as_str()))
+        }
+        "Hz" | "hz" => false,
         "rad/s" => true,
+        "1/s" if lower.contains("kreis") || lower.contains("angular") => true,
         other => return Err(wrong(format!("`{at}` is in {other}: give it in Hz or rad/s"))),
     };
     let mut guesses = Vec::new();
+    if unit(at).is_empty() && !lower.contains("hz") {
+        let taken = if in_turns { "rad/s" } else { "Hz" };
+        guesses.push(format!("`{at}` is in {taken}: it says no unit"));
+    }
     let mut columns = Vec::new();
     for name in common.iter().filter(|n| *n != at) {
-        let Some(part) = Part::of(&words(&plain_name(name)), &unit(name)) else {
+        let Some(part) = Part::of(name, &unit(name)).map_err(wrong)? else {
             guesses.push(format!(
                 "`{name}` is left aside: its name says no part of a response"
             ));
@@ -167,7 +198,14 @@ pub(in crate::new) fn of_tables(seen: &[Seen], common: &[String]) -> Result<Foun
             guesses.push(format!("`{}` is in dB: it goes below zero", column.name));
         }
     }
+    let by_digits = columns
+        .iter()
+        .any(|c| !c.name.contains('/') && c.channel.is_some());
     let (outputs, inputs) = channels(&mut columns).map_err(wrong)?;
+    if by_digits {
+        let (y, u) = (outputs.join(", "), inputs.join(", "));
+        guesses.push(format!("outputs {y} and inputs {u}, by the numbers in the names"));
+    }
     let mut places = vec![(
         (if in_turns { "omega" } else { "frequency" }).to_owned(),
         at.to_owned(),
@@ -216,11 +254,33 @@ pub(in crate::new) fn of_tables(seen: &[Seen], common: &[String]) -> Result<Foun
     if in_turns {
         highest_hz /= TAU;
     }
-    let ratio = columns
+    let parts = columns
         .iter()
-        .find(|c| matches!(c.part, Part::Re | Part::Magnitude))
-        .map(|c| unit(c.name));
-    let (units, scale, quantity) = of_ratio(&ratio.unwrap_or_default());
+        .filter(|c| matches!(c.part, Part::Re | Part::Magnitude));
+    let ratios: Vec<String> = parts
+        .map(|c| match in_brackets(c.name) {
+            Some(_) => String::new(),
+            None => unit(c.name),
+        })
+        .collect();
+    if let Some(other) = ratios.iter().find(|r| **r != ratios[0]) {
+        let first = &ratios[0];
+        return Err(wrong(format!(
+            "one part is in `{first}`, another in `{other}`: take a table for each unit, or write `units` and `scale` by hand"
+        )));
+    }
+    for file in seen.iter().skip(1) {
+        let named = std::iter::once(at).chain(columns.iter().map(|c| c.name));
+        if let Some(name) = named.into_iter().find(|name| file.unit(name) != first.unit(name)) {
+            let problem = format!(
+                "`{name}` is in `{}`, in the first file in `{}`",
+                file.unit(name),
+                first.unit(name)
+            );
+            return Err(refuse(&file.file, format!("{problem}: take files of one unit")));
+        }
+    }
+    let (units, scale, quantity) = of_ratio(ratios.first().map_or("", String::as_str));
     let sources = first.sources(common);
     let placed = |name: &String| {
         sources
@@ -251,20 +311,68 @@ pub(in crate::new) fn of_tables(seen: &[Seen], common: &[String]) -> Result<Foun
     })
 }
 
+/// Whether columns are those of a response: a frequency, and both parts of a number in half of the others.
+pub(in crate::new) fn is_response(common: &[String], unit: impl Fn(&str) -> String) -> bool {
+    let Some(at) = frequency(common) else {
+        return false;
+    };
+    let others: Vec<&String> = common.iter().filter(|n| *n != at).collect();
+    if others.iter().any(|n| role_of(n) == Some(Role::Time)) {
+        return false;
+    }
+    let parts: Vec<Part> = others
+        .iter()
+        .filter_map(|n| Part::of(n, &unit(n)).ok().flatten())
+        .collect();
+    let has = |is: &dyn Fn(Part) -> bool| parts.iter().any(|p| is(*p));
+    let both =
+        has(&|p| p == Part::Re) && has(&|p| p == Part::Im) || has(&Part::is_size) && has(&Part::is_phase);
+    both && 2 * parts.len() >= others.len() || is_called_response(common)
+}
+
+/// A name without its unit; of `Re(H11)` what stands in the brackets is none.
+fn label(name: &str) -> String {
+    match in_brackets(name) {
+        Some((function, inside)) => format!("{function} {inside}"),
+        None => plain_name(name),
+    }
+}
+
+/// The function and what it is of: `Re(H11)`, and not `real(m/N)`.
+fn in_brackets(name: &str) -> Option<(&str, &str)> {
+    let (function, rest) = name.trim().split_once('(')?;
+    let inside = rest.strip_suffix(')')?.trim();
+    let all = [REALS, IMAGINARIES, &["abs", "mag", "arg", "angle"][..]].concat();
+    let below = inside.rsplit('/').next().unwrap_or_default().trim();
+    let is_unit = inside.contains('/') && Quantity::of_unit(below) == Quantity::Force || inside == "dB";
+    let is_function = all.contains(&function.trim().to_lowercase().as_str());
+    (is_function && !is_unit && !PHASE_UNITS.contains(&inside)).then_some((function.trim(), inside))
+}
+
+const PHASE_UNITS: [&str; 4] = ["deg", "rad", "°", "degrees"];
+
 /// The column of the frequencies.
 fn frequency(common: &[String]) -> Option<&str> {
-    const WORDS: [&str; 6] = ["frequency", "freq", "frequenz", "omega", "hz", "f"];
-    let is_it = |name: &&String| {
-        let own = words(&plain_name(name));
-        own.iter().any(|w| WORDS.contains(&w.as_str()))
-            && Part::of(&own, unit_of(name).unwrap_or("")).is_none()
+    const SURE: [&str; 4] = ["frequency", "frequenz", "kreisfrequenz", "freq"];
+    const WORDS: [&str; 4] = ["omega", "hz", "f", "w"];
+    let with = |list: &'static [&'static str]| {
+        common.iter().find(|name| {
+            let own = words(&plain_name(name));
+            let is_part = Part::of(name, "").ok().flatten().is_some();
+            own.iter().any(|w| list.contains(&w.as_str()))
+                && !name.contains('/') | name.contains("/s")
+                && !is_part
+        })
     };
-    common.iter().find(is_it).map(String::as_str)
+    with(&SURE).or_else(|| with(&WORDS)).map(String::as_str)
 }
 
 /// Output and input by a name: `y1/u1 re`, `H12_real`, `G_2_1 (dB)`, and with one number the output alone.
 fn channel(name: &str) -> Option<(String, String)> {
-    let plain = plain_name(name);
+    let plain = match in_brackets(name) {
+        Some((_, inside)) => inside.to_owned(),
+        None => plain_name(name),
+    };
     if let Some((output, rest)) = plain.split_once('/') {
         let input = rest.split([' ', '_']).next().unwrap_or(rest);
         let output = output.rsplit([' ', '(']).next().unwrap_or(output);
@@ -300,8 +408,8 @@ fn channels(columns: &mut [Column<'_>]) -> Result<(Vec<String>, Vec<String>), St
     if named == 0 {
         let mut keys: Vec<String> = Vec::new();
         for column in columns.iter_mut() {
-            let all = [REALS, IMAGINARIES, SIZES, PHASES, FILLERS].concat();
-            let own = words(&plain_name(column.name));
+            let all = [REALS, IMAGINARIES, SIZES, PHASES, FILLERS, &["d", "b"]].concat();
+            let own = words(&label(column.name));
             let key = own
                 .into_iter()
                 .filter(|w| !all.contains(&w.as_str()))

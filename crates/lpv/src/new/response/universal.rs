@@ -3,6 +3,7 @@
 use super::{Found, numbered};
 use crate::PipelineError;
 use crate::new::refuse;
+use crate::new::write::quoted;
 use experiment_data::{RecordFormat, ResponseInfo, look_into};
 use std::path::{Path, PathBuf};
 
@@ -37,7 +38,7 @@ pub(super) fn of_universal(files: &[PathBuf], paths: &[PathBuf]) -> Result<Optio
     let said = |pairs: &[(String, String)]| {
         let each: Vec<String> = pairs
             .iter()
-            .map(|(name, place)| format!("{name} = {place}"))
+            .map(|(name, place)| format!("{name} = {}", quoted(place)))
             .collect();
         each.join(", ")
     };

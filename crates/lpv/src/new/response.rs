@@ -1,6 +1,7 @@
 //! Files that hold frequency responses and no samples.
 
 mod arrays;
+mod part;
 mod table;
 mod universal;
 
@@ -9,9 +10,10 @@ use super::{Draft, Known, UNNAMEABLE, common_folder, name_of, position, refuse};
 use crate::PipelineError;
 use crate::responses::BELOW_RATE;
 use experiment_data::ResponseQuantity;
+pub(super) use part::is_response;
 use std::fmt::Write as _;
 use std::path::PathBuf;
-pub(super) use table::{is_response, of_tables};
+pub(super) use table::of_tables;
 
 /// What files that each hold the responses of the same outputs to the same inputs tell.
 #[derive(Debug, Default)]

@@ -22,12 +22,15 @@ enum Operation {
     Power,
     /// To a whole power, as a product.
     Whole(i32),
-    One(fn(f64) -> f64),
-    Two(fn(f64, f64) -> f64),
+    One(OfOne),
+    Two(OfTwo),
 }
 
+type OfOne = fn(f64) -> f64;
+type OfTwo = fn(f64, f64) -> f64;
+
 /// Functions of one number.
-const ONE: [(&str, fn(f64) -> f64); 22] = [
+const ONE: [(&str, OfOne); 22] = [
     ("abs", f64::abs),
     ("signum", f64::signum),
     ("sqrt", f64::sqrt),
@@ -52,7 +55,7 @@ const ONE: [(&str, fn(f64) -> f64); 22] = [
     ("fract", f64::fract),
 ];
 /// Functions of two.
-const TWO: [(&str, fn(f64, f64) -> f64); 3] = [("atan2", f64::atan2), ("min", f64::min), ("max", f64::max)];
+const TWO: [(&str, OfTwo); 3] = [("atan2", f64::atan2), ("min", f64::min), ("max", f64::max)];
 const PI: [&str; 2] = ["pi", "PI"];
 
 /// Whether a name means something in every formula.

@@ -161,8 +161,7 @@ impl Track {
         };
         if moving.is_some() || follows {
             for (i, y) in record.outputs.columns.iter().enumerate() {
-                let [(position, _), (rise, _)] =
-                    beginning(y, record.inputs.columns.get(i).map_or(&[], Vec::as_slice));
+                let [position, rise] = beginning(y);
                 (start.position[i], start.speed[i]) = (position, rise / step);
             }
         }
@@ -204,8 +203,8 @@ impl Track {
         [self.start.position[0], self.start.speed[0]]
     }
 
-    /// Deviations with which the first samples tell them: of a parabola at least, since a machine may accelerate, and of what a polynomial leaves
-    /// of them. Readings on a grid may not change there at all, and the machine is anywhere within a step.
+    /// Deviations with which the first samples tell them: of a parabola at least, since a machine may accelerate. Readings on a grid may not
+    /// change there at all, and the machine is anywhere within a step.
     pub fn beginning_deviations(&self) -> [f64; 2] {
         let y: Vec<f64> = self.outputs.iter().take(Self::LEAST).map(|y| y[0]).collect();
         let changes = self.outputs.windows(2).map(|w| (w[1][0] - w[0][0]).abs());
@@ -220,12 +219,7 @@ impl Track {
         let rows = DMatrix::from_fn(BEGINNING, 3, |k, j| (k as f64).powi(j as i32));
         let inverse = rows.tr_mul(&rows).try_inverse();
         let part = |i: usize| inverse.as_ref().map_or(1.0, |m| m[(i, i)].sqrt());
-        let u: Vec<f64> = self.inputs.iter().take(Self::LEAST).map(|u| u[0]).collect();
-        let [(_, position), (_, rise)] = beginning(&y, &u);
-        [
-            (noise * part(0)).max(position),
-            (noise * part(1)).max(rise) / self.step,
-        ]
+        [noise * part(0), noise * part(1) / self.step]
     }
 
     /// The same record of one output that begins elsewhere.

@@ -58,7 +58,7 @@ pub(crate) use responses::is_traced_on_responses;
 pub(crate) use saved::range_of;
 use saved::saved;
 use std::path::Path;
-pub use user::read_effects;
+pub use user::{Given, read_effects};
 pub use value::Value;
 
 /// A diagnosis with what its page shows.
@@ -80,15 +80,6 @@ pub struct Diagnosed {
     frozen: Option<Figure>,
     /// Of a machine of several axes that move by themselves, each axis.
     axes: Vec<Diagnosed>,
-}
-
-/// What a diagnosis is given beside the data.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Given<'a> {
-    /// The model that effects are added to; one of the bundle if none.
-    pub model: Option<&'a ModelFile>,
-    /// Effects of the user, beside those of the catalogue.
-    pub effects: &'a [UserEffect],
 }
 
 /// Finds the effects that a model of the bundle's machine lacks. The model is the given one; without one an xy-table from first
@@ -132,12 +123,7 @@ fn of_axis(bundle: &Bundle, given: Given<'_>, progress: Progress<'_>) -> Result<
     let clock = bundle.clock()?;
     one_signal(bundle, &(0..bundle.len()).collect::<Vec<_>>())?;
     if is_traced_on_responses(bundle) {
-        if !given.effects.is_empty() {
-            return Err(PipelineError::Structure {
-                problem: "effects of your own act along moves, and this bundle has frequency responses alone: record moves, or leave out \
-                          the effects",
-            });
-        }
+        user::need_moves(given)?;
         return match given.model {
             None => responses::diagnose(bundle, progress),
             Some(_) => Err(PipelineError::Structure {
@@ -291,9 +277,20 @@ fn of_moves(
         judged: &judged,
         ..case
     })?;
-    if is_observed && let Some(settled) = beginnings::by_the_model(&Case { noise, ..case }, &found, &told)? {
-        ([fitted, judged], found) = (settled.begun.tracks, settled.begun.found);
-        noise = settled.noise;
+    // Where a record begins, and what is noise, is told by the model that was found.
+    if is_observed && found.verdict != Verdict::NothingMissing {
+        [fitted, judged] = told
+            .each_ref()
+            .map(|t| observer::settled(&found.model, &start, t));
+        let seen = roughness(&found.model, &start, &fitted);
+        noise = std::array::from_fn(|i| noise[i].min(seen[i]));
+        found = trace(&Case {
+            noise,
+            fitted: &fitted,
+            judged: &judged,
+            seeks_load: found.rigid.is_some(),
+            ..case
+        })?;
     }
     let case = Case {
         noise,

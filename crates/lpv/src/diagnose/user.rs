@@ -1,6 +1,6 @@
 //! Effects of a user's own file.
 
-use super::Given;
+use crate::ModelFile;
 use crate::PipelineError;
 use crate::settings_file::{nearest_name, read_settings};
 use experiment_data::Bundle;
@@ -8,6 +8,15 @@ use lpv_diagnose::effect::Effect;
 use lpv_diagnose::{TraceError, UserEffect};
 use serde::Deserialize;
 use std::path::Path;
+
+/// What a diagnosis is given beside the data.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Given<'a> {
+    /// The model that effects are added to; one of the bundle if none.
+    pub model: Option<&'a ModelFile>,
+    /// Effects of the user, beside those of the catalogue.
+    pub effects: &'a [UserEffect],
+}
 
 /// What a file of effects holds.
 #[derive(Deserialize)]
@@ -40,6 +49,20 @@ pub(super) fn of_model(given: Given<'_>) -> Vec<UserEffect> {
         }
     }
     all
+}
+
+/// What is said of given effects where a bundle has no moves.
+///
+/// # Errors
+/// [`PipelineError::Structure`] if there are any.
+pub(super) fn need_moves(given: Given<'_>) -> Result<(), PipelineError> {
+    match given.effects {
+        [] => Ok(()),
+        _ => Err(PipelineError::Structure {
+            problem: "effects of your own act along moves, and this bundle has frequency responses alone: record moves, or leave out the \
+                      effects",
+        }),
+    }
 }
 
 /// Whether a bundle can have these effects.

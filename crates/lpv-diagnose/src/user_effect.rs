@@ -178,7 +178,9 @@ impl UserEffect {
         of(true).chain(of(false))
     }
 
-    fn wrong(&self, problem: String) -> TraceError {
+    /// The refusal of this effect with what is wrong.
+    #[must_use]
+    pub fn wrong(&self, problem: String) -> TraceError {
         TraceError::UserEffect {
             name: self.name.clone(),
             problem,

@@ -24,7 +24,7 @@ use crate::PipelineError;
 use crate::encode::visible;
 pub use crate::output::Overwrite;
 use clock::Clock;
-use experiment_data::Text;
+use experiment_data::{Text, look_into};
 use gaps::{lost, part_of};
 use position::Places;
 use rate::TimeColumn;
@@ -190,22 +190,28 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
         });
     }
     let (files, paths) = given::files(files, &known.validation)?;
-    // Who gives roles has samples.
-    let has_roles = !(known.output.is_empty() && known.input.is_empty());
-    if !has_roles && let Some(draft) = response::draft(&files, &paths, known)? {
-        return Ok(draft);
-    }
     let folder =
         common_folder(&paths).ok_or_else(|| refuse(first, "the files have no common folder".to_owned()))?;
     // Before anything is read: a name that cannot be written makes all other work vain.
     for (file, path) in files.iter().zip(&paths) {
         name_of(path, &folder).ok_or_else(|| refuse(file, UNNAMEABLE.to_owned()))?;
     }
+    let look = |(file, path): (&PathBuf, &PathBuf)| look_into(path).map_err(|e| refuse(file, e.to_string()));
+    let contents = files
+        .iter()
+        .zip(&paths)
+        .map(look)
+        .collect::<Result<Vec<_>, _>>()?;
+    // Who gives roles has samples.
+    let has_roles = !(known.output.is_empty() && known.input.is_empty());
+    if !has_roles && let Some(draft) = response::draft((&files, &paths), &contents, known)? {
+        return Ok(draft);
+    }
     let mut guesses = Vec::new();
     let mut questions = Vec::new();
     let mut seen: Vec<Seen> = Vec::new();
-    for (file, path) in files.iter().zip(&paths) {
-        seen.extend(see::see(file, path, &mut guesses)?);
+    for ((file, path), contents) in files.iter().zip(&paths).zip(contents) {
+        seen.extend(see::see(file, path, contents, &mut guesses)?);
     }
     let common = see::common_columns(&mut seen);
     if common.is_empty() {

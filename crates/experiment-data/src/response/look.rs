@@ -3,7 +3,7 @@
 use super::arrays::{frequency_unit, numbers_of};
 use super::names::{FREQUENCY, OMEGA};
 use crate::columns::{self, RecordFormat};
-use crate::{Contents, RecordError, look_into};
+use crate::{Contents, RecordError};
 use std::f64::consts::TAU;
 use std::path::Path;
 
@@ -34,19 +34,18 @@ const IN_HZ: [&str; 9] = [
 ];
 const IN_TURNS: [&str; 5] = ["omega", "w", "frequency_rad_s", "omega_rad_s", "w_rad_s"];
 
-/// The response of a file of arrays: the only one that has complex numbers as often as it has frequencies. None where it holds samples, or
+/// The response of a file of arrays with these contents: the only one that has complex numbers as often as it has frequencies. None where it holds samples, or
 /// what cannot be told.
 ///
 /// # Errors
 /// A file that cannot be read.
-pub fn response_arrays(path: &Path) -> Result<Option<ResponseArrays>, RecordError> {
+pub fn response_arrays(path: &Path, contents: &Contents) -> Result<Option<ResponseArrays>, RecordError> {
     let format = columns::format(path)?;
     if !matches!(format, RecordFormat::Npz | RecordFormat::Mat | RecordFormat::Hdf5) {
         return Ok(None);
     }
-    let contents = look_into(path)?;
-    let complex = complex_arrays(&contents);
-    let frequencies = frequencies(&contents);
+    let complex = complex_arrays(contents);
+    let frequencies = frequencies(contents);
     let ([response], [(at, in_turns)]) = (complex.as_slice(), frequencies.as_slice()) else {
         return Ok(None);
     };

@@ -1,6 +1,6 @@
 //! `lpv new`: what a file says besides its signals, and files of instruments.
 
-use crate::common::{Desk, PERIOD, csv, mode_record};
+use crate::common::{Desk, PERIOD, csv, has_modes, mode_record};
 use experiment_data::mat::{Array, Value, write_values};
 use experiment_data::{Bundle, Text};
 use lpv_core::num_complex::Complex;
@@ -314,15 +314,7 @@ fn responses_of_a_universal_file_need_no_edit() {
         assert!(said.contains(part), "{part} in {said}");
     }
     desk.done("inspect lab");
-    let text = desk.done("identify lab -o model.json");
-    let told = text.lines().filter_map(|l| l.trim().split_once(" Hz, damping"));
-    let hz: Vec<f64> = told.filter_map(|(hz, _)| hz.parse().ok()).collect();
-    for (wanted, ..) in modes {
-        assert!(
-            hz.iter().any(|f| (f / wanted - 1.0).abs() < 1e-3),
-            "{wanted} Hz in {text}"
-        );
-    }
+    has_modes(&desk, "lab", modes.map(|(hz, ..)| hz));
     // Two files are two places, which only the user knows; another pair of channels is refused by name.
     desk.write(
         "lab/x_0.2.uff",

@@ -1,6 +1,6 @@
 //! `lpv new` of tables with frequency responses: names say the parts, and nothing is left to fill in but what no file says.
 
-use crate::common::Desk;
+use crate::common::{Desk, has_modes};
 use lpv_core::num_complex::Complex;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
@@ -33,19 +33,6 @@ fn table(first: &str, separator: &str, row: impl Fn(f64) -> Vec<f64>) -> String 
         let _ = writeln!(text, "{line}");
     }
     text
-}
-
-fn has_both_modes(desk: &Desk, folder: &str) {
-    desk.done(&format!("inspect {folder}"));
-    let text = desk.done(&format!("identify {folder} -o model.json --force"));
-    let told = text.lines().filter_map(|l| l.trim().split_once(" Hz, damping"));
-    let hz: Vec<f64> = told.filter_map(|(hz, _)| hz.parse().ok()).collect();
-    for (wanted, ..) in MODES {
-        assert!(
-            hz.iter().any(|f| (f / wanted - 1.0).abs() < 1e-3),
-            "{wanted} Hz in {text}"
-        );
-    }
 }
 
 #[test]
@@ -119,7 +106,8 @@ fn an_analyser_names_its_columns_in_many_ways() {
         for part in parts {
             assert!(said.contains(part), "{name}: {part} in {said}");
         }
-        has_both_modes(&desk, "lab");
+        desk.done("inspect lab");
+        has_modes(&desk, "lab", MODES.map(|(hz, ..)| hz));
     }
 }
 

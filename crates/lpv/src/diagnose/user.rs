@@ -4,8 +4,8 @@ use crate::ModelFile;
 use crate::PipelineError;
 use crate::settings_file::{nearest_name, read_settings};
 use experiment_data::Bundle;
+use lpv_diagnose::UserEffect;
 use lpv_diagnose::effect::Effect;
-use lpv_diagnose::{TraceError, UserEffect};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -31,11 +31,6 @@ struct Effects {
 /// [`PipelineError::Config`] with file, line and column.
 pub fn read_effects(file: &Path) -> Result<Vec<UserEffect>, PipelineError> {
     Ok(read_settings::<Effects>(file)?.effect)
-}
-
-fn wrong(effect: &UserEffect, problem: String) -> PipelineError {
-    let name = effect.name.clone();
-    TraceError::UserEffect { name, problem }.into()
 }
 
 /// The given effects, and those that the model has the definitions of.
@@ -72,7 +67,7 @@ pub(super) fn need_moves(given: Given<'_>) -> Result<(), PipelineError> {
 pub(super) fn check(effects: &[UserEffect], bundle: &Bundle) -> Result<(), PipelineError> {
     for (i, effect) in effects.iter().enumerate() {
         if effects[..i].iter().any(|e| e.name == effect.name) {
-            return Err(wrong(effect, "there are two of this name".to_owned()));
+            return Err(effect.wrong("there are two of this name".to_owned()).into());
         }
         let (what, columns) = channels(effect, bundle);
         if let Some(name) = &effect.channel
@@ -82,7 +77,7 @@ pub(super) fn check(effects: &[UserEffect], bundle: &Bundle) -> Result<(), Pipel
             let nearest = nearest.map_or(String::new(), |n| format!("; nearest: `{n}`"));
             let known = columns.join(", ");
             let problem = format!("the bundle has no {what} `{name}`; it has {known}{nearest}");
-            return Err(wrong(effect, problem));
+            return Err(effect.wrong(problem).into());
         }
         at(effect, 0, bundle)?;
     }

@@ -62,15 +62,7 @@ pub(super) fn split(columns: &[Column]) -> Option<Pair> {
         return None;
     }
     let renamed = |side: &[(String, &Column)]| -> Vec<Column> {
-        let own = side.iter().map(|(base, column)| Column {
-            name: base.clone(),
-            source: if column.name == *base {
-                column.source.clone()
-            } else {
-                Some(column.source.clone().unwrap_or_else(|| column.name.clone()))
-            },
-            ..(*column).clone()
-        });
+        let own = side.iter().map(|(base, column)| renamed(column, base));
         own.chain(plain.iter().map(|(_, c)| (*c).clone())).collect()
     };
     Some(Pair {
@@ -78,6 +70,18 @@ pub(super) fn split(columns: &[Column]) -> Option<Pair> {
         validation: renamed(&held),
         held_out,
     })
+}
+
+/// A column by another name, with where the file has it.
+pub(super) fn renamed(column: &Column, name: &str) -> Column {
+    let mut other = Column {
+        name: name.to_owned(),
+        ..column.clone()
+    };
+    if other.source.is_none() && name != column.name {
+        other.source = Some(column.name.clone());
+    }
+    other
 }
 
 /// The name without the word that marks it, and whether that word says validation. The word stands first or last.

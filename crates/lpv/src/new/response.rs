@@ -9,7 +9,7 @@ use super::write::{HEAD, list, quoted};
 use super::{Draft, Known, UNNAMEABLE, common_folder, name_of, position, refuse};
 use crate::PipelineError;
 use crate::responses::BELOW_RATE;
-use experiment_data::ResponseQuantity;
+use experiment_data::{Contents, ResponseQuantity};
 pub(super) use part::is_response;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -37,13 +37,13 @@ pub(super) struct Found {
 /// # Errors
 /// A file whose responses have gaps, or others than those of the first.
 pub(super) fn draft(
-    files: &[PathBuf],
-    paths: &[PathBuf],
+    (files, paths): (&[PathBuf], &[PathBuf]),
+    contents: &[Contents],
     known: &Known,
 ) -> Result<Option<Draft>, PipelineError> {
-    let found = match universal::of_universal(files, paths)? {
+    let found = match universal::of_universal(files, paths, contents)? {
         Some(found) => Some(found),
-        None => arrays::of_arrays(files, paths)?,
+        None => arrays::of_arrays(files, paths, contents)?,
     };
     found.map(|found| found.drafted(files, paths, known)).transpose()
 }

@@ -1,6 +1,7 @@
 //! Several runs of one machine in one file.
 
 use super::names::words;
+use super::pairs::renamed;
 use experiment_data::Column;
 use std::collections::BTreeMap;
 
@@ -92,14 +93,6 @@ pub(super) fn split(columns: &[Column]) -> Option<Vec<Run>> {
 
 /// A name in two: the group, and the name in it.
 type Cut = fn(&str) -> Option<(&str, &str)>;
-
-fn renamed(column: &Column, leaf: &str) -> Column {
-    Column {
-        name: leaf.to_owned(),
-        source: Some(column.source.clone().unwrap_or_else(|| column.name.clone())),
-        ..column.clone()
-    }
-}
 
 fn hold_the_same<'a>(groups: impl Iterator<Item = impl Iterator<Item = &'a str>>) -> bool {
     let mut sorted = groups.map(|leaves| {

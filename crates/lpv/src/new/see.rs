@@ -5,7 +5,7 @@ use super::runs::{self, Run};
 use super::{pairs, refuse, stated};
 use crate::PipelineError;
 use experiment_data::{
-    Column, Contents, PassedOver, Scalar, Separator, Text, lines_of_rows, look_into, read_columns_as,
+    Column, Contents, PassedOver, Scalar, Separator, Text, lines_of_rows, read_columns_as,
 };
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -37,9 +37,13 @@ pub(super) struct Seen {
     pub(super) is_validation: bool,
 }
 
-/// Looks into a file: one record, or two where it has its signals once to fit and once to judge.
-pub(super) fn see(file: &Path, path: &Path, guesses: &mut Vec<String>) -> Result<Vec<Seen>, PipelineError> {
-    let contents = look_into(path).map_err(|e| refuse(file, e.to_string()))?;
+/// The records of a file: one, or two where it has its signals once to fit and once to judge, or one for each run.
+pub(super) fn see(
+    file: &Path,
+    path: &Path,
+    contents: Contents,
+    guesses: &mut Vec<String>,
+) -> Result<Vec<Seen>, PipelineError> {
     if let Some(runs) = runs::split(&contents.columns) {
         return records_of_runs(file, path, &contents, runs, guesses);
     }

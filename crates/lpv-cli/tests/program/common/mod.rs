@@ -293,3 +293,16 @@ pub fn signal(child: &Child, name: &str) {
         .status();
     assert!(sent.unwrap().success(), "{name}");
 }
+
+/// Identifies a bundle of responses, and asks for modes of these frequencies, within a part in a thousand.
+pub fn has_modes(desk: &Desk, bundle: &str, wanted_hz: impl IntoIterator<Item = f64>) {
+    let text = desk.done(&format!("identify {bundle} -o model.json --force"));
+    let told = text.lines().filter_map(|l| l.trim().split_once(" Hz, damping"));
+    let hz: Vec<f64> = told.filter_map(|(hz, _)| hz.parse().ok()).collect();
+    for wanted in wanted_hz {
+        assert!(
+            hz.iter().any(|f| (f / wanted - 1.0).abs() < 1e-3),
+            "{wanted} Hz in {text}"
+        );
+    }
+}

@@ -3,14 +3,18 @@
 use super::{Found, numbered};
 use crate::PipelineError;
 use crate::new::refuse;
-use experiment_data::{ResponseArrays, response_arrays};
+use experiment_data::{Contents, ResponseArrays, response_arrays};
 use std::path::PathBuf;
 
 /// What files tell that each hold the same arrays of a response; none of others.
-pub(super) fn of_arrays(files: &[PathBuf], paths: &[PathBuf]) -> Result<Option<Found>, PipelineError> {
+pub(super) fn of_arrays(
+    files: &[PathBuf],
+    paths: &[PathBuf],
+    contents: &[Contents],
+) -> Result<Option<Found>, PipelineError> {
     let mut all: Vec<ResponseArrays> = Vec::new();
-    for (file, path) in files.iter().zip(paths) {
-        match response_arrays(path).map_err(|e| refuse(file, e.to_string()))? {
+    for ((file, path), contents) in files.iter().zip(paths).zip(contents) {
+        match response_arrays(path, contents).map_err(|e| refuse(file, e.to_string()))? {
             Some(found) => all.push(found),
             None if all.is_empty() => return Ok(None),
             None => return Err(refuse(file, OTHER.to_owned())),

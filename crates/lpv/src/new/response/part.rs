@@ -109,6 +109,8 @@ pub(super) const FILLERS: &[&str] = &[
     "deg",
     "rad",
     "db",
+    "d",
+    "b",
     "degrees",
     "hz",
     "frequency",
@@ -163,7 +165,7 @@ pub(super) fn frequency(common: &[String]) -> Option<&str> {
             let own = words(&plain_name(name));
             let is_part = Part::of(name, "").ok().flatten().is_some();
             own.iter().any(|w| list.contains(&w.as_str()))
-                && !name.contains('/') | name.contains("/s")
+                && (!name.contains('/') || name.contains("/s"))
                 && !is_part
         })
     };

@@ -3,7 +3,7 @@
 use super::Found;
 use super::part::{FILLERS, IMAGINARIES, PHASES, Part, REALS, SIZES, channel, frequency, in_brackets, label};
 use crate::PipelineError;
-use crate::new::names::{unit_of, words};
+use crate::new::names::words;
 use crate::new::refuse;
 use crate::new::see::{self, Seen};
 use crate::new::write::layout;
@@ -18,6 +18,28 @@ struct Column<'a> {
     channel: Option<(String, String)>,
 }
 
+impl Column<'_> {
+    /// What its range tells where its name does not, and what was guessed from it.
+    fn look(&mut self, low: f64, high: f64) -> Option<String> {
+        match self.part {
+            Part::Phase => {
+                let is_radians = low.abs().max(high.abs()) <= 1.001 * TAU;
+                self.part = if is_radians { Part::Radians } else { Part::Degrees };
+                Some(format!(
+                    "`{}` is in {}, by its range",
+                    self.name,
+                    self.part.name()
+                ))
+            }
+            Part::Magnitude if low < 0.0 => {
+                self.part = Part::Decibel;
+                Some(format!("`{}` is in dB: it goes below zero", self.name))
+            }
+            _ => None,
+        }
+    }
+}
+
 /// What the columns that all files have tell of a response.
 ///
 /// # Errors
@@ -26,10 +48,7 @@ pub(in crate::new) fn of_tables(seen: &[Seen], common: &[String]) -> Result<Foun
     let first = &seen[0];
     let wrong = |problem: String| refuse(&first.file, format!("{problem}; {RESPONSE}"));
     let at = frequency(common).ok_or_else(|| wrong("no column is called a frequency".to_owned()))?;
-    let unit = |name: &str| match first.unit(name) {
-        "" => unit_of(name).unwrap_or("").to_owned(),
-        unit => unit.to_owned(),
-    };
+    let unit = |name: &str| see::unit_of(seen, name);
     let lower = at.to_lowercase();
     let in_turns = match unit(at).as_str() {
         "" if lower.contains("khz") || lower.contains("mhz") => {
@@ -68,25 +87,24 @@ pub(in crate::new) fn of_tables(seen: &[Seen], common: &[String]) -> Result<Foun
         let channel = channel(name);
         columns.push(Column { name, part, channel });
     }
-    let values = |name: &str| -> Result<Vec<f64>, PipelineError> {
-        Ok(first.read(&[name.to_owned()])?.swap_remove(0))
-    };
-    for column in &mut columns {
-        let one = values(column.name)?;
-        let (low, high) = lpv_numerics::statistics::range(&one);
-        if column.part == Part::Phase {
-            let is_radians = low.abs().max(high.abs()) <= 1.001 * TAU;
-            column.part = if is_radians { Part::Radians } else { Part::Degrees };
-            guesses.push(format!(
-                "`{}` is in {}, by its range",
-                column.name,
-                column.part.name()
-            ));
+    let names: Vec<String> = std::iter::once(at)
+        .chain(columns.iter().map(|c| c.name))
+        .map(str::to_owned)
+        .collect();
+    let mut highest_hz = 0.0_f64;
+    for (k, file) in seen.iter().enumerate() {
+        let values = file.read(&names)?;
+        highest_hz = values[0].iter().copied().fold(highest_hz, f64::max);
+        if k > 0 {
+            continue;
         }
-        if column.part == Part::Magnitude && low < 0.0 {
-            column.part = Part::Decibel;
-            guesses.push(format!("`{}` is in dB: it goes below zero", column.name));
+        for (column, values) in columns.iter_mut().zip(&values[1..]) {
+            let (low, high) = lpv_numerics::statistics::range(values);
+            guesses.extend(column.look(low, high));
         }
+    }
+    if in_turns {
+        highest_hz /= TAU;
     }
     let by_digits = columns
         .iter()
@@ -115,10 +133,8 @@ pub(in crate::new) fn of_tables(seen: &[Seen], common: &[String]) -> Result<Foun
             ))),
         };
         let re_im = (one(&|p| p == Part::Re)?, one(&|p| p == Part::Im)?);
-        let polar = (
-            one(&|p| p == Part::Magnitude)?.map_or_else(|| one(&Part::is_size), |c| Ok(Some(c)))?,
-            one(&Part::is_phase)?,
-        );
+        let size = one(&|p| p == Part::Magnitude)?.or(one(&|p| p == Part::Decibel)?);
+        let polar = (size, one(&Part::is_phase)?);
         let pair = match (re_im, polar) {
             ((Some(re), Some(im)), _) => [re, im],
             (_, (Some(size), Some(phase))) => [size, phase],
@@ -135,14 +151,6 @@ pub(in crate::new) fn of_tables(seen: &[Seen], common: &[String]) -> Result<Foun
             }
         };
         places.extend(pair.map(|c| (format!("{y}/{u} {}", c.part.name()), c.name.to_owned())));
-    }
-    let mut highest_hz = 0.0_f64;
-    for file in seen {
-        let frequencies = file.read(&[at.to_owned()])?.swap_remove(0);
-        highest_hz = frequencies.into_iter().fold(highest_hz, f64::max);
-    }
-    if in_turns {
-        highest_hz /= TAU;
     }
     let parts = columns
         .iter()
@@ -217,7 +225,7 @@ fn channels(columns: &mut [Column<'_>]) -> Result<(Vec<String>, Vec<String>), St
     if named == 0 {
         let mut keys: Vec<String> = Vec::new();
         for column in columns.iter_mut() {
-            let all = [REALS, IMAGINARIES, SIZES, PHASES, FILLERS, &["d", "b"]].concat();
+            let all = [REALS, IMAGINARIES, SIZES, PHASES, FILLERS].concat();
             let own = words(&label(column.name));
             let key = own
                 .into_iter()

@@ -4,24 +4,22 @@ use super::{Found, numbered};
 use crate::PipelineError;
 use crate::new::refuse;
 use crate::new::write::quoted;
-use experiment_data::{RecordFormat, ResponseInfo, look_into};
+use experiment_data::{Contents, RecordFormat, ResponseInfo};
 use std::path::{Path, PathBuf};
 
 /// What universal files tell that each hold the same responses and nothing else; none of others.
-pub(super) fn of_universal(files: &[PathBuf], paths: &[PathBuf]) -> Result<Option<Found>, PipelineError> {
+pub(super) fn of_universal(
+    files: &[PathBuf],
+    paths: &[PathBuf],
+    contents: &[Contents],
+) -> Result<Option<Found>, PipelineError> {
     let is_universal = |path: &PathBuf| RecordFormat::of(&path.to_string_lossy()) == Ok(RecordFormat::Uff);
-    if !paths.iter().all(is_universal) {
+    let is_of_responses = |c: &Contents| c.columns.is_empty() && !c.responses.is_empty();
+    if !paths.iter().all(is_universal) || !contents.iter().all(is_of_responses) {
         return Ok(None);
     }
-    let mut all: Vec<Vec<ResponseInfo>> = Vec::new();
-    for (file, path) in files.iter().zip(paths) {
-        let contents = look_into(path).map_err(|e| refuse(file, e.to_string()))?;
-        if !contents.columns.is_empty() || contents.responses.is_empty() {
-            return Ok(None);
-        }
-        all.push(contents.responses);
-    }
-    let first = &all[0];
+    let all: Vec<&[ResponseInfo]> = contents.iter().map(|c| c.responses.as_slice()).collect();
+    let first = all[0];
     let [outputs, inputs] = [
         distinct(first.iter().map(|r| r.output.as_str())),
         distinct(first.iter().map(|r| r.input.as_str())),
@@ -43,7 +41,7 @@ pub(super) fn of_universal(files: &[PathBuf], paths: &[PathBuf]) -> Result<Optio
         each.join(", ")
     };
     let (own_y, own_u) = (of(&y, &outputs), of(&u, &inputs));
-    let is_known = all.iter().flatten().all(|r| r.quantity.is_some());
+    let is_known = all.iter().copied().flatten().all(|r| r.quantity.is_some());
     Ok(Some(Found {
         guesses: vec![
             format!("output: {}", said(&own_y)),
@@ -51,7 +49,12 @@ pub(super) fn of_universal(files: &[PathBuf], paths: &[PathBuf]) -> Result<Optio
         ],
         columns: [own_y, own_u].concat(),
         quantity: first[0].quantity.filter(|_| is_known),
-        highest_hz: all.iter().flatten().map(|r| r.highest_hz).fold(0.0, f64::max),
+        highest_hz: all
+            .iter()
+            .copied()
+            .flatten()
+            .map(|r| r.highest_hz)
+            .fold(0.0, f64::max),
         outputs: y,
         inputs: u,
         ..Found::default()

@@ -23,9 +23,7 @@ mod write;
 use crate::PipelineError;
 use crate::encode::visible;
 pub use crate::output::Overwrite;
-use clock::Clock;
 use experiment_data::{Text, look_into};
-use gaps::{lost, part_of};
 use position::Places;
 use rate::TimeColumn;
 use schemars::JsonSchema;
@@ -129,8 +127,10 @@ struct RecordFile {
     sources: Vec<(String, String)>,
     /// Rows of the file.
     rows: usize,
-    /// First and last row that are used, from 1, where not all are.
-    part: Option<[usize; 2]>,
+    /// The longest stretch of them without a gap: its first row, from 0, and the row behind its end.
+    stretch: [usize; 2],
+    /// After which rows how many samples are missing.
+    gaps: Vec<(usize, usize)>,
     period: Option<usize>,
     /// Smallest value, mean and largest value of each column.
     ranges: HashMap<String, (f64, f64, f64)>,
@@ -260,26 +260,13 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
         };
         let of_data = || period_in(&groups.reference).or_else(|| period_in(&groups.input).filter(goes_with));
         let period = known.period.or_else(of_data);
-        let part = part_of(from, to, seen.rows, period);
-        if let Some(Clock::Lost { gaps, .. }) = &clock {
-            guesses.push(lost(seen, gaps, part));
-        } else if let Some([a, b]) = part {
-            guesses.push(format!(
-                "{}: rows {a} to {b} of {} are used, whole periods of {} samples",
-                seen.file.display(),
-                seen.rows,
-                period.unwrap_or(0)
-            ));
-        }
-        if let (Some(time), Some(clock)) = (time.as_mut(), clock) {
-            time.clocks.push((seen.file.display().to_string(), clock));
-        }
         records.push(RecordFile {
             file: name_of(&seen.path, &folder).ok_or_else(|| refuse(&seen.file, UNNAMEABLE.to_owned()))?,
             columns: common.clone(),
             sources: seen.sources(&common),
             rows: seen.rows,
-            part,
+            stretch: [from, to],
+            gaps: clock.as_ref().map_or_else(Vec::new, |c| c.gaps().to_vec()),
             period,
             ranges: common
                 .iter()
@@ -292,7 +279,17 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
                     .iter()
                     .any(|v| v.canonicalize().is_ok_and(|v| v == seen.path)),
         });
+        if let (Some(time), Some(clock)) = (time.as_mut(), clock) {
+            time.clocks.push((seen.file.display().to_string(), clock));
+        }
     }
+    guesses.extend(period::agree(&mut records));
+    guesses.extend(
+        records
+            .iter()
+            .zip(&seen)
+            .filter_map(|(r, seen)| gaps::used(r, seen)),
+    );
     groups.by_data(&records, known, &mut guesses);
     let mut units = see::units(&seen);
     let sampling = sampling::decide(time.as_ref(), known.sample_rate_hz, &see::hints(&seen, physics));

@@ -337,3 +337,40 @@ fn responses_of_a_universal_file_need_no_edit() {
     let said = desk.refused("new lab/b.uff --force");
     assert!(said.contains("0 frequency responses of 7+Z to 9+Z"), "{said}");
 }
+
+/// Moves that resemble themselves do so after another time in every record; an excitation has one period.
+#[test]
+fn one_excitation_has_one_period() {
+    let desk = Desk::new();
+    for (name, periods) in [("moves", [300, 317]), ("sines", [300, 300])] {
+        for (number, period) in periods.into_iter().enumerate() {
+            let wave = |shift: f64| -> Vec<f64> {
+                (0..960)
+                    .map(|k| TAU * f64::from(k) / f64::from(period))
+                    .map(|turn| (turn + shift).sin() + 0.5 * (3.0 * turn + 2.0 * shift).cos())
+                    .collect()
+            };
+            let t: Vec<f64> = (0..960).map(|k| 1e-3 * f64::from(k)).collect();
+            desk.write(
+                &format!("{name}/{number}.csv"),
+                csv(&[("t", &t), ("u", &wave(0.0)), ("y", &wave(1.0))]),
+            );
+        }
+        let said = desk.done(&format!("new {name}/0.csv {name}/1.csv"));
+        let bundle = Bundle::open(&desk.path(name)).unwrap();
+        let kinds: Vec<RecordKind> = bundle
+            .description()
+            .records
+            .iter()
+            .map(|r| r.record_kind())
+            .collect();
+        let is_told = said.contains("repeat after 300 to 317 samples are taken for moves");
+        match name {
+            "moves" => assert!(is_told && kinds == [RecordKind::Transient; 2], "{said}"),
+            _ => assert!(
+                !is_told && kinds == [RecordKind::Periodic { period: 300 }; 2],
+                "{said}"
+            ),
+        }
+    }
+}

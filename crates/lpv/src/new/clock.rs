@@ -40,6 +40,14 @@ impl Clock {
         }
     }
 
+    /// After which rows how many samples are missing.
+    pub(super) fn gaps(&self) -> &[(usize, usize)] {
+        match self {
+            Self::Lost { gaps, .. } => gaps,
+            _ => &[],
+        }
+    }
+
     /// The longest stretch without a missing sample: its first row, from 0, and the row behind its end.
     pub(super) fn longest_stretch(&self, rows: usize) -> (usize, usize) {
         let Self::Lost { gaps, .. } = self else {

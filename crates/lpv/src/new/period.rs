@@ -1,5 +1,6 @@
 //! The period of a signal that repeats.
 
+use super::RecordFile;
 use lpv_core::num_complex::Complex;
 use realfft::RealFftPlanner;
 
@@ -61,6 +62,24 @@ pub(super) fn goes_with(output: &[f64], period: usize) -> bool {
     let within =
         sum(&|k| periods[k].iter().map(|x| (x - means[k]).powi(2)).sum::<f64>()) / (count * period as f64);
     between <= within
+}
+
+/// Takes periods back that differ from record to record: they are not those of one excitation, and moves resemble themselves too. What is
+/// said of it.
+pub(super) fn agree(records: &mut [RecordFile]) -> Option<String> {
+    let mut found: Vec<usize> = records.iter().filter_map(|r| r.period).collect();
+    found.sort_unstable();
+    found.dedup();
+    let (Some(shortest), Some(longest)) = (found.first(), found.last()) else {
+        return None;
+    };
+    if shortest == longest {
+        return None;
+    }
+    records.iter_mut().for_each(|r| r.period = None);
+    Some(format!(
+        "records that repeat after {shortest} to {longest} samples are taken for moves: one excitation has one period in all records"
+    ))
 }
 
 /// Whether a lag is better than its neighbours.

@@ -15,7 +15,7 @@ pub(super) const HEAD: &str = "# Drafted by `lpv new`. GUESS: told from names or
 pub(super) fn text(plan: &Plan<'_>, guesses: &mut Vec<String>, questions: &mut Vec<String>) -> String {
     let (groups, known) = (&plan.groups, plan.known);
     let mut out = HEAD.to_owned();
-    let used = |r: &RecordFile| r.part.is_some() || !r.sources.is_empty();
+    let used = |r: &RecordFile| r.part().is_some() || !r.sources.is_empty();
     let quantities: Vec<(Quantity, &str)> = groups
         .output
         .iter()
@@ -169,7 +169,7 @@ fn periods(records: &[RecordFile]) -> Vec<String> {
 fn record(r: &RecordFile, plan: &Plan<'_>, place: Option<(&Places, &String)>) -> String {
     let (groups, known) = (&plan.groups, plan.known);
     let mut out = format!("\n[[records]]\nfile = {}\n", quoted(&r.file));
-    let rows = r.part.map_or(r.rows, |[first, last]| last - first + 1);
+    let rows = r.part().map_or(r.rows, |[first, last]| last - first + 1);
     let whole = r.period.filter(|p| rows.is_multiple_of(*p) && rows / p >= 2);
     let rests = groups
         .scheduling
@@ -190,7 +190,7 @@ fn record(r: &RecordFile, plan: &Plan<'_>, place: Option<(&Places, &String)>) ->
         "use = \"{}\"",
         if held { "validation" } else { "estimation" }
     );
-    if let Some([first, last]) = r.part {
+    if let Some([first, last]) = r.part() {
         let _ = writeln!(out, "rows = [{first}, {last}]  # GUESS");
     }
     let channels: HashSet<&String> = [

@@ -161,8 +161,8 @@ pub use simulate::Response;
 pub use skew::{Skew, skew};
 pub use steady::steady_forces;
 pub use trace::{
-    Added, Case, Judged, MISSING_SHARE, Slower, Trace, Tried, Verdict, sensor_noise, trace, trace_in_band,
-    trace_slower,
+    Added, Case, Judged, MISSING_SHARE, Slower, Trace, Tried, Verdict, begun, sensor_noise, trace,
+    trace_in_band, trace_slower,
 };
 pub use track::{Track, roughness};
 pub use user_effect::{UserEffect, UserParameter, UserState};

@@ -186,40 +186,37 @@ fn mean_frequency(records: &[Record], h: f64) -> f64 {
 
 /// The records with the beginnings that a model makes of them. The first samples tell them with some deviation, and a rate that is
 /// wrong by it takes long to die out: least squares of that, and of the error along the record by its own size, so that a model
-/// which lacks much moves nothing.
+/// which lacks much moves nothing. Where most of the error is due to the beginning, that of an axis which started abruptly, the error alone tells.
+///
+/// A record of a rigid axis may begin anywhere about there: what another beginning makes of an error is no part of it.
 pub fn settled(model: &Explained, controller: &ControllerState, tracks: &[Track]) -> Vec<Track> {
     const STEPS: usize = 3;
+    // Less is the rounding of a minimum.
+    const FALL: f64 = 0.9999;
+    // Most of a squared error.
+    const MOST: f64 = 0.5;
     let one = |told: &Track| {
         let told = told.held_to_its_beginning();
+        // Of what swings on a spring the first samples tell the beginning roughly.
+        let doubt = if model.base.has_load() { ROUGHLY } else { 1.0 };
         let mut track = told.clone();
-        for _ in 0..STEPS {
-            match better(model, controller, &told, &track) {
-                Some(next) => track = next,
-                None => break,
+        let looks = [(doubt, FALL), (f64::INFINITY, MOST)];
+        for (doubt, fall) in looks.into_iter().flat_map(|look| [look; STEPS]) {
+            if let Some(next) = better(model, controller, (&told, doubt), (&track, fall)) {
+                track = next;
             }
         }
         track
     };
-    tracks.iter().map(one).collect()
+    let freed = |track: Track| match model.base.has_load() {
+        true => track,
+        false => anywhere(model, controller, &track).unwrap_or(track),
+    };
+    tracks.iter().map(|t| freed(one(t))).collect()
 }
 
-/// The same records, of a rigid axis, that may begin anywhere about there: what other beginnings make of an error is no part of it. For errors
-/// that are nearly noise: of a machine that lacks more, it would take a part of what is missing away.
-pub(crate) fn settled_anywhere(
-    model: &Explained,
-    controller: &ControllerState,
-    tracks: &[Track],
-) -> Vec<Track> {
-    let mut settled = settled(model, controller, tracks);
-    if !model.base.has_load() {
-        for track in &mut settled {
-            if let Some(free) = anywhere(model, controller, track) {
-                *track = free;
-            }
-        }
-    }
-    settled
-}
+/// Deviations of what swings over those of the noise of its readings.
+const ROUGHLY: f64 = 100.0;
 
 /// A record that may begin anywhere, about where it begins: what another beginning makes of the errors of a model does not count, as if it
 /// were fitted with whatever else is ([`Track::error`]). None where the simulation leaves all bounds.
@@ -242,23 +239,25 @@ fn first_errors(model: &Explained, controller: &ControllerState, track: &Track) 
     Some(run.error(track).iter().map(|e| e[0]).collect())
 }
 
-/// A likelier beginning than that of `track`, if there is one; the first samples tell that of `told`.
-fn better(model: &Explained, controller: &ControllerState, told: &Track, track: &Track) -> Option<Track> {
-    /// Deviations of what swings over those of the noise of its readings.
-    const ROUGHLY: f64 = 100.0;
+/// A likelier beginning than that of `track`, if there is one by which the error falls to a part of what it was; the first samples tell that of
+/// `told`, with so many times the deviation of their noise.
+fn better(
+    model: &Explained,
+    controller: &ControllerState,
+    (told, doubt): (&Track, f64),
+    (track, fall): (&Track, f64),
+) -> Option<Track> {
     let errors = |track: &Track| first_errors(model, controller, track);
     let now = errors(track)?;
     let size = (now.iter().map(|e| e * e).sum::<f64>() / now.len() as f64).sqrt();
-    // Of what swings on a spring the first samples tell the beginning roughly.
-    let doubt = if model.base.has_load() { ROUGHLY } else { 1.0 };
-    let deviations = told.beginning_deviations().map(|d| doubt * d);
+    let deviations = told.beginning_deviations();
     let (first, at) = (told.beginning(), track.beginning());
     if !(size > 0.0 && deviations.iter().all(|d| d.is_finite() && *d > 0.0)) {
         return None;
     }
     // Errors by their size, then departures from what the first samples tell.
     let all = |errors: Vec<f64>, at: [f64; 2]| {
-        let departures = [0, 1].map(|i: usize| (at[i] - first[i]) / deviations[i]);
+        let departures = [0, 1].map(|i: usize| (at[i] - first[i]) / (doubt * deviations[i]));
         let scaled = errors.into_iter().map(|e| e / size);
         DVector::from_iterator(now.len() + 2, scaled.chain(departures))
     };
@@ -276,6 +275,5 @@ fn better(model: &Explained, controller: &ControllerState, told: &Track, track: 
     ];
     let next = track.beginning_at(at);
     let there = all(errors(&next)?, at);
-    // Less is the rounding of a minimum.
-    (there.norm() < 0.9999 * here.norm()).then_some(next)
+    (there.norm() < fall * here.norm()).then_some(next)
 }

@@ -1,6 +1,7 @@
 //! The competition: which effects of the catalogue earn a place.
 
 mod account;
+mod begun;
 mod bench;
 mod chosen;
 mod conclude;
@@ -19,6 +20,7 @@ use crate::fit::{Explained, Fitted, Prior};
 use crate::track::Track;
 use crate::whiten::{SHORT, Whitening};
 pub use account::{Added, Judged, Trace, Tried, Verdict};
+pub use begun::begun;
 use bench::{Aim, Bench};
 use chosen::Chosen;
 pub use conclude::MISSING_SHARE;

@@ -277,20 +277,9 @@ fn of_moves(
         judged: &judged,
         ..case
     })?;
-    // Where a record begins, and what is noise, is told by the model that was found.
-    if is_observed && found.verdict != Verdict::NothingMissing {
-        [fitted, judged] = told
-            .each_ref()
-            .map(|t| observer::settled(&found.model, &start, t));
-        let seen = roughness(&found.model, &start, &fitted);
-        noise = std::array::from_fn(|i| noise[i].min(seen[i]));
-        found = trace(&Case {
-            noise,
-            fitted: &fitted,
-            judged: &judged,
-            seeks_load: found.rigid.is_some(),
-            ..case
-        })?;
+    if is_observed {
+        let seen = beginnings::by_the_model(&case, ([fitted, judged], found), &told)?;
+        ([fitted, judged], found, noise) = (seen.tracks, seen.found, seen.noise);
     }
     let case = Case {
         noise,
@@ -303,7 +292,17 @@ fn of_moves(
     let mut slow = None;
     if let Some(observer) = &observer {
         let records = [&fit_records[..], &judge_records[..]];
-        let look = again::look(&case, (observer, clock), &found, records, &told)?;
+        let look = again::look(
+            &Case {
+                fitted: &fitted,
+                judged: &judged,
+                ..case
+            },
+            (observer, clock),
+            &found,
+            records,
+            &told,
+        )?;
         slow = look.left;
         if let Some(again) = look.again {
             if again.hz < observer.hz {

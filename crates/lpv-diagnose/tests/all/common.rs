@@ -2,7 +2,7 @@
 
 use lpv_diagnose::lpv_core::{ControllerState, Discrete, Purpose, Record, RecordKind, Signals};
 use lpv_diagnose::observer::{self, Observer};
-use lpv_diagnose::{Base, Case, Explained, Trace, TraceError, Track, trace};
+use lpv_diagnose::{Base, Case, Explained, Slower, Trace, TraceError, Track, begun, trace, trace_slower};
 
 /// Records that an observer holds an axis at, the first to fit, the others to judge by.
 pub(crate) struct Held {
@@ -49,28 +49,54 @@ impl Held {
 
     /// What is found of readings on a grid of this step; where a record begins, the model tells better than its first readings.
     pub(crate) fn look(&self, model: &Explained, step: f64, seeks_load: bool) -> Result<Trace, TraceError> {
-        let [fitted, judged] = self
-            .tracks
-            .each_ref()
-            .map(|t| observer::settled(model, &self.observer, t));
+        self.trace(&self.settled(model), step, seeks_load)
+    }
+
+    /// The same from where a model lets the records begin that is fitted along them.
+    pub(crate) fn look_again(&self, model: &Explained, step: f64) -> Result<Trace, TraceError> {
+        let tracks = begun(&self.case(&self.observer, step), model, &self.tracks);
+        self.trace(&tracks, step, false)
+    }
+
+    fn trace(
+        &self,
+        [fitted, judged]: &[Vec<Track>; 2],
+        step: f64,
+        seeks_load: bool,
+    ) -> Result<Trace, TraceError> {
         trace(&Case {
-            fitted: &fitted,
-            judged: &judged,
-            own: &[],
+            fitted,
+            judged,
             seeks_load,
             ..self.case(&self.observer, step)
         })
     }
 
-    /// What another look says of the same records in the loop of another observer.
-    pub(crate) fn look_through<T>(
+    /// What a slower observer shows of the same records, of which `found` was seen.
+    pub(crate) fn look_slower(
         &self,
-        other: &Observer,
+        slower: &Observer,
+        found: &Trace,
         step: f64,
-        look: impl FnOnce(&Case<'_>, &[Vec<Track>; 2]) -> T,
-    ) -> Result<T, TraceError> {
-        let controller = other.controller.start()?;
-        Ok(look(&self.case(&controller, step), &self.tracks))
+    ) -> Result<Option<Slower>, TraceError> {
+        let [fitted, judged] = self.settled(&found.model);
+        let faster = Case {
+            fitted: &fitted,
+            judged: &judged,
+            ..self.case(&self.observer, step)
+        };
+        let controller = slower.controller.start()?;
+        Ok(trace_slower(
+            &self.case(&controller, step),
+            (&faster, found),
+            &self.tracks,
+        ))
+    }
+
+    fn settled(&self, model: &Explained) -> [Vec<Track>; 2] {
+        self.tracks
+            .each_ref()
+            .map(|t| observer::settled(model, &self.observer, t))
     }
 
     fn case<'a>(&'a self, controller: &'a ControllerState, step: f64) -> Case<'a> {

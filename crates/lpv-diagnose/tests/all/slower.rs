@@ -4,7 +4,7 @@
 use crate::common::{self, Held};
 use lpv_diagnose::lpv_core::{Discrete, Record};
 use lpv_diagnose::observer::{self, Observer};
-use lpv_diagnose::{Base, Slower, Trace, Verdict, servo_axis, trace_slower};
+use lpv_diagnose::{Base, Slower, Trace, Verdict, servo_axis};
 use std::f64::consts::TAU;
 
 const SAMPLES: usize = 2000;
@@ -51,7 +51,7 @@ fn find(machine: (f64, f64), force: Force) -> Result<(Trace, Option<Slower>), Bo
     let slowest = slower.last().ok_or("no slower one")?;
     assert!(slowest.hz < fast.hz);
     let found = held.look(&held.bare(), STEP, false)?;
-    let slower = held.look_through(slowest, STEP, |case, told| trace_slower(case, &found, told))?;
+    let slower = held.look_slower(slowest, &found, STEP)?;
     Ok((found, slower))
 }
 

@@ -27,7 +27,7 @@ pub(super) struct Look {
     pub(super) left: Option<[f64; 2]>,
 }
 
-/// Looks again at what `found` says. The records, fitted and judged, are those of the tracks.
+/// Looks again at what `found` says along the judged records of the case. The records, fitted and judged, are those of the tracks.
 pub(super) fn look(
     case: &Case<'_>,
     (observer, clock): (&Observer, Discrete),
@@ -38,6 +38,7 @@ pub(super) fn look(
     /// Error over the noise from which it is told.
     const MORE: f64 = 1.5;
     let mut look = Look::default();
+    let faster = case;
     for slower in observer.slower(&found.model.base, records[0], clock) {
         let controller = slower.controller.start()?;
         let held = held_by(&controller, records, told);
@@ -46,7 +47,7 @@ pub(super) fn look(
             ..*case
         };
         let now = look.again.as_ref().map_or(found, |again| &again.found);
-        let Some(Slower { over_noise, found }) = trace_slower(&case, now, &held) else {
+        let Some(Slower { over_noise, found }) = trace_slower(&case, (faster, now), &held) else {
             break;
         };
         look.left = None;

@@ -1,10 +1,11 @@
-//! Where records begin, if an effect is found that lives off a wrong beginning: a drift of the sensor beside other effects, since a
+//! Where records begin, which the model that was found tells better than the first samples, and if an effect is found that lives off a wrong beginning: a drift of the sensor beside other effects, since a
 //! beginning that was told by a model without these is wrong by something that dies out, as such a drift does; or a mass that comes soon
 //! after the start of one record, where it may have been there.
 
+use super::noise::roughness;
 use crate::PipelineError;
 use lpv_diagnose::catalogue::from_the_start;
-use lpv_diagnose::{Case, Explained, Trace, Track, observer, trace};
+use lpv_diagnose::{Case, Explained, Trace, Track, Verdict, begun, observer, trace};
 
 const DRIFT: &str = "sensor-drift";
 
@@ -13,6 +14,44 @@ pub(super) struct Begun {
     pub(super) found: Trace,
     /// Fitted and judged records.
     pub(super) tracks: [Vec<Track>; 2],
+}
+
+/// What is found where the model tells the beginnings, with the noise that it sees.
+pub(super) struct Seen {
+    pub(super) found: Trace,
+    pub(super) tracks: [Vec<Track>; 2],
+    pub(super) noise: [f64; 2],
+}
+
+/// Looks again from where the model that was found lets the records begin, and with the noise that it sees: where something was missing, or where
+/// the noise is clearly smaller than was thought, behind which something may be missing.
+pub(super) fn by_the_model(
+    case: &Case<'_>,
+    (tracks, found): ([Vec<Track>; 2], Trace),
+    told: &[Vec<Track>; 2],
+) -> Result<Seen, PipelineError> {
+    const CLEARLY: f64 = 0.8;
+    let is_missing = found.verdict != Verdict::NothingMissing;
+    let seen = roughness(&found.model, case.controller, &tracks[0]);
+    let mut less = seen.iter().zip(case.noise);
+    if !(is_missing || less.any(|(seen, thought)| *seen < CLEARLY * thought)) {
+        return Ok(Seen {
+            found,
+            tracks,
+            noise: case.noise,
+        });
+    }
+    let tracks = begun(case, &found.model, told);
+    let seen = roughness(&found.model, case.controller, &tracks[0]);
+    let noise = std::array::from_fn(|i| case.noise[i].min(seen[i]));
+    let found = trace(&Case {
+        noise,
+        fitted: &tracks[0],
+        judged: &tracks[1],
+        seeks_load: found.rigid.is_some() || !is_missing,
+        ..*case
+    })?;
+    Ok(Seen { found, tracks, noise })
 }
 
 /// What is found from the beginnings that a model without such an effect tells; none where it does not do without it.

@@ -1,11 +1,13 @@
 //! Inverse dynamics of an axis with its effects: the force that a motion needs.
 
-use crate::base::{Base, Motion};
-use crate::effect::{Effect, Family};
+use crate::base::{Axis, Base, Motion, Pair};
+use crate::effect::{Effect, Family, Scale};
 use crate::fit::Explained;
 use crate::track::Track;
 use lpv_core::Discrete;
+use lpv_core::linalg::least_squares;
 use lti_ident::rigid_body::{self, Filter, RigidBodySettings};
+use nalgebra::{DMatrix, DVector};
 
 impl Explained {
     /// Force of the motor of an axis along a motion of its encoder: positions, speeds and accelerations by sample of a record. Effects with
@@ -30,23 +32,144 @@ impl Explained {
 
     /// Sum of the squared force that it leaves of the input of a record, in the band of the acceleration; none for other machines than an axis.
     pub(crate) fn force_left(&self, track: &Track) -> Option<f64> {
-        let first = |pairs: &[[f64; 2]]| pairs.iter().map(|v| v[0]).collect::<Vec<f64>>();
-        let (q, u) = (first(&track.outputs), first(&track.inputs));
-        let clock = Discrete::new(track.step).ok()?;
-        let filter = Filter::new(&[&q], clock, &RigidBodySettings::default()).ok()?;
-        let motion = rigid_body::Motion::new(&q, clock, filter.position_cutoff_hz).ok()?;
-        let force =
-            self.inverse_dynamics(track, [&motion.position, &motion.velocity, &motion.acceleration])?;
-        let pushed = filter.held(&u, clock).ok()?;
-        let told = filter.reduced(&force, clock).ok()?;
-        Some(pushed.iter().zip(&told).map(|(a, b)| (a - b).powi(2)).sum())
+        let [moved] = <[Moved; 1]>::try_from(Moved::all(std::slice::from_ref(track))?).ok()?;
+        let told = moved.reduced(&self.inverse_dynamics(track, moved.motion())?)?;
+        let left = moved.pushed.iter().zip(&told).map(|(a, b)| (a - b).powi(2));
+        Some(left.sum())
+    }
+
+    /// The same machine with the parameters of a rigid axis, and the amplitudes of its effects, by least squares of the force of the inverse
+    /// dynamics along what was measured: a start that does not depend on where the present model is. None for other machines, where the
+    /// records do not tell, and where an amplitude would be below nothing.
+    pub(crate) fn by_its_force(&self, tracks: &[Track], moved: &[Moved]) -> Option<Self> {
+        let Base::Axis(axis) = &self.base else {
+            return None;
+        };
+        let units = axis.units()?;
+        let amplitudes = self.units_of_effects(axis);
+        let mut rows: Vec<Vec<f64>> = vec![Vec::new(); units.len() + amplitudes.len()];
+        let mut force = Vec::new();
+        for (track, moved) in tracks.iter().zip(moved) {
+            let own = units
+                .iter()
+                .map(|unit| unit.force_along(moved.motion(), track.step));
+            let effects = amplitudes
+                .iter()
+                .map(|unit| unit.inverse_dynamics(track, moved.motion()));
+            for (column, row) in own.map(Some).chain(effects).zip(&mut rows) {
+                row.extend(moved.reduced(&column?)?);
+            }
+            force.extend_from_slice(&moved.pushed);
+        }
+        let found = solved(&rows, &force)?;
+        let (base, amplitudes) = found.split_at(units.len());
+        let mut rest = amplitudes.iter();
+        let mut other = Self {
+            base: Base::Axis(axis.with_parameters(base)?),
+            ..self.clone()
+        };
+        for (effect, values) in &mut other.effects {
+            for (v, p) in values
+                .iter_mut()
+                .zip(effect.parameters)
+                .filter(|(_, p)| p.scale.is_amplitude())
+            {
+                *v = *rest.next()?;
+                if p.scale == Scale::NotNegative && *v < 0.0 {
+                    return None;
+                }
+            }
+        }
+        Some(other)
+    }
+
+    /// Each amplitude of its effects alone, as one, on an axis of nothing.
+    fn units_of_effects(&self, axis: &Axis) -> Vec<Self> {
+        let units = self.effects.iter().flat_map(|(effect, values)| {
+            let is_amplitude = |i: &usize| effect.parameters[*i].scale.is_amplitude();
+            let which: Vec<usize> = (0..values.len()).filter(is_amplitude).collect();
+            let alone = |one: &usize| {
+                let mut values = values.clone();
+                which
+                    .iter()
+                    .for_each(|i| values[*i] = if i == one { 1.0 } else { 0.0 });
+                (*effect, values)
+            };
+            which.iter().map(alone).collect::<Vec<_>>()
+        });
+        let alone = |effect| Self {
+            base: Base::Axis(axis.of_nothing()),
+            effects: vec![effect],
+        };
+        units.map(alone).collect()
     }
 
     /// Whether its last effect is a force of the motion alone, which the inverse dynamics tell.
     pub(crate) fn ends_with_a_force(&self) -> bool {
-        let is_force = |family: Family| matches!(family, Family::Friction | Family::PositionForce);
+        self.ends_with([Family::Friction, Family::PositionForce])
+    }
+
+    /// Whether its last effect is a force of motion and time, which the inverse dynamics of a start tell.
+    pub(crate) fn starts_with_a_force(&self) -> bool {
+        self.ends_with([Family::Structure, Family::Disturbance]) || self.ends_with_a_force()
+    }
+
+    fn ends_with(&self, families: [Family; 2]) -> bool {
         let is_of_motion = |(e, v): &(&Effect, Vec<f64>)| (e.block)(v, &self.base, e.place).states() == 0;
         let last = self.effects.last();
-        last.is_some_and(|last| is_force(last.0.family) && is_of_motion(last))
+        last.is_some_and(|last| families.contains(&last.0.family) && is_of_motion(last))
     }
+}
+
+/// The motion of an axis that a record shows, and the force that drove it, both in the band of the acceleration.
+pub(crate) struct Moved {
+    filter: Filter,
+    clock: Discrete,
+    motion: rigid_body::Motion,
+    /// The input, reduced.
+    pushed: Vec<f64>,
+}
+
+impl Moved {
+    /// Of records of the same axis, in one band.
+    pub(crate) fn all(tracks: &[Track]) -> Option<Vec<Self>> {
+        let first = |pairs: &[Pair]| pairs.iter().map(|v| v[0]).collect::<Vec<f64>>();
+        let clock = Discrete::new(tracks.first()?.step).ok()?;
+        let positions: Vec<Vec<f64>> = tracks.iter().map(|t| first(&t.outputs)).collect();
+        let all: Vec<&[f64]> = positions.iter().map(Vec::as_slice).collect();
+        let filter = Filter::new(&all, clock, &RigidBodySettings::default()).ok()?;
+        let one = |(track, q): (&Track, &Vec<f64>)| {
+            Some(Self {
+                motion: rigid_body::Motion::new(q, clock, filter.position_cutoff_hz).ok()?,
+                pushed: filter.held(&first(&track.inputs), clock).ok()?,
+                filter,
+                clock,
+            })
+        };
+        tracks.iter().zip(&positions).map(one).collect()
+    }
+
+    fn motion(&self) -> [&[f64]; 3] {
+        [
+            &self.motion.position,
+            &self.motion.velocity,
+            &self.motion.acceleration,
+        ]
+    }
+
+    fn reduced(&self, force: &[f64]) -> Option<Vec<f64>> {
+        self.filter.reduced(force, self.clock).ok()
+    }
+}
+
+/// Least squares with columns of size one, since units are the user's; none where a column is nothing or too little is known.
+fn solved(columns: &[Vec<f64>], target: &[f64]) -> Option<Vec<f64>> {
+    let size = |column: &Vec<f64>| column.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let sizes: Vec<f64> = columns.iter().map(size).collect();
+    if target.len() < 4 * columns.len() || sizes.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
+        return None;
+    }
+    let rows = DMatrix::from_fn(target.len(), columns.len(), |k, j| columns[j][k] / sizes[j]);
+    let found = least_squares(rows, &DVector::from_column_slice(target), 1e-9).ok()?;
+    Some(found.iter().zip(&sizes).map(|(v, s)| v / s).collect())
 }

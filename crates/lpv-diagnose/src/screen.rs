@@ -3,6 +3,7 @@
 mod pulses;
 
 use crate::base::{Base, Motion, Pair};
+use crate::inverse::Moved;
 use crate::track::Track;
 use nalgebra::{DMatrix, DVector};
 pub(crate) use pulses::Pulses;
@@ -19,6 +20,8 @@ pub struct Screen<'a> {
     /// Steps of the grids on which readings lie, by output; zero where they lie on none.
     pub resolution: Pair,
     pub(crate) known: Known,
+    /// What was measured of an axis that an observer holds at its records, by record.
+    pub(crate) moved: Option<Vec<Moved>>,
     /// The loop at rest, for a quick look.
     pub(crate) pulses: Pulses,
 }
@@ -109,6 +112,14 @@ impl Screen<'_> {
     pub fn top_speed(&self, motor: usize) -> f64 {
         let all = self.motions.iter().flatten();
         all.map(|m| m.motor_speed[motor].abs()).fold(0.0, f64::max)
+    }
+
+    /// Sizes of an input, the largest last.
+    pub fn input_sizes(&self, channel: usize) -> Vec<f64> {
+        let inputs = self.tracks.iter().flat_map(|t| &t.inputs);
+        let mut all: Vec<f64> = inputs.map(|u| u[channel].abs()).collect();
+        all.sort_by(f64::total_cmp);
+        all
     }
 
     /// Root mean square of the deflection of a coupling.

@@ -182,6 +182,31 @@ impl Axis {
         s * (s * self.motor_mass() + self.viscous) + self.stiffness.unwrap_or(0.0) + load
     }
 
+    /// An axis of each of its parameters alone, as one: its force is the sum of theirs; none where a load swings on it.
+    pub(crate) fn units(&self) -> Option<Vec<Self>> {
+        let count = self.parameters().len();
+        let alone = |i: usize| self.of((0..count).map(|j| f64::from(u8::from(i == j))).collect());
+        self.load.is_none().then(|| (0..count).map(alone).collect())
+    }
+
+    /// The same axis without mass, friction and all else.
+    pub(crate) fn of_nothing(&self) -> Self {
+        self.of(vec![0.0; self.parameters().len()])
+    }
+
+    /// The same axis with other parameters; none where what must be more than nothing is not.
+    pub(crate) fn with_parameters(&self, values: &[f64]) -> Option<Self> {
+        let other = self.of(values.to_vec());
+        let is_one = |p: BaseParameter| !p.positive || p.value > 0.0;
+        other.parameters().into_iter().all(is_one).then_some(other)
+    }
+
+    fn of(&self, values: Vec<f64>) -> Self {
+        let mut other = self.clone();
+        other.set(&values);
+        other
+    }
+
     pub(super) fn states(&self) -> usize {
         if self.load.is_some() { 4 } else { 2 }
     }

@@ -5,6 +5,7 @@ use crate::base::Base;
 use crate::catalogue::quantization;
 use crate::effect::{Effect, Scale};
 use crate::fit::{Explained, Fitted, Grain, Problem, Seen, squares};
+use crate::inverse::Moved;
 use crate::screen::{Known, Pulses, Screen};
 use crate::track::Track;
 use crate::whiten::Whitening;
@@ -15,13 +16,20 @@ use nalgebra::DVector;
 const FIRST: usize = 2;
 /// Part of the leader's gain by which a fit may be behind and still go on.
 const BEHIND: f64 = 0.3;
-/// How many go on at most.
+/// How many effects go on at most, each from all its starts.
 const LEADERS: usize = 3;
 
 pub(super) struct Bench<'a> {
     pub(super) case: &'a Case<'a>,
     pub(super) whitening: Whitening,
     pub(super) aim: Aim,
+}
+
+impl Candidate {
+    /// From where it is fitted.
+    pub(super) fn starts(&self) -> impl Iterator<Item = &Explained> {
+        [&self.start].into_iter().chain(&self.by_force)
+    }
 }
 
 /// What a competition is about.
@@ -36,6 +44,8 @@ pub(super) enum Aim {
 pub(super) struct Candidate {
     pub(super) effect: &'static Effect,
     pub(super) start: Explained,
+    /// A second start.
+    pub(super) by_force: Option<Explained>,
     pub(super) predicted: f64,
 }
 
@@ -71,6 +81,10 @@ impl<'a> Bench<'a> {
             motions: self.problem().motions(&fitted.model)?,
             resolution: quantization::steps(tracks).map(|(step, _)| step),
             known: Known::new(fitted.columns().into_owned(), &fitted.residual, rough),
+            moved: match base {
+                Base::Axis(axis) if observes && axis.load().is_none() => Moved::all(tracks),
+                _ => None,
+            },
             pulses: Pulses::new(
                 base,
                 (self.case.controller, observes),
@@ -184,7 +198,7 @@ impl<'a> Bench<'a> {
 
     /// Full fits: all for a few steps, those that lead for as many as they need.
     pub(super) fn finals(&'a self, starts: &[&Explained], now: &Fitted) -> Vec<(&'static Effect, Fitted)> {
-        let of = starts.len() + LEADERS.min(starts.len());
+        let of = starts.len() + (2 * LEADERS).min(starts.len());
         (self.case.on_fit)(0, of);
         let mut all: Vec<(&'static Effect, Fitted)> = starts
             .iter()
@@ -198,7 +212,13 @@ impl<'a> Bench<'a> {
         all.sort_by(|a, b| a.1.objective.total_cmp(&b.1.objective));
         let best = all.first().map_or(0.0, |(_, f)| f.objective);
         let near = best + BEHIND * (now.objective - best).max(0.0) + 30.0;
-        let leaders = all.iter_mut().take(LEADERS).filter(|(_, f)| f.objective <= near);
+        let mut leading: Vec<&Effect> = Vec::new();
+        let leaders = all.iter_mut().filter(|(effect, fit)| {
+            if leading.len() < LEADERS && !leading.iter().any(|e| e.is(effect)) {
+                leading.push(effect);
+            }
+            fit.objective <= near && leading.iter().any(|e| e.is(effect))
+        });
         for (done, (_, fit)) in leaders.enumerate() {
             if let Ok(better) = self.problem().fit(&fit.model, ITERATIONS, Some(&*fit)) {
                 *fit = better;
@@ -249,8 +269,39 @@ impl<'a> Bench<'a> {
         Some(left)
     }
 
-    /// One step from a start in the directions of the machine and of the amplitudes.
+    /// One linear step from the present model, which tells little where that is far from the records; and beside it what least squares say of the
+    /// force along what was measured, where that is nearer to them.
     pub(super) fn candidate(
+        &'a self,
+        effect: &'static Effect,
+        values: Vec<f64>,
+        now: &Fitted,
+        screen: &Screen<'_>,
+    ) -> Option<Candidate> {
+        let left = |start: &Explained| Some(squares(&self.problem().rough(start)?));
+        let by_force = screen.moved.as_ref().and_then(|moved| {
+            let mut start = now.model.clone();
+            start.effects.push((effect, values.clone()));
+            let is_force = start.starts_with_a_force();
+            let start = is_force.then(|| start.by_its_force(self.case.fitted, moved))??;
+            Some((left(&start)?, start))
+        });
+        let by_step = self.candidate_by_step(effect, values, now, screen)?;
+        match by_force {
+            Some((left_by_force, start)) if left(&by_step.start).is_none_or(|left| left_by_force < left) => {
+                let predicted = screen.known.left.norm_squared() - left_by_force;
+                Some(Candidate {
+                    predicted: by_step.predicted.max(predicted),
+                    by_force: Some(start),
+                    ..by_step
+                })
+            }
+            _ => Some(by_step),
+        }
+    }
+
+    /// One step from a start in the directions of the machine and of the amplitudes.
+    fn candidate_by_step(
         &'a self,
         effect: &'static Effect,
         values: Vec<f64>,
@@ -293,6 +344,7 @@ impl<'a> Bench<'a> {
         Some(Candidate {
             effect,
             start,
+            by_force: None,
             predicted,
         })
     }

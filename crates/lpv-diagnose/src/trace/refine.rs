@@ -50,7 +50,11 @@ pub(super) fn simplified(bench: &Bench<'_>, finals: &mut Vec<(&'static Effect, F
         return;
     };
     let last = fine.model.effects.len() - 1;
-    for start in simpler_forms(&fine.model, last) {
+    let taken = |start: &Explained| {
+        let added = start.effects.last();
+        added.is_some_and(|(e, _)| now.model.effects.iter().any(|(t, _)| t.is_called(e)))
+    };
+    for start in simpler_forms(&fine.model, last).into_iter().filter(|s| !taken(s)) {
         finals.extend(bench.finals(&[&start], now));
     }
 }

@@ -62,7 +62,7 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
         .iter()
         .enumerate()
         .take(LOOKED_AT)
-        .map(|(i, c)| (bench.cost(&c.start), i))
+        .map(|(i, c)| (c.starts().map(|s| bench.cost(s)).fold(f64::INFINITY, f64::min), i))
         .collect();
     actual.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut chosen: Vec<usize> = (0..screened.len())
@@ -70,7 +70,7 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
         .take(FINALISTS)
         .collect();
     chosen.extend(actual.iter().map(|a| a.1).filter(|i| *i >= FINALISTS).take(2));
-    let starts: Vec<&Explained> = chosen.iter().map(|i| &screened[*i].start).collect();
+    let starts: Vec<&Explained> = chosen.iter().flat_map(|i| screened[*i].starts()).collect();
     let mut finals = bench.finals(&starts, now);
     if bench.aim == Aim::Noise {
         let refined = refine::refined(bench, &finals, now, &screen)?;
@@ -169,12 +169,17 @@ fn nearly_equal_in_order(finals: &mut [Final]) {
     first_of_equals(finals, |(e, ..)| *e, |(.., j)| j.cost <= most);
 }
 
-/// Whether an effect takes enough of the cost on the judged records. What happens once can pass for much that a machine does at that time;
-/// it leaves noise, or most of the error was due to it.
+/// Whether an effect takes enough of the cost on the judged records. What happens once, or swings in time, can pass for much that a machine
+/// does at that time; it leaves noise, or most of the error was due to it.
 fn takes_enough(effect: &Effect, with: f64, without: f64) -> bool {
     const MOST: f64 = 0.75;
-    let is_once = effect.parameters.iter().any(|p| p.scale == Scale::Instant);
-    let is_enough = !is_once || with <= NOISE || without - with >= MOST * (without - 1.0).max(0.0);
+    let is_of_time = |p: &EffectParameter| match p.scale {
+        Scale::Instant => true,
+        Scale::Frequency => effect.family == Family::Disturbance,
+        _ => false,
+    };
+    let is_of_motion = !effect.parameters.iter().any(is_of_time);
+    let is_enough = is_of_motion || with <= NOISE || without - with >= MOST * (without - 1.0).max(0.0);
     may_be_named(effect, with) && is_enough
 }
 

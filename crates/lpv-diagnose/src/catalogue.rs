@@ -112,7 +112,7 @@ pub(crate) fn is_rough(effect: &Effect) -> bool {
 
 /// Whether an effect of a machine is itself with these values along records: a peak of friction that has fallen before the sign of the speed
 /// has reached its value is a form of that sign, by which dry friction that creeps passes for one that sticks. No cable
-/// pushes, and two waves that the travel does not tell apart are one.
+/// pushes, two waves that the travel does not tell apart are one, and a drive that clips most of its commands drives nothing.
 pub(crate) fn is_itself(effect: &Effect, values: &[f64], machine: &Base, tracks: &[Track]) -> bool {
     /// Times the speed that creeps at which the sign is reached: its hyperbolic tangent is 0.96.
     const REACHED: f64 = 2.0;
@@ -126,6 +126,9 @@ pub(crate) fn is_itself(effect: &Effect, values: &[f64], machine: &Base, tracks:
     }
     if cogging::EFFECTS.iter().any(|e| e.is(effect)) && values.len() == cogging::TWO_WAVES {
         return cogging::are_apart(values, Track::travel(tracks, effect.place.first()));
+    }
+    if let (true, [value]) = (actuator_saturation::EFFECTS.iter().any(|e| e.is(effect)), values) {
+        return actuator_saturation::is_seldom(effect, *value, tracks);
     }
     let [level, breakaway, creep, fall] = *values else {
         return true;

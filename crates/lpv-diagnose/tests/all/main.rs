@@ -6,6 +6,7 @@ mod axes_by_themselves;
 mod axis_by_hand;
 mod changes;
 mod common;
+mod far_starts;
 mod held_axis;
 mod in_band;
 mod motor_and_load;

@@ -186,22 +186,36 @@ fn mean_frequency(records: &[Record], h: f64) -> f64 {
 
 /// The records with the beginnings that a model makes of them. The first samples tell them with some deviation, and a rate that is
 /// wrong by it takes long to die out: least squares of that, and of the error along the record by its own size, so that a model
-/// which lacks much moves nothing. Where most of the error is due to the beginning, that of an axis which started abruptly, the error alone tells.
+/// which lacks much moves nothing.
 ///
 /// A record of a rigid axis may begin anywhere about there: what another beginning makes of an error is no part of it.
 pub fn settled(model: &Explained, controller: &ControllerState, tracks: &[Track]) -> Vec<Track> {
+    told_by(model, controller, tracks, false)
+}
+
+/// The same, by the error alone where nearly all of it is due to the beginning of a rigid axis.
+pub(crate) fn told_by(
+    model: &Explained,
+    controller: &ControllerState,
+    tracks: &[Track],
+    by_error: bool,
+) -> Vec<Track> {
     const STEPS: usize = 3;
     // Less is the rounding of a minimum.
     const FALL: f64 = 0.9999;
-    // Most of a squared error.
-    const MOST: f64 = 0.5;
+    // Part of an error of which nearly all was due to the beginning.
+    const MOST: f64 = 0.2;
     let one = |told: &Track| {
         let told = told.held_to_its_beginning();
         // Of what swings on a spring the first samples tell the beginning roughly.
         let doubt = if model.base.has_load() { ROUGHLY } else { 1.0 };
         let mut track = told.clone();
-        let looks = [(doubt, FALL), (f64::INFINITY, MOST)];
-        for (doubt, fall) in looks.into_iter().flat_map(|look| [look; STEPS]) {
+        let alone = (by_error && !model.base.has_load()).then_some((f64::INFINITY, MOST));
+        for (doubt, fall) in [(doubt, FALL)]
+            .into_iter()
+            .chain(alone)
+            .flat_map(|look| [look; STEPS])
+        {
             if let Some(next) = better(model, controller, (&told, doubt), (&track, fall)) {
                 track = next;
             }

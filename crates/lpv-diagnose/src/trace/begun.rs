@@ -111,5 +111,5 @@ fn along<T>(case: &Case<'_>, [fitted, judged]: &[Vec<Track>; 2], of: impl FnOnce
 
 fn settled(case: &Case<'_>, model: &Explained, told: &[Vec<Track>; 2]) -> [Vec<Track>; 2] {
     told.each_ref()
-        .map(|tracks| observer::settled(model, case.controller, tracks))
+        .map(|tracks| observer::told_by(model, case.controller, tracks, true))
 }

@@ -338,15 +338,23 @@ fn responses_of_a_universal_file_need_no_edit() {
     assert!(said.contains("0 frequency responses of 7+Z to 9+Z"), "{said}");
 }
 
-/// Moves that resemble themselves do so after another time in every record; an excitation has one period.
+/// Moves that resemble themselves do so after another time in every record; an excitation has one period, which a move beside it does not take
+/// away.
 #[test]
 fn one_excitation_has_one_period() {
     let desk = Desk::new();
-    for (name, periods) in [("moves", [300, 317]), ("sines", [300, 300])] {
-        for (number, period) in periods.into_iter().enumerate() {
+    let sines = RecordKind::Periodic { period: 300 };
+    let moves = RecordKind::Transient;
+    for (name, periods, kinds, told) in [
+        ("moves", &[300, 317][..], &[moves; 2][..], Some("300 to 317")),
+        ("sines", &[300, 300], &[sines; 2], None),
+        ("both", &[300, 317, 300], &[sines, moves, sines], Some("317")),
+        ("one", &[300], &[sines], None),
+    ] {
+        for (number, period) in periods.iter().enumerate() {
             let wave = |shift: f64| -> Vec<f64> {
                 (0..960)
-                    .map(|k| TAU * f64::from(k) / f64::from(period))
+                    .map(|k| TAU * f64::from(k) / f64::from(*period))
                     .map(|turn| (turn + shift).sin() + 0.5 * (3.0 * turn + 2.0 * shift).cos())
                     .collect()
             };
@@ -356,21 +364,18 @@ fn one_excitation_has_one_period() {
                 csv(&[("t", &t), ("u", &wave(0.0)), ("y", &wave(1.0))]),
             );
         }
-        let said = desk.done(&format!("new {name}/0.csv {name}/1.csv"));
+        let files: Vec<String> = (0..periods.len()).map(|n| format!("{name}/{n}.csv")).collect();
+        let said = desk.done(&format!("new {}", files.join(" ")));
         let bundle = Bundle::open(&desk.path(name)).unwrap();
-        let kinds: Vec<RecordKind> = bundle
-            .description()
-            .records
-            .iter()
-            .map(|r| r.record_kind())
-            .collect();
-        let is_told = said.contains("repeat after 300 to 317 samples are taken for moves");
-        match name {
-            "moves" => assert!(is_told && kinds == [RecordKind::Transient; 2], "{said}"),
-            _ => assert!(
-                !is_told && kinds == [RecordKind::Periodic { period: 300 }; 2],
-                "{said}"
-            ),
+        let records = bundle.description().records.iter();
+        let found: Vec<RecordKind> = records.map(|r| r.record_kind()).collect();
+        assert_eq!(found, kinds, "{said}");
+        match told {
+            Some(after) => {
+                let sentence = format!("repeat after {after} samples are taken for moves");
+                assert!(said.contains(&sentence), "{said}");
+            }
+            None => assert!(!said.contains("taken for moves"), "{said}"),
         }
     }
 }

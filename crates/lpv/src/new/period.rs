@@ -64,21 +64,29 @@ pub(super) fn goes_with(output: &[f64], period: usize) -> bool {
     between <= within
 }
 
-/// Takes periods back that differ from record to record: they are not those of one excitation, and moves resemble themselves too. What is
-/// said of it.
+/// Takes periods back that are not the one of most records, at least of two: one excitation has one period, and moves resemble themselves after
+/// another time in every record. What is said of it.
 pub(super) fn agree(records: &mut [RecordFile]) -> Option<String> {
-    let mut found: Vec<usize> = records.iter().filter_map(|r| r.period).collect();
-    found.sort_unstable();
-    found.dedup();
-    let (Some(shortest), Some(longest)) = (found.first(), found.last()) else {
-        return None;
-    };
-    if shortest == longest {
+    let all: Vec<usize> = records.iter().filter_map(|r| r.period).collect();
+    let having = |period: usize| all.iter().filter(|p| **p == period).count();
+    let is_shared = |period: &usize| having(*period) > 1;
+    let common = all.iter().copied().filter(is_shared).max_by_key(|p| having(*p));
+    let others = || all.iter().filter(|p| Some(**p) != common);
+    let (shortest, longest) = (others().min()?, others().max()?);
+    if common.is_none() && shortest == longest {
         return None;
     }
-    records.iter_mut().for_each(|r| r.period = None);
+    records
+        .iter_mut()
+        .filter(|r| r.period != common)
+        .for_each(|r| r.period = None);
+    let after = match shortest == longest {
+        true => shortest.to_string(),
+        false => format!("{shortest} to {longest}"),
+    };
     Some(format!(
-        "records that repeat after {shortest} to {longest} samples are taken for moves: one excitation has one period in all records"
+        "records that repeat after {after} samples are taken for moves: one excitation has one period in all records; \
+         if they are periodic, write `kind` and `period`, and estimate each period apart"
     ))
 }
 

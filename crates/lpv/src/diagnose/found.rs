@@ -13,9 +13,10 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Parameters that are the size of an effect.
-const SIZES: [&str; 9] = [
+const SIZES: [&str; 10] = [
     "level",
     "force",
+    "limit",
     "mass",
     "time",
     "time_constant",

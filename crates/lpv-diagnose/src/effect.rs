@@ -246,8 +246,8 @@ impl Effect {
     }
     /// Whether it is the same effect at the same place, in the same form.
     pub fn is(&self, other: &Self) -> bool {
-        let names = |e: &Self| e.parameters.iter().map(|p| p.name).collect::<Vec<_>>();
-        self.is_called(other) && names(self) == names(other)
+        let names = |e: &Self| e.parameters.iter().map(|p| p.name);
+        self.is_called(other) && names(self).eq(names(other))
     }
     /// Whether it is the same effect at the same place, in any form.
     pub fn is_called(&self, other: &Self) -> bool {

@@ -131,25 +131,35 @@ pub(crate) struct Moved {
 }
 
 impl Moved {
-    /// Of records of the same axis, in one band.
-    pub(crate) fn all(tracks: &[Track]) -> Option<Vec<Self>> {
-        let first = |pairs: &[Pair]| pairs.iter().map(|v| v[0]).collect::<Vec<f64>>();
-        let clock = Discrete::new(tracks.first()?.step).ok()?;
-        let positions: Vec<Vec<f64>> = tracks.iter().map(|t| first(&t.outputs)).collect();
-        let all: Vec<&[f64]> = positions.iter().map(Vec::as_slice).collect();
-        let filter = Filter::new(&all, clock, &RigidBodySettings::default()).ok()?;
-        let one = |(track, q): (&Track, &Vec<f64>)| {
+    /// Of positions and inputs of the same axis, record by record, in one band; none where they do not tell one.
+    pub(crate) fn of(records: &[[&[f64]; 2]], clock: Discrete) -> Option<Vec<Self>> {
+        let positions: Vec<&[f64]> = records.iter().map(|[q, _]| *q).collect();
+        let filter = Filter::new(&positions, clock, &RigidBodySettings::default()).ok()?;
+        let one = |[q, u]: &[&[f64]; 2]| {
             Some(Self {
                 motion: rigid_body::Motion::new(q, clock, filter.position_cutoff_hz).ok()?,
-                pushed: filter.held(&first(&track.inputs), clock).ok()?,
+                pushed: filter.held(u, clock).ok()?,
                 filter,
                 clock,
             })
         };
-        tracks.iter().zip(&positions).map(one).collect()
+        records.iter().map(one).collect()
     }
 
-    fn motion(&self) -> [&[f64]; 3] {
+    /// Of the first channels of tracks.
+    pub(crate) fn all(tracks: &[Track]) -> Option<Vec<Self>> {
+        let first = |pairs: &[Pair]| pairs.iter().map(|v| v[0]).collect::<Vec<f64>>();
+        let clock = Discrete::new(tracks.first()?.step).ok()?;
+        let signals: Vec<[Vec<f64>; 2]> = tracks
+            .iter()
+            .map(|t| [first(&t.outputs), first(&t.inputs)])
+            .collect();
+        let signals: Vec<[&[f64]; 2]> = signals.iter().map(|s| s.each_ref().map(Vec::as_slice)).collect();
+        Self::of(&signals, clock)
+    }
+
+    /// Positions, speeds and accelerations by sample.
+    pub(crate) fn motion(&self) -> [&[f64]; 3] {
         [
             &self.motion.position,
             &self.motion.velocity,
@@ -157,19 +167,33 @@ impl Moved {
         ]
     }
 
-    fn reduced(&self, force: &[f64]) -> Option<Vec<f64>> {
+    /// The input, behind both filters.
+    pub(crate) fn pushed(&self) -> &[f64] {
+        &self.pushed
+    }
+
+    /// A signal along the motion, behind the filter of the equations.
+    pub(crate) fn reduced(&self, force: &[f64]) -> Option<Vec<f64>> {
         self.filter.reduced(force, self.clock).ok()
     }
 }
 
-/// Least squares with columns of size one, since units are the user's; none where a column is nothing or too little is known.
+/// Least squares of a target; none where a column is nothing or too little is known.
 fn solved(columns: &[Vec<f64>], target: &[f64]) -> Option<Vec<f64>> {
-    let size = |column: &Vec<f64>| column.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let sizes: Vec<f64> = columns.iter().map(size).collect();
-    if target.len() < 4 * columns.len() || sizes.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
-        return None;
-    }
-    let rows = DMatrix::from_fn(target.len(), columns.len(), |k, j| columns[j][k] / sizes[j]);
+    let columns: Vec<&Vec<f64>> = columns.iter().collect();
+    let (rows, sizes) = of_size_one(&columns, target.len())?;
     let found = least_squares(rows, &DVector::from_column_slice(target), 1e-9).ok()?;
     Some(found.iter().zip(&sizes).map(|(v, s)| v / s).collect())
+}
+
+/// Columns of a regression of size one, since units of position and force are the user's, and their sizes; none where one is nothing, or where
+/// so many rows are too few.
+pub(crate) fn of_size_one(columns: &[&Vec<f64>], rows: usize) -> Option<(DMatrix<f64>, Vec<f64>)> {
+    let size = |column: &&Vec<f64>| column.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let sizes: Vec<f64> = columns.iter().map(size).collect();
+    if rows < 4 * columns.len() || sizes.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
+        return None;
+    }
+    let of_one = DMatrix::from_fn(rows, columns.len(), |k, j| columns[j][k] / sizes[j]);
+    Some((of_one, sizes))
 }

@@ -211,13 +211,12 @@ pub(crate) fn told_by(
         let doubt = if model.base.has_load() { ROUGHLY } else { 1.0 };
         let mut track = told.clone();
         let alone = (by_error && !model.base.has_load()).then_some((f64::INFINITY, MOST));
-        for (doubt, fall) in [(doubt, FALL)]
-            .into_iter()
-            .chain(alone)
-            .flat_map(|look| [look; STEPS])
-        {
-            if let Some(next) = better(model, controller, (&told, doubt), (&track, fall)) {
-                track = next;
+        for (doubt, fall) in [(doubt, FALL)].into_iter().chain(alone) {
+            for _ in 0..STEPS {
+                match better(model, controller, (&told, doubt), (&track, fall)) {
+                    Some(next) => track = next,
+                    None => break,
+                }
             }
         }
         track
@@ -248,7 +247,11 @@ fn anywhere(model: &Explained, controller: &ControllerState, track: &Track) -> O
 }
 
 /// Errors of the first output along a record.
-fn first_errors(model: &Explained, controller: &ControllerState, track: &Track) -> Option<Vec<f64>> {
+pub(crate) fn first_errors(
+    model: &Explained,
+    controller: &ControllerState,
+    track: &Track,
+) -> Option<Vec<f64>> {
     let run = model.closed_loop(controller, track)?;
     Some(run.error(track).iter().map(|e| e[0]).collect())
 }

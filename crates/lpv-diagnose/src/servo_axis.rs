@@ -1,11 +1,12 @@
 //! A servo axis from its records by least squares: free, or on a spring to ground (a flexure, a piezo stage, a mass on a spring).
 
+use crate::inverse::{Moved, of_size_one};
 use crate::{Axis, Base, TraceError};
 use lpv_core::linalg::svd;
 use lpv_core::{Discrete, Record};
-use lti_ident::rigid_body::{Estimator, Filter, Motion, RigidBodySettings};
+use lti_ident::rigid_body::{Estimator, Filter, RigidBodySettings};
 use lti_ident::{LtiIdentError, Segment};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 /// A free axis, or one on a spring to ground where that leaves much less of the force; its reason joins `reasons`.
 ///
@@ -19,7 +20,7 @@ pub fn servo_axis(
     /// Part of the force that a free axis leaves which one on a spring may leave.
     const LEFT: f64 = 0.5;
     // What is wrong with the records, the free axis says.
-    let sprung = on_spring(records, clock).unwrap_or_default();
+    let sprung = on_spring(records, clock);
     let better = |found: &Found| found.left < LEFT * found.left_free;
     let (sprung, reversed): (Option<_>, Option<_>) = match sprung {
         Some(found) if found.is_reversed() => (None, Some(found)),
@@ -110,38 +111,29 @@ impl Found {
     }
 }
 
-/// The axis of some records; none where mass and stiffness have not the same sign.
-fn on_spring(records: &[Record], clock: Discrete) -> Result<Option<Found>, TraceError> {
-    let positions: Vec<&[f64]> = records
+/// The axis of some records; none where these do not tell one, or mass and stiffness have not the same sign.
+fn on_spring(records: &[Record], clock: Discrete) -> Option<Found> {
+    let signals: Option<Vec<[&[f64]; 2]>> = records
         .iter()
-        .filter_map(|r| r.outputs.columns.first())
-        .map(Vec::as_slice)
+        .map(|r| {
+            Some([
+                r.outputs.columns.first()?.as_slice(),
+                r.inputs.columns.first()?.as_slice(),
+            ])
+        })
         .collect();
-    let filter = Filter::new(&positions, clock, &RigidBodySettings::default())?;
     let mut columns: [Vec<f64>; 4] = Default::default();
     let mut force = Vec::new();
-    for record in records {
-        let (Some(q), Some(u)) = (record.outputs.columns.first(), record.inputs.columns.first()) else {
-            return Ok(None);
-        };
-        let motion = Motion::new(q, clock, filter.position_cutoff_hz)?;
-        for (column, signal) in
-            columns
-                .iter_mut()
-                .zip([&motion.acceleration, &motion.velocity, &motion.position])
-        {
-            column.extend(filter.reduced(signal, clock)?);
+    for moved in Moved::of(&signals?, clock)? {
+        let [q, v, a] = moved.motion();
+        for (column, signal) in columns.iter_mut().zip([a, v, q]) {
+            column.extend(moved.reduced(signal)?);
         }
-        force.extend(filter.held(u, clock)?);
+        force.extend_from_slice(moved.pushed());
     }
     columns[3] = vec![1.0; force.len()];
     let solved = |columns: &[&Vec<f64>]| {
-        // Columns of size one: units of position and force are the user's.
-        let sizes: Vec<f64> = columns.iter().map(|c| norm(c)).collect();
-        if force.len() < 4 * columns.len() || sizes.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
-            return None;
-        }
-        let rows = DMatrix::from_fn(force.len(), columns.len(), |k, j| columns[j][k] / sizes[j]);
+        let (rows, sizes) = of_size_one(columns, force.len())?;
         let target = DVector::from_column_slice(&force);
         let svd = svd(rows.clone()).ok()?;
         let found = svd.solve(&target, 1e-12).ok()?;
@@ -159,18 +151,14 @@ fn on_spring(records: &[Record], clock: Discrete) -> Result<Option<Found>, Trace
     let (Some((held, deviation, left)), Some((_, _, left_free))) =
         (solved(&[a, v, q, one]), solved(&[a, v, one]))
     else {
-        return Ok(None);
+        return None;
     };
     let fits = held[0] * held[2] > 0.0 && left.is_finite();
-    Ok(fits.then(|| Found {
+    fits.then(|| Found {
         axis: Axis::new(held[0], held[1], held[3]),
         stiffness: held[2],
         deviation,
         left,
         left_free,
-    }))
-}
-
-fn norm(x: &[f64]) -> f64 {
-    x.iter().map(|v| v * v).sum::<f64>().sqrt()
+    })
 }

@@ -18,9 +18,10 @@ pub fn begun(case: &Case<'_>, model: &Explained, told: &[Vec<Track>; 2]) -> [Vec
     if model.base.has_load() {
         return tracks;
     }
-    let Some((whitening, mut cost)) = judged(case, model, &tracks) else {
+    let Some(whitening) = noise_of(case, model, &tracks) else {
         return tracks;
     };
+    let mut cost = on(case, &whitening, &tracks, |bench| bench.judge(model).cost);
     let mut model = model.clone();
     for _ in 0..MOST_FITS {
         if cost <= NOISE {
@@ -44,7 +45,7 @@ pub(super) fn followed(
     told: &[Vec<Track>; 2],
 ) -> Option<([Vec<Track>; 2], f64)> {
     let tracks = settled(case, model, told);
-    let (whitening, _) = judged(case, model, &tracks)?;
+    let whitening = noise_of(case, model, &tracks)?;
     let next = step(case, &whitening, (model, &tracks), told)?;
     Some((next.tracks, next.cost))
 }
@@ -62,23 +63,11 @@ fn step(
     (model, tracks): (&Explained, &[Vec<Track>; 2]),
     told: &[Vec<Track>; 2],
 ) -> Option<Step> {
-    let fit = along(case, tracks, |case| {
-        let bench = Bench {
-            whitening: whitening.clone(),
-            case,
-            aim: Aim::Noise,
-        };
+    let fit = on(case, whitening, tracks, |bench| {
         bench.problem().fit(model, ITERATIONS, None).ok()
     })?;
     let tracks = settled(case, &fit.model, told);
-    let cost = along(case, &tracks, |case| {
-        let bench = Bench {
-            whitening: whitening.clone(),
-            case,
-            aim: Aim::Noise,
-        };
-        bench.judge(&fit.model).cost
-    });
+    let cost = on(case, whitening, &tracks, |bench| bench.judge(&fit.model).cost);
     Some(Step {
         model: fit.model,
         tracks,
@@ -86,27 +75,32 @@ fn step(
     })
 }
 
-/// The noise in the loop of a model, and its cost on the judged records.
-fn judged(case: &Case<'_>, model: &Explained, tracks: &[Vec<Track>; 2]) -> Option<(Whitening, f64)> {
-    along(case, tracks, |case| {
-        let whitening = loop_noise(case, model, SHORT).ok()?;
-        let bench = Bench {
-            whitening: whitening.clone(),
-            case,
-            aim: Aim::Noise,
-        };
-        Some((whitening, bench.judge(model).cost))
+/// The noise in the loop of a model.
+fn noise_of(case: &Case<'_>, model: &Explained, tracks: &[Vec<Track>; 2]) -> Option<Whitening> {
+    loop_noise(&in_view_of_rounding(&along(case, tracks)).0, model, SHORT).ok()
+}
+
+/// What a bench says along these records, of which the rounding is noise.
+fn on<T>(
+    case: &Case<'_>,
+    whitening: &Whitening,
+    tracks: &[Vec<Track>; 2],
+    says: impl FnOnce(&Bench<'_>) -> T,
+) -> T {
+    says(&Bench {
+        whitening: whitening.clone(),
+        case: &in_view_of_rounding(&along(case, tracks)).0,
+        aim: Aim::Noise,
     })
 }
 
-/// What something says of a case along these records, of which the rounding is noise.
-fn along<T>(case: &Case<'_>, [fitted, judged]: &[Vec<Track>; 2], of: impl FnOnce(&Case<'_>) -> T) -> T {
-    let case = Case {
+/// The same case along other records.
+fn along<'a>(case: &Case<'a>, [fitted, judged]: &'a [Vec<Track>; 2]) -> Case<'a> {
+    Case {
         fitted,
         judged,
         ..*case
-    };
-    of(&in_view_of_rounding(&case).0)
+    }
 }
 
 fn settled(case: &Case<'_>, model: &Explained, told: &[Vec<Track>; 2]) -> [Vec<Track>; 2] {

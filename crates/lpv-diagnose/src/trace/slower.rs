@@ -11,6 +11,7 @@ use super::noise::loop_noise;
 use super::{Added, Case, NOISE, Trace, Verdict, trace};
 use crate::catalogue;
 use crate::fit::Explained;
+use crate::observer::first_errors;
 use crate::track::Track;
 use crate::whiten::SHORT;
 use nalgebra::DVector;
@@ -76,14 +77,9 @@ fn is_told(found: &Trace, case: &Case<'_>, tracks: &[Vec<Track>; 2]) -> bool {
     const PART: f64 = 0.1;
     const OFF: f64 = 0.5;
     let errors = |model: &Explained| -> Option<DVector<f64>> {
-        let judged = tracks[1].iter();
-        let all: Option<Vec<_>> = judged
-            .map(|t| Some(model.closed_loop(case.controller, t)?.error(t)))
-            .collect();
-        Some(DVector::from_iterator(
-            all.as_ref()?.iter().map(Vec::len).sum(),
-            all?.into_iter().flatten().map(|e| e[0]),
-        ))
+        let one = |track: &Track| first_errors(model, case.controller, track);
+        let all: Option<Vec<_>> = tracks[1].iter().map(one).collect();
+        Some(DVector::from_vec(all?.concat()))
     };
     let Some(here) = errors(&found.model) else {
         return false;

@@ -56,9 +56,12 @@ fn find((mass, rate): (f64, f64), noise: f64, motion: Motion) -> Result<Trace, B
     let first = held.look(&held.bare(), step, false)?;
     let second = held.look_again(&first.model, step)?;
     // Without a drift of the sensor that told a wrong beginning, as `lpv diagnose` looks.
-    let mut model = second.model;
+    let mut model = second.model.clone();
     model.effects.retain(|(e, _)| e.name != "sensor-drift");
-    Ok(held.look_again(&model, step)?)
+    match model.effects.len() < second.model.effects.len() {
+        true => Ok(held.look(&model, step, false)?),
+        false => Ok(second),
+    }
 }
 
 /// The values of the one effect that is to be named, with their deviations.

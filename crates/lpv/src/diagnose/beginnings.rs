@@ -1,6 +1,6 @@
-//! Where records begin, which the model that was found tells better than the first samples, and if an effect is found that lives off a wrong beginning: a drift of the sensor beside other effects, since a
-//! beginning that was told by a model without these is wrong by something that dies out, as such a drift does; or a mass that comes soon
-//! after the start of one record, where it may have been there.
+//! Where records begin: the model that was found tells it better than the first samples. And what is found where an effect lives off a wrong
+//! beginning: a drift of the sensor beside other effects, since a beginning that was told by a model without these is wrong by something
+//! that dies out, as such a drift does; or a mass that comes soon after the start of one record, where it may have been there.
 
 use super::noise::roughness;
 use crate::PipelineError;

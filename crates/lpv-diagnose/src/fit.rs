@@ -7,7 +7,7 @@ mod parts;
 mod triangle;
 
 use crate::base::{Motion, Pair};
-use crate::simulate::{simulate, simulate_in};
+use crate::simulate::{LANES, Run, side_by_side};
 use crate::track::Track;
 use crate::whiten::Whitening;
 pub use explained::Explained;
@@ -98,37 +98,45 @@ const STEP: f64 = 0.03;
 impl Problem<'_> {
     /// Errors in closed loop by record.
     pub(crate) fn errors(&self, model: &Explained) -> Option<Vec<Vec<Pair>>> {
-        self.errors_in(Track::fine, model)
+        self.errors_in(Track::fine, std::slice::from_ref(model)).pop()?
     }
 
-    /// The same with these parts of a sample.
-    fn errors_in(&self, parts: fn(&Track) -> usize, model: &Explained) -> Option<Vec<Vec<Pair>>> {
-        let blocks = model.blocks();
-        self.tracks
-            .par_iter()
-            .map(|track| {
-                let (base, parts) = (&model.base, parts(track));
-                let found = simulate_in(parts, base, &blocks, Some(self.controller), track, None, &mut ())?;
-                let gap = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
-                Some(match self.seen {
-                    Seen::Outputs => found.error(track),
-                    Seen::Inputs => track.inputs.iter().zip(&found.inputs).map(gap).collect(),
+    /// The same of several models with these parts of a sample.
+    fn errors_in(&self, parts: fn(&Track) -> usize, models: &[Explained]) -> Vec<Option<Vec<Vec<Pair>>>> {
+        let blocks: Vec<_> = models.iter().map(Explained::blocks).collect();
+        let runs: Vec<(&Track, Run<'_>)> = models
+            .iter()
+            .zip(&blocks)
+            .flat_map(|(model, blocks)| {
+                self.tracks.iter().map(|track| {
+                    let run = Run::new(&model.base, blocks, track).in_loop(self.controller);
+                    (track, run.in_parts(parts(track)))
                 })
             })
-            .collect()
+            .collect();
+        let gap = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
+        let errors: Vec<Option<Vec<Pair>>> = runs
+            .par_chunks(LANES)
+            .flat_map_iter(|some| {
+                let (tracks, runs): (Vec<&Track>, Vec<&Run<'_>>) = some.iter().map(|(t, r)| (*t, r)).unzip();
+                tracks.into_iter().zip(side_by_side(&runs)).map(|(track, found)| {
+                    let found = found?;
+                    Some(match self.seen {
+                        Seen::Outputs => found.error(track),
+                        Seen::Inputs => track.inputs.iter().zip(&found.inputs).map(gap).collect(),
+                    })
+                })
+            })
+            .collect();
+        let mut errors = errors.into_iter();
+        let mut of_one = || -> Vec<_> { errors.by_ref().take(self.tracks.len()).collect() };
+        models.iter().map(|_| of_one().into_iter().collect()).collect()
     }
 
     /// Motions of the machine by record.
     pub(crate) fn motions(&self, model: &Explained) -> Option<Vec<Vec<Motion>>> {
-        let blocks = model.blocks();
-        self.tracks
-            .par_iter()
-            .map(|track| {
-                let mut motions = Vec::with_capacity(track.samples);
-                simulate(&model.base, &blocks, self.controller, track, None, &mut motions)?;
-                Some(motions)
-            })
-            .collect()
+        let motions = |track: &Track| model.motions(self.controller, track);
+        self.tracks.par_iter().map(motions).collect()
     }
 
     /// Whitened errors, then what departs from the prior.
@@ -138,8 +146,23 @@ impl Problem<'_> {
 
     /// The same from a coarse integration, or a fine one where that diverges: for small differences only.
     pub(crate) fn rough(&self, model: &Explained) -> Option<Vec<f64>> {
-        let coarse = self.errors_in(Track::coarse, model);
-        self.whitened(coarse.or_else(|| self.errors(model))?, model)
+        self.residuals(Grain::Rough, std::slice::from_ref(model)).pop()?
+    }
+
+    /// Residuals of several models.
+    fn residuals(&self, grain: Grain, models: &[Explained]) -> Vec<Option<Vec<f64>>> {
+        let errors = match grain {
+            Grain::Fine => self.errors_in(Track::fine, models),
+            Grain::Rough => self.errors_in(Track::coarse, models),
+        };
+        let whitened = |(errors, model): (Option<_>, &Explained)| {
+            let finer = || match grain {
+                Grain::Fine => None,
+                Grain::Rough => self.errors(model),
+            };
+            self.whitened(errors.or_else(finer)?, model)
+        };
+        errors.into_par_iter().zip(models).map(whitened).collect()
     }
 
     fn whitened(&self, errors: Vec<Vec<Pair>>, model: &Explained) -> Option<Vec<f64>> {
@@ -259,49 +282,32 @@ impl Problem<'_> {
             steps.resize(at.len(), 0.0);
         }
         let bounded = model.bounded();
-        let found: Option<Vec<(f64, Vec<f64>)>> = which
+        let mut sought: Vec<Difference> = which
             .clone()
-            .into_par_iter()
             .map(|j| {
-                let mut h = if steps[j] == 0.0 {
+                let step = if steps[j] == 0.0 {
                     first_step(model, j, at[j])
                 } else {
                     steps[j]
                 };
-                // Of a logarithm a longer step than a factor of e is no derivative: a speed that creeps, made so large that friction is
-                // gone, would look like the friction.
-                let longest = if bounded[j] { 1.0 } else { f64::INFINITY };
-                let mut best = None;
-                let (mut sizes, mut shrunk) = (0, 0);
-                while sizes < 8 && shrunk < 24 {
-                    let mut there = at.clone();
-                    there[j] += h;
-                    let there = model.with(&there);
-                    let moved = match grain {
-                        Grain::Fine => self.residual(&there),
-                        Grain::Rough => self.rough(&there),
-                    };
-                    let Some(moved) = moved else {
-                        // From nothing, in any unit, the way down may be long.
-                        h *= if at[j] == 0.0 { 1e-3 } else { 0.01 };
-                        shrunk += 1;
-                        continue;
-                    };
-                    sizes += 1;
-                    let column: Vec<f64> = moved.iter().zip(residual).map(|(a, b)| (a - b) / h).collect();
-                    let size = h * (column.iter().map(|c| c * c).sum::<f64>() / column.len() as f64).sqrt();
-                    best = Some((h, column));
-                    // What starts from nothing is nearly linear.
-                    let most = if at[j] == 0.0 { 1e3 } else { 10.0 };
-                    if size > 0.01 * STEP && size < most * STEP || size < STEP && h.abs() >= longest {
-                        break;
-                    }
-                    let change = (STEP / size.max(1e-12)).clamp(1e-6, 1e6);
-                    h = (h * change).clamp(-longest, longest);
-                }
-                best
+                Difference::new(j, step, at[j] == 0.0, bounded[j])
             })
             .collect();
+        loop {
+            let mut open: Vec<&mut Difference> = sought.iter_mut().filter(|d| !d.is_done).collect();
+            if open.is_empty() {
+                break;
+            }
+            let there = open.iter().map(|d| {
+                let mut there = at.clone();
+                there[d.coordinate] += d.step;
+                model.with(&there)
+            });
+            let moved = self.residuals(grain, &there.collect::<Vec<_>>());
+            let each = open.par_iter_mut().zip(moved);
+            each.for_each(|(d, moved)| d.look(moved.as_deref(), residual));
+        }
+        let found: Option<Vec<_>> = sought.into_iter().map(|d| d.best).collect();
         let found = found?;
         let mut matrix = DMatrix::zeros(residual.len(), found.len());
         for (j, (h, column)) in found.into_iter().enumerate() {
@@ -309,6 +315,63 @@ impl Problem<'_> {
             matrix.column_mut(j).copy_from_slice(&column);
         }
         Some(matrix)
+    }
+}
+
+/// A column of the Jacobian on its way.
+struct Difference {
+    coordinate: usize,
+    step: f64,
+    /// Of a logarithm a longer step than a factor of e is no derivative: a speed that creeps, made so large that friction is gone, would
+    /// look like the friction.
+    longest: f64,
+    is_from_nothing: bool,
+    /// Steps that had a residual, and those that had none.
+    sizes: usize,
+    shrunk: usize,
+    best: Option<(f64, Vec<f64>)>,
+    is_done: bool,
+}
+
+impl Difference {
+    fn new(coordinate: usize, step: f64, is_from_nothing: bool, is_logarithm: bool) -> Self {
+        Self {
+            coordinate,
+            step,
+            longest: if is_logarithm { 1.0 } else { f64::INFINITY },
+            is_from_nothing,
+            sizes: 0,
+            shrunk: 0,
+            best: None,
+            is_done: false,
+        }
+    }
+
+    /// Takes the residual after the step, and another step where that is too long or too short.
+    fn look(&mut self, moved: Option<&[f64]>, residual: &[f64]) {
+        const SIZES: usize = 8;
+        const SHRUNK: usize = 24;
+        let h = self.step;
+        match moved {
+            // From nothing, in any unit, the way down may be long.
+            None => {
+                self.step *= if self.is_from_nothing { 1e-3 } else { 0.01 };
+                self.shrunk += 1;
+            }
+            Some(moved) => {
+                self.sizes += 1;
+                let column: Vec<f64> = moved.iter().zip(residual).map(|(a, b)| (a - b) / h).collect();
+                let size = h * (column.iter().map(|c| c * c).sum::<f64>() / column.len() as f64).sqrt();
+                self.best = Some((h, column));
+                // What starts from nothing is nearly linear.
+                let most = if self.is_from_nothing { 1e3 } else { 10.0 };
+                let change = (STEP / size.max(1e-12)).clamp(1e-6, 1e6);
+                self.is_done =
+                    size > 0.01 * STEP && size < most * STEP || size < STEP && h.abs() >= self.longest;
+                self.step = (h * change).clamp(-self.longest, self.longest);
+            }
+        }
+        self.is_done |= self.sizes == SIZES || self.shrunk == SHRUNK;
     }
 }
 

@@ -1,6 +1,7 @@
 //! Records as the simulation reads them.
 
 mod beginning;
+pub(crate) mod smooth;
 
 use crate::TraceError;
 use crate::base::{Pair, Start};
@@ -43,6 +44,8 @@ pub struct Track {
     pub(crate) follows: bool,
     /// Whether the logged inputs run on between the samples; else they are held.
     pub(crate) runs_on: bool,
+    /// Injections at the points of the path and the end, if they run on.
+    pub(crate) between: Vec<Pair>,
     /// The controller at the first sample, unless it is at rest.
     pub(crate) moving: Option<ControllerState>,
     /// What other beginnings make of the first output, orthonormal; none where the record begins as it is told.
@@ -174,6 +177,7 @@ impl Track {
             is_read,
             follows,
             runs_on: false,
+            between: Vec::new(),
             moving,
             free: Vec::new(),
             bound,
@@ -236,10 +240,7 @@ impl Track {
     /// Those of [`Track::check`].
     pub fn part(&self, record: &Record) -> Result<Self, TraceError> {
         let part = Self::new(record, self.step, self.substeps, None)?;
-        Ok(Self {
-            runs_on: self.runs_on,
-            ..part
-        })
+        Ok(if self.runs_on { part.running_on() } else { part })
     }
 
     /// The same record with inputs that run on between the samples, as those do that were measured and not commanded.
@@ -247,6 +248,7 @@ impl Track {
     pub fn running_on(&self) -> Self {
         Self {
             runs_on: true,
+            between: smooth::points(&self.injections, self.substeps),
             ..self.clone()
         }
     }
@@ -274,6 +276,10 @@ impl Track {
         let p: Vec<f64> = (0..self.samples).map(|k| self.scheduling(k)[0]).collect();
         Self {
             path: between(&p, self.step, substeps),
+            between: match self.runs_on {
+                true => smooth::points(&self.injections, substeps),
+                false => Vec::new(),
+            },
             substeps,
             half: half(substeps),
             ..self.clone()

@@ -112,7 +112,7 @@ impl Block for Limit {
             true => at.machine.commanded(at.p, at.track.inputs[at.sample]),
             false => forces.motors,
         };
-        for i in 0..2 {
+        for i in at.motors() {
             let limit = self.0[i];
             if limit > 0.0 {
                 forces.motors[i] += commands[i].clamp(-limit, limit) - commands[i];
@@ -129,8 +129,8 @@ struct Saturation {
 }
 
 impl Block for Saturation {
-    fn act(&self, _at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
-        for i in 0..2 {
+    fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
+        for i in at.motors() {
             let part = self.root / self.unit[i];
             if part > 0.0 && part.is_finite() {
                 forces.motors[i] = (part * forces.motors[i]).tanh() / part;

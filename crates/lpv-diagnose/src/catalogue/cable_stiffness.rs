@@ -64,7 +64,7 @@ struct Cable {
 
 impl Block for Cable {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
-        for i in 0..2 {
+        for i in at.motors() {
             let y = at.motion.motor_position[i];
             forces.motors[i] -= y * (self.linear[i] + self.cubic[i] * y * y);
         }

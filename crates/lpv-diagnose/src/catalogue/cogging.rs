@@ -180,7 +180,7 @@ impl Block for TwoWaves {
 
 impl Block for Cogging {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
-        for i in 0..2 {
+        for i in at.motors() {
             let (s, c) = (self.turn * at.motion.motor_position[i]).sin_cos();
             forces.motors[i] += self.sine[i] * s + self.cosine[i] * c;
         }

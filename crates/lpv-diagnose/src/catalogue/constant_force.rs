@@ -71,8 +71,8 @@ const BEGINS: Effect = Effect {
 struct Constant(Pair);
 
 impl Block for Constant {
-    fn act(&self, _at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
-        for i in 0..2 {
+    fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
+        for i in at.motors() {
             forces.motors[i] += self.0[i];
         }
     }

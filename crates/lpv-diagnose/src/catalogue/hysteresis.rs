@@ -60,7 +60,7 @@ impl Block for Dahl {
     }
 
     fn act(&self, at: &Moment<'_>, own: &[f64], rates: &mut [f64], forces: &mut Forces) {
-        for i in 0..2 {
+        for i in at.motors() {
             let v = at.motion.motor_speed[i];
             // z / distance is the state; its rate is held within what the integration follows.
             let fall = (v.abs() / self.distance).min(1.3 / at.step);

@@ -73,7 +73,7 @@ struct Periodic {
 impl Block for Periodic {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
         let (s, c) = (self.rate * at.time).sin_cos();
-        for i in 0..2 {
+        for i in at.motors() {
             forces.motors[i] += self.sine[i] * s + self.cosine[i] * c;
         }
     }

@@ -44,7 +44,7 @@ struct Gain {
 
 impl Block for Gain {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
-        for i in 0..2 {
+        for i in at.motors() {
             let y = at.motion.motor_position[i];
             forces.motors[i] *= 1.0 + y * (self.slope[i] + self.curvature[i] * y);
         }

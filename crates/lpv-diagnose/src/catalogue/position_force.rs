@@ -171,7 +171,7 @@ struct Smooth {
 impl Block for Smooth {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
         let [slope, square, cube] = self.powers;
-        for i in 0..2 {
+        for i in at.motors() {
             let y = at.motion.motor_position[i];
             forces.motors[i] -= self.unit[i] * y * (slope + y * (square + y * cube));
         }
@@ -201,7 +201,7 @@ impl Shape {
 
 impl Block for Shape {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
-        for i in 0..2 {
+        for i in at.motors() {
             forces.motors[i] -= self.unit[i] * self.force(at.motion.motor_position[i]);
         }
     }

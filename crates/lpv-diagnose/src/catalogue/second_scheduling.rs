@@ -40,7 +40,7 @@ struct Second(Pair);
 impl Block for Second {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
         let (q, k) = (at.auxiliary(0), at.machine.coupling_stiffness());
-        for i in 0..2 {
+        for i in at.motors() {
             forces.coupling[i] += self.0[i] * q * k[i] * at.motion.deflection[i];
         }
     }

@@ -82,7 +82,7 @@ const FAR: f64 = 40.0;
 
 impl Block for Stribeck {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
-        for i in 0..2 {
+        for i in at.motors() {
             let v = at.motion.motor_speed[i];
             let far = (v / self.fall).powi(2);
             let peak = if far < FAR { (-far).exp() } else { 0.0 };

@@ -36,7 +36,7 @@ struct Viscous(Pair);
 
 impl Block for Viscous {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
-        for i in 0..2 {
+        for i in at.motors() {
             forces.motors[i] -= self.0[i] * at.motion.motor_speed[i];
         }
     }

@@ -1,9 +1,82 @@
 //! Records in motion, and a lag by hand.
 
-use super::Pair;
 use super::late::{Lag, delayed};
+use super::{Pair, Run, side_by_side};
 use crate::{Axis, Base, Explained, Track};
 use lpv_core::{Controller, Purpose, Record, RecordKind, Signals};
+
+/// Records of several lengths, with machines of several kinds, one of which leaves all bounds: side by side each does what it does alone.
+#[test]
+fn side_by_side_as_alone() -> Result<(), Box<dyn std::error::Error>> {
+    let controller = Controller {
+        reference_numerator: vec![vec![1.2e3]],
+        feedback_numerator: vec![vec![5.2e3, 0.0, -4.0e3]],
+        denominator: vec![vec![1.0]],
+        limit: None,
+    }
+    .start()?;
+    let track = |samples: u32, rate: f64| -> Result<Track, crate::TraceError> {
+        let r: Vec<f64> = (0..samples).map(|k| (rate * f64::from(k)).sin()).collect();
+        let signals = |columns: Vec<Vec<f64>>| Signals::new(&["a"][..columns.len()], columns);
+        let record = Record {
+            name: "move".to_owned(),
+            kind: RecordKind::Transient,
+            purpose: Purpose::Estimation,
+            position: None,
+            outputs: signals(vec![r.clone()]),
+            inputs: signals(vec![r.iter().map(|r| 3.0 * r).collect()]),
+            references: signals(vec![r]),
+            scheduling: signals(vec![]),
+            auxiliary: signals(vec![]),
+            injection: signals(vec![vec![0.0; samples as usize]]),
+        };
+        Track::new(&record, 1e-3, 3, None)
+    };
+    let tracks = [track(300, 0.01)?, track(170, 0.1)?.running_on(), track(41, 0.03)?];
+    let effect = |name: &str| crate::catalogue::all().find(|e| e.name == name);
+    let friction = effect("coulomb-friction").ok_or("no friction")?;
+    let delay = effect("delay").ok_or("no delay")?;
+    let model = |mass: f64, effects| Explained {
+        base: Base::Axis(Axis::new(mass, 2.0, -0.3)),
+        effects,
+    };
+    let models = [
+        model(0.8, Vec::new()),
+        model(-0.01, Vec::new()),
+        model(2.0, vec![(friction, vec![0.4, 1e-3])]),
+        model(0.8, vec![(friction, vec![0.1, 1e-2]), (delay, vec![0.7e-3])]),
+    ];
+    let blocks: Vec<_> = models.iter().map(Explained::blocks).collect();
+    let mut runs = Vec::new();
+    for (model, blocks) in models.iter().zip(&blocks) {
+        for track in &tracks {
+            runs.push(Run::new(&model.base, blocks, track).in_loop(&controller));
+            runs.push(
+                Run::new(&model.base, blocks, track)
+                    .in_loop(&controller)
+                    .in_parts(1),
+            );
+        }
+    }
+    let alone: Vec<_> = runs.iter().map(Run::response).collect();
+    assert!(alone.iter().any(Option::is_none) && alone.iter().any(Option::is_some));
+    for parts in [0, 1] {
+        for lanes in [2, 3, 12] {
+            let (runs, alone): (Vec<_>, Vec<_>) = runs
+                .iter()
+                .zip(&alone)
+                .skip(parts)
+                .step_by(2)
+                .map(|(r, a)| (r, a.clone()))
+                .unzip();
+            let found = runs.chunks(lanes).flat_map(side_by_side).collect::<Vec<_>>();
+            assert_eq!(found, alone, "{lanes} lanes");
+        }
+    }
+    let mixed: Vec<&Run<'_>> = runs.iter().collect();
+    assert_eq!(side_by_side(&mixed), alone);
+    Ok(())
+}
 
 /// The second part of a record, which begins in motion, is the second part of its simulation.
 #[test]

@@ -11,6 +11,8 @@ use crate::track::Track;
 use crate::whiten::Whitening;
 use lpv_core::linalg::least_squares;
 use nalgebra::DVector;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Iterations after which the leading fits go on.
 const FIRST: usize = 2;
@@ -200,12 +202,13 @@ impl<'a> Bench<'a> {
     pub(super) fn finals(&'a self, starts: &[&Explained], now: &Fitted) -> Vec<(&'static Effect, Fitted)> {
         let of = starts.len() + (2 * LEADERS).min(starts.len());
         (self.case.on_fit)(0, of);
+        let done = AtomicUsize::new(0);
+        let one_more = || (self.case.on_fit)(done.fetch_add(1, Ordering::Relaxed) + 1, of);
         let mut all: Vec<(&'static Effect, Fitted)> = starts
-            .iter()
-            .enumerate()
-            .filter_map(|(done, start)| {
+            .par_iter()
+            .filter_map(|start| {
                 let fit = self.problem().fit(start, FIRST, Some(now)).ok()?;
-                (self.case.on_fit)(done + 1, of);
+                one_more();
                 Some((start.effects.last()?.0, fit))
             })
             .collect();
@@ -213,18 +216,22 @@ impl<'a> Bench<'a> {
         let best = all.first().map_or(0.0, |(_, f)| f.objective);
         let near = best + BEHIND * (now.objective - best).max(0.0) + 30.0;
         let mut leading: Vec<&Effect> = Vec::new();
-        let leaders = all.iter_mut().filter(|(effect, fit)| {
-            if leading.len() < LEADERS && !leading.iter().any(|e| e.is(effect)) {
-                leading.push(effect);
-            }
-            fit.objective <= near && leading.iter().any(|e| e.is(effect))
-        });
-        for (done, (_, fit)) in leaders.enumerate() {
+        let leaders: Vec<&mut Fitted> = all
+            .iter_mut()
+            .filter_map(|(effect, fit)| {
+                if leading.len() < LEADERS && !leading.iter().any(|e| e.is(effect)) {
+                    leading.push(effect);
+                }
+                (fit.objective <= near && leading.iter().any(|e| e.is(effect))).then_some(fit)
+            })
+            .collect();
+        done.store(starts.len(), Ordering::Relaxed);
+        leaders.into_par_iter().for_each(|fit| {
             if let Ok(better) = self.problem().fit(&fit.model, ITERATIONS, Some(&*fit)) {
                 *fit = better;
             }
-            (self.case.on_fit)(starts.len() + done + 1, of);
-        }
+            one_more();
+        });
         all
     }
 

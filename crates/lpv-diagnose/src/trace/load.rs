@@ -9,7 +9,7 @@ use super::{Case, Contest, EQUAL, Trace, alone, compete};
 use crate::base::{Axis, Base, Load, Pair, RESONANCE};
 use crate::catalogue;
 use crate::effect::{Effect, Place};
-use crate::fit::{Explained, Fitted, squares};
+use crate::fit::{Explained, Fitted, Problem, squares};
 use crate::observer;
 use crate::track::Track;
 use rayon::prelude::*;
@@ -84,7 +84,8 @@ impl WithLoad {
         let near = if nearly { Some(nearly_given(strict)?) } else { None };
         let parts = 2 * case.fitted.first()?.fine();
         let followed = |tracks: &[Track]| tracks.iter().map(|t| t.followed(parts)).collect::<Vec<Track>>();
-        let worst = followed(&case.fitted[worst(case, strict)?..][..1]);
+        let rough = &case.fitted[worst(case, strict)?..][..1];
+        let worst = followed(rough);
         let narrow = Case {
             fitted: &worst,
             ..*case
@@ -95,7 +96,7 @@ impl WithLoad {
             aim: Aim::Noise,
         };
         let without = bench.problem().fit(&strict.now.model, SECOND, None).ok()?;
-        let found = best(&bench, &near.unwrap_or_else(|| own(&bench, strict)))?;
+        let found = best(&bench, rough, &near.unwrap_or_else(|| own(&bench, strict)))?;
         // Where the record begins, the rigid axis has told.
         let again = begun(&found.model, case, worst.clone());
         let narrow = Case {
@@ -209,13 +210,17 @@ fn without_mode(model: &Explained) -> Explained {
     model
 }
 
-/// The likeliest load, beside the effects of one of these models.
-fn best(bench: &Bench<'_>, beside: &[Explained]) -> Option<Fitted> {
+/// The likeliest load, beside the effects of one of these models; the first steps from all starts are along the rough record.
+fn best(bench: &Bench<'_>, rough: &[Track], beside: &[Explained]) -> Option<Fitted> {
     let case = bench.case;
     let starts: Vec<Explained> = beside.iter().flat_map(|model| starts(case, model)).collect();
+    let first = Problem {
+        tracks: rough,
+        ..bench.problem()
+    };
     let mut found: Vec<Fitted> = starts
         .par_iter()
-        .filter_map(|start| bench.problem().fit(start, FIRST, None).ok())
+        .filter_map(|start| first.fit(start, FIRST, None).ok())
         .collect();
     let further = |found: &mut Vec<Fitted>, iterations: usize, most: usize| {
         found.sort_by(|a, b| a.length().total_cmp(&b.length()));
@@ -228,7 +233,9 @@ fn best(bench: &Bench<'_>, beside: &[Explained]) -> Option<Fitted> {
     further(&mut found, SECOND, LIKELY);
     further(&mut found, LAST, LEADERS);
     for _ in 0..ROUNDS {
-        let starts: Vec<Explained> = found.iter().flat_map(|f| ringing(bench, f)).collect();
+        // Fits that ended at one load leave the most at the same frequencies.
+        let apart = (0..found.len()).filter(|i| !found[..*i].iter().any(|f| is_same(f, &found[*i])));
+        let starts: Vec<Explained> = apart.flat_map(|i| ringing(bench, &found[i])).collect();
         let mut again: Vec<Fitted> = starts
             .par_iter()
             .filter_map(|start| bench.problem().fit(start, SECOND, None).ok())
@@ -245,6 +252,19 @@ fn best(bench: &Bench<'_>, beside: &[Explained]) -> Option<Fitted> {
     }
     found.retain(|f| is_one(&f.model.base, case));
     found.into_iter().min_by(|a, b| a.length().total_cmp(&b.length()))
+}
+
+/// Whether two fits have the same load.
+fn is_same(one: &Fitted, other: &Fitted) -> bool {
+    /// Largest difference, of the values.
+    const NEAR: f64 = 1e-2;
+    let load = |fit: &Fitted| match &fit.model.base {
+        Base::Axis(axis) => axis.load(),
+        Base::XyTable(_) | Base::Lpv(_) => None,
+    };
+    let near = |a: f64, b: f64| (a - b).abs() <= NEAR * a.abs().max(b.abs());
+    matches!((load(one), load(other)), (Some(a), Some(b))
+        if a.is_measured == b.is_measured && near(a.hz, b.hz) && near(a.part, b.part) && near(a.ratio, b.ratio))
 }
 
 /// The same load at the frequencies at which a fit leaves the most: what rings for long is found from near its frequency only, and a fit

@@ -4,7 +4,7 @@ use super::Case;
 use crate::TraceError;
 use crate::base::{Base, Pair};
 use crate::fit::Explained;
-use crate::simulate::simulate_in;
+use crate::simulate::{LANES, Run, side_by_side};
 use crate::track::Track;
 use crate::whiten::{SHORT, Whitening};
 use lpv_core::ControllerState;
@@ -23,9 +23,11 @@ fn through_loop(
     seed: usize,
     size: Pair,
 ) -> Result<Vec<Vec<Pair>>, TraceError> {
-    let run = |parts: usize, noise: Option<&[Pair]>| {
-        let (base, blocks) = (&model.base, model.blocks());
-        simulate_in(parts, base, &blocks, Some(controller), track, noise, &mut ())
+    let blocks = model.blocks();
+    let run = |parts: usize| {
+        Run::new(&model.base, &blocks, track)
+            .in_loop(controller)
+            .in_parts(parts)
     };
     let diverges = || TraceError::Diverges {
         record: track.name.clone(),
@@ -33,22 +35,27 @@ fn through_loop(
     // Few parts of a sample are enough for differences, but may diverge where more do not.
     let (parts, without) = [track.coarse(), track.fine()]
         .into_iter()
-        .find_map(|parts| Some((parts, run(parts, None)?)))
+        .find_map(|parts| Some((parts, run(parts).response()?)))
         .ok_or_else(diverges)?;
-    (0..DRAWS)
-        .into_par_iter()
-        .map(|draw| {
-            let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64((DRAWS * seed + draw) as u64);
-            let mut draw = |size: f64| -> f64 {
-                let x: f64 = StandardNormal.sample(&mut rng);
-                size * x
-            };
-            let noise: Vec<Pair> = (0..track.samples).map(|_| size.map(&mut draw)).collect();
-            let with = run(parts, Some(&noise)).ok_or_else(diverges)?;
-            let gap = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
-            Ok(with.outputs.iter().zip(&without.outputs).map(gap).collect())
-        })
-        .collect()
+    let drawn = |draw: usize| -> Vec<Pair> {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64((DRAWS * seed + draw) as u64);
+        let mut draw = |size: f64| -> f64 {
+            let x: f64 = StandardNormal.sample(&mut rng);
+            size * x
+        };
+        (0..track.samples).map(|_| size.map(&mut draw)).collect()
+    };
+    let noise: Vec<Vec<Pair>> = (0..DRAWS).into_par_iter().map(drawn).collect();
+    let with = noise.par_chunks(LANES).flat_map_iter(|some| {
+        let runs: Vec<_> = some.iter().map(|n| run(parts).with_noise(n)).collect();
+        side_by_side(&runs.iter().collect::<Vec<_>>())
+    });
+    with.map(|with| {
+        let gap = |(a, b): (&Pair, &Pair)| [a[0] - b[0], a[1] - b[1]];
+        let with = with.ok_or_else(diverges)?;
+        Ok(with.outputs.iter().zip(&without.outputs).map(gap).collect())
+    })
+    .collect()
 }
 
 /// All draws of all records.

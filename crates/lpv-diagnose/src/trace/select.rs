@@ -59,7 +59,7 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
         return Some(Selection { screened, finals });
     }
     let mut actual: Vec<(f64, usize)> = screened
-        .iter()
+        .par_iter()
         .enumerate()
         .take(LOOKED_AT)
         .map(|(i, c)| (c.starts().map(|s| bench.cost(s)).fold(f64::INFINITY, f64::min), i))
@@ -79,7 +79,7 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
     }
     finals.retain(|(_, fit)| is_possible(bench, &fit.model, &screen));
     let mut finals: Vec<Final> = finals
-        .into_iter()
+        .into_par_iter()
         .map(|(e, f)| {
             let judged = bench.judge(&f.model);
             (e, f, judged)
@@ -128,7 +128,7 @@ impl Selection {
                 all.push(tried(effect, None));
             }
         }
-        all.extend(self.screened.iter().map(|c| tried(c.effect, Some(&c.start))));
+        all.par_extend(self.screened.par_iter().map(|c| tried(c.effect, Some(&c.start))));
         all
     }
 

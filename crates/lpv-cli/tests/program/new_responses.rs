@@ -72,8 +72,8 @@ fn an_analyser_names_its_columns_in_many_ways() {
                 vec![f, decibel(one(f)), one(f).arg().to_degrees()]
             }),
             &[
-                "`gain` is in dB: it goes below zero",
-                "`phase` is in deg, by its range",
+                "`gain` is in dB: values go below zero",
+                "`phase` is in deg, by the range",
             ],
         ),
         (
@@ -108,6 +108,27 @@ fn an_analyser_names_its_columns_in_many_ways() {
         }
         desk.done("inspect lab");
         has_modes(&desk, "lab", MODES.map(|(hz, ..)| hz));
+    }
+}
+
+/// Below the first mode a phase in degrees stays within a turn in radians: all files together tell, in any order.
+#[test]
+fn phases_of_all_files_have_one_unit() {
+    for files in [["low", "whole"], ["whole", "low"]] {
+        let desk = Desk::new();
+        for (k, file) in files.iter().enumerate() {
+            let most = if *file == "low" { 0.1 } else { 1.0 };
+            let text = table("f,gain,phase", ",", |f| {
+                let v = value(most * f, 0, 0);
+                vec![most * f, v.norm(), v.arg().to_degrees()]
+            });
+            desk.write(&format!("lab/{k}.csv"), text);
+        }
+        let said = desk.done("new lab/0.csv lab/1.csv");
+        assert!(said.contains("`phase` is in deg, by the range"), "{said}");
+        assert!(said.contains("`gain` is linear, not in dB"), "{said}");
+        let text = std::fs::read_to_string(desk.path("lab").join("experiment.toml")).unwrap();
+        assert!(text.contains("\"y1/u1 deg\" = \"phase\""), "{text}");
     }
 }
 

@@ -18,26 +18,55 @@ struct Column<'a> {
     channel: Option<(String, String)>,
 }
 
-impl Column<'_> {
-    /// What its range tells where its name does not, and what was guessed from it.
-    fn look(&mut self, low: f64, high: f64) -> Option<String> {
-        match self.part {
+/// What the ranges of all files tell of the columns whose names do not say their unit, and what was guessed from it: one unit for all
+/// phases and one for all magnitudes, since one channel, or one file, may stay near zero.
+fn look(columns: &mut [Column<'_>], ranges: &[[f64; 2]], unit: impl Fn(&str) -> String) -> Vec<String> {
+    let list = |names: &[&str]| {
+        names
+            .iter()
+            .map(|n| format!("`{n}`"))
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
+    let are = |names: &[&str]| if names.len() == 1 { "is" } else { "are" };
+    let goes = |part: Part, beyond: &dyn Fn(&[f64; 2]) -> bool| -> Vec<bool> {
+        let own = columns.iter().zip(ranges);
+        own.map(|(c, range)| c.part == part && beyond(range)).collect()
+    };
+    let in_degrees = goes(Part::Phase, &|r| r[0].abs().max(r[1].abs()) > 1.001 * TAU).contains(&true);
+    let in_decibel = goes(Part::Magnitude, &|r| r[0] < 0.0).contains(&true);
+    let (mut phases, mut sizes) = (Vec::new(), Vec::new());
+    for column in columns {
+        match column.part {
             Part::Phase => {
-                let is_radians = low.abs().max(high.abs()) <= 1.001 * TAU;
-                self.part = if is_radians { Part::Radians } else { Part::Degrees };
-                Some(format!(
-                    "`{}` is in {}, by its range",
-                    self.name,
-                    self.part.name()
-                ))
+                column.part = if in_degrees { Part::Degrees } else { Part::Radians };
+                phases.push(column.name);
             }
-            Part::Magnitude if low < 0.0 => {
-                self.part = Part::Decibel;
-                Some(format!("`{}` is in dB: it goes below zero", self.name))
+            Part::Magnitude if in_decibel => {
+                column.part = Part::Decibel;
+                sizes.push(column.name);
             }
-            _ => None,
+            Part::Magnitude if unit(column.name).is_empty() => sizes.push(column.name),
+            _ => {}
         }
     }
+    let mut guesses = Vec::new();
+    if !phases.is_empty() {
+        let taken = if in_degrees { "deg" } else { "rad" };
+        guesses.push(format!(
+            "{} {} in {taken}, by the range",
+            list(&phases),
+            are(&phases)
+        ));
+    }
+    if !sizes.is_empty() {
+        let taken = match in_decibel {
+            true => "in dB: values go below zero",
+            false => "linear, not in dB: no unit is said, and no value goes below zero",
+        };
+        guesses.push(format!("{} {} {taken}", list(&sizes), are(&sizes)));
+    }
+    guesses
 }
 
 /// What the columns that all files have tell of a response.
@@ -92,17 +121,16 @@ pub(in crate::new) fn of_tables(seen: &[Seen], common: &[String]) -> Result<Foun
         .map(str::to_owned)
         .collect();
     let mut highest_hz = 0.0_f64;
-    for (k, file) in seen.iter().enumerate() {
+    let mut ranges = vec![[f64::INFINITY, f64::NEG_INFINITY]; columns.len()];
+    for file in seen {
         let values = file.read(&names)?;
         highest_hz = values[0].iter().copied().fold(highest_hz, f64::max);
-        if k > 0 {
-            continue;
-        }
-        for (column, values) in columns.iter_mut().zip(&values[1..]) {
+        for (range, values) in ranges.iter_mut().zip(&values[1..]) {
             let (low, high) = lpv_numerics::statistics::range(values);
-            guesses.extend(column.look(low, high));
+            *range = [range[0].min(low), range[1].max(high)];
         }
     }
+    guesses.extend(look(&mut columns, &ranges, unit));
     if in_turns {
         highest_hz /= TAU;
     }

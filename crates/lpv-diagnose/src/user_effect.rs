@@ -12,6 +12,7 @@ use crate::base::Base;
 use crate::catalogue;
 use crate::effect::{Block, Effect, EffectParameter, Family, Needs, Place, Scale};
 use crate::screen::Screen;
+use formula::Formula;
 use law::{Acting, Law};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -100,6 +101,14 @@ impl UserEffect {
     #[must_use]
     pub fn is_of_sensor(&self) -> bool {
         self.reading.is_some()
+    }
+
+    /// Whether a formula of it has this variable.
+    #[must_use]
+    pub fn uses(&self, variable: &str) -> bool {
+        let rates = self.states.values().map(|s| &s.rate);
+        let mut all = self.force.iter().chain(&self.reading).chain(rates);
+        all.any(|text| Formula::parse(text).is_ok_and(|f| f.names().iter().any(|n| n == variable)))
     }
 
     /// The same for a competition, where it acts on this channel: the effect of an input that drives a motor, or of an output.

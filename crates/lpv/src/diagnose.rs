@@ -323,6 +323,7 @@ fn of_moves(
         [fitted, judged] = [fitted, judged].map(|tracks| tracks.iter().map(|t| t.followed(parts)).collect());
     }
     reasons.extend(doubt::doubts(&found, bundle));
+    reasons.extend(user::untried(&own, &found, bundle));
     let steady = match found.verdict {
         Verdict::Unexplained | Verdict::PartlyExplained if is_observed => {
             doubt::steady_force(&found, &start, [&fitted, &judged], bundle)

@@ -65,7 +65,19 @@ fn desk() -> Desk {
 #[test]
 fn an_effect_of_the_user_is_found_kept_and_validated() {
     let desk = desk();
+    // The second has no number anywhere.
+    let never = "\n[[effect]]\nname = \"never\"\nforce = \"b*sqrt(x - 10)\"\nparameters.b.unit = \"u\"\n";
+    desk.write("own.toml", of_the_page() + never);
     let found = desk.json("diagnose . --effects own.toml -o found --json");
+    let untried = |r: &serde_json::Value| {
+        r.as_str()
+            .is_some_and(|r| r.starts_with("`never` at u was not tried"))
+    };
+    assert!(
+        found["reasons"].as_array().unwrap().iter().any(untried),
+        "{}",
+        found["reasons"]
+    );
     let effects = found["effects"].as_array().unwrap();
     assert_eq!(effects.len(), 1, "{}", found["verdict_in_words"]);
     assert_eq!(effects[0]["effect"], "rail-joint");
@@ -101,6 +113,16 @@ fn a_wrong_definition_is_refused_with_its_place() {
             "\"-a*exp(-((x",
             "\"-a*exp(-((z",
             ["`rail-joint`", "has `z`", "none of t, x"],
+        ),
+        (
+            "\"-a*exp(-((x",
+            "\"-a*exp(-((p",
+            ["`rail-joint`", "has `p`", "[channels.scheduling]"],
+        ),
+        (
+            "\"-a*exp(",
+            "\"-a*sign(",
+            ["`rail-joint`", "`sign` is no function", "write `signum`"],
         ),
         (
             "family = \"position-force\"",

@@ -57,6 +57,14 @@ const ONE: [(&str, OfOne); 22] = [
 /// Functions of two.
 const TWO: [(&str, OfTwo); 3] = [("atan2", f64::atan2), ("min", f64::min), ("max", f64::max)];
 const PI: [&str; 2] = ["pi", "PI"];
+/// What functions of other languages are called here.
+const MEANT: [(&str, &str); 5] = [
+    ("sign", "`signum`"),
+    ("sgn", "`signum`"),
+    ("log", "`ln` or `log10`"),
+    ("pow", "`a^b`"),
+    ("arctan", "`atan`"),
+];
 
 /// Whether a name means something in every formula.
 pub(super) fn is_taken(name: &str) -> bool {
@@ -312,7 +320,12 @@ impl Reader<'_> {
         if one.is_none() && two.is_none() {
             if self.takes("(") {
                 let known: Vec<&str> = ONE.iter().map(|f| f.0).chain(TWO.iter().map(|f| f.0)).collect();
-                return Err(format!("`{name}` is no function; there are {}", known.join(", ")));
+                let meant = MEANT.iter().find(|(n, _)| *n == name);
+                let meant = meant.map_or(String::new(), |(_, m)| format!(", write {m}"));
+                return Err(format!(
+                    "`{name}` is no function{meant}; there are {}",
+                    known.join(", ")
+                ));
             }
             if PI.contains(&name) {
                 self.operations.push(Operation::Number(std::f64::consts::PI));

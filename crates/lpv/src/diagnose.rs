@@ -6,6 +6,7 @@ mod axes;
 mod axis;
 mod base;
 mod beginnings;
+mod caveat;
 mod doubt;
 mod errors;
 mod explanation;

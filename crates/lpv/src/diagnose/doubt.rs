@@ -3,7 +3,7 @@
 use super::places::placed;
 use experiment_data::Bundle;
 use lpv_core::ControllerState;
-use lpv_diagnose::effect::{Effect, EffectParameter, Family, Scale};
+use lpv_diagnose::effect::{Effect, Family};
 use lpv_diagnose::{Added, Base, Trace, Track, Tried, Verdict, steady_forces};
 
 /// Margin on the judged records, dB, below which two effects do as well as each other.
@@ -81,20 +81,6 @@ pub(super) fn class(added: &Added, found: &Trace) -> Vec<String> {
         others.for_each(|t| more(t.effect));
     }
     if all.len() == 1 { Vec::new() } else { all }
-}
-
-/// What records do not show well of an effect, by the names of the contract.
-pub(super) fn caveats(added: &Added, tracks: &[Track]) -> Vec<String> {
-    /// Part of a record, or of its travel, that a period takes.
-    const NEARLY: f64 = 0.6;
-    let is_long = |(p, (value, _)): (&EffectParameter, &(f64, f64))| match p.scale {
-        Scale::Wavelength => *value > NEARLY * Track::travel(tracks, 0),
-        Scale::Frequency => value * Track::longest(tracks) < 1.0 / NEARLY,
-        _ => false,
-    };
-    let is_nearly = added.effect.parameters.iter().zip(&added.values).any(is_long);
-    let named = is_nearly.then(|| "period-nearly-the-record".to_owned());
-    named.into_iter().collect()
 }
 
 /// What a constant force of each record explains: `tracks` fitted, then judged.

@@ -1,9 +1,8 @@
 //! An effect that was found, as `diagnosis.json` and the first line tell it.
 
-use super::PlaceName;
-use super::doubt;
 use super::places::{channel, place_name, units};
 use super::value::Value;
+use super::{PlaceName, caveat, doubt};
 use crate::verdict::number;
 use experiment_data::Bundle;
 use lpv_diagnose::effect::EffectParameter;
@@ -94,9 +93,25 @@ impl FoundEffect {
             place: Some(place_name(a.effect, bundle)),
             would_tell: (!class.is_empty()).then(|| doubt::experiment(a.effect).to_owned()),
             class,
-            caveats: doubt::caveats(a, judged),
+            caveats: caveat::caveats(a, judged),
             definition: UserEffect::behind(a.effect),
         }
+    }
+
+    /// What the records do not show well of it, a sentence each.
+    pub(super) fn doubts(&self) -> Vec<String> {
+        let at = format!("{} at {}", self.effect, self.channel);
+        let caveats = self.caveats.iter().map(|name| caveat::sentence(name));
+        let others = self.class.get(1..).filter(|others| !others.is_empty());
+        let class = others.map(|others| {
+            let would = self.would_tell.as_deref().unwrap_or("other records");
+            format!(
+                "these records do not tell it from {}; {would} would",
+                others.join(" or ")
+            )
+        });
+        let all = caveats.map(str::to_owned).chain(class);
+        all.map(|sentence| format!("{at}: {sentence}")).collect()
     }
 
     /// Without what format 1 does not have.

@@ -1,6 +1,6 @@
 //! The page of a diagnosis.
 
-use super::{Diagnosed, Diagnosis, ForceErrors, LeftTest, LeftTests, OutputError};
+use super::{Diagnosed, Diagnosis, ForceErrors, FoundEffect, LeftTest, LeftTests, OutputError};
 use crate::verdict::{number, percent, times};
 use lpv_diagnose::MISSING_SHARE;
 use lpv_report::{
@@ -58,7 +58,11 @@ impl Diagnosed {
                     ]);
                 }
             }
-            let section = Section::new("What was missing").table(table);
+            let mut section = Section::new("What was missing").table(table);
+            let doubts: Vec<String> = d.effects.iter().flat_map(FoundEffect::doubts).collect();
+            if !doubts.is_empty() {
+                section = section.list(doubts);
+            }
             page = page.section(section);
         }
         let what = match d.responses.is_empty() {

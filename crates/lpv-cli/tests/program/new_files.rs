@@ -349,6 +349,7 @@ fn one_excitation_has_one_period() {
         ("moves", &[300, 317][..], &[moves; 2][..], Some("300 to 317")),
         ("sines", &[300, 300], &[sines; 2], None),
         ("both", &[300, 317, 300], &[sines, moves, sines], Some("317")),
+        ("tie", &[300, 300, 317, 317], &[moves; 4], Some("300 to 317")),
         ("one", &[300], &[sines], None),
     ] {
         for (number, period) in periods.iter().enumerate() {

@@ -3,6 +3,7 @@
 use super::RecordFile;
 use lpv_core::num_complex::Complex;
 use realfft::RealFftPlanner;
+use std::collections::BTreeMap;
 
 /// A signal repeats after T samples if `sum (x(t+T) - x(t))^2` is below this part of the power of both parts.
 const REPEATS: f64 = 0.05;
@@ -67,11 +68,18 @@ pub(super) fn goes_with(output: &[f64], period: usize) -> bool {
 /// Takes periods back that are not the one of most records, at least of two: one excitation has one period, and moves resemble themselves after
 /// another time in every record. What is said of it.
 pub(super) fn agree(records: &mut [RecordFile]) -> Option<String> {
-    let all: Vec<usize> = records.iter().filter_map(|r| r.period).collect();
-    let having = |period: usize| all.iter().filter(|p| **p == period).count();
-    let is_shared = |period: &usize| having(*period) > 1;
-    let common = all.iter().copied().filter(is_shared).max_by_key(|p| having(*p));
-    let others = || all.iter().filter(|p| Some(**p) != common);
+    let mut counts = BTreeMap::new();
+    for period in records.iter().filter_map(|r| r.period) {
+        *counts.entry(period).or_insert(0) += 1;
+    }
+    let most = counts.values().copied().max().unwrap_or(0);
+    let mut leading = counts.iter().filter(|(_, count)| **count == most && most > 1);
+    // Two that lead leave it open which is that of the excitation.
+    let common = match (leading.next(), leading.next()) {
+        (Some((period, _)), None) => Some(*period),
+        _ => None,
+    };
+    let others = || counts.keys().filter(|p| Some(**p) != common);
     let (shortest, longest) = (others().min()?, others().max()?);
     if common.is_none() && shortest == longest {
         return None;

@@ -4,7 +4,7 @@ mod pulses;
 
 use crate::base::{Base, Motion, Pair};
 use crate::inverse::Moved;
-use crate::track::Track;
+use crate::track::{Track, grow_with_time};
 use nalgebra::{DMatrix, DVector};
 pub(crate) use pulses::Pulses;
 use rayon::prelude::*;
@@ -72,32 +72,11 @@ impl Screen<'_> {
         all.map(|m| m.motor_position[motor].abs()).fold(0.0, f64::max)
     }
 
-    /// Whether position and time grow alike: in every record the motor starts at one place and goes one way at a nearly constant
-    /// speed, so that a force that depends on where it is cannot be told from friction that changes in time.
+    /// Whether the position of a motor and time grow alike, so that a force that depends on where it is cannot be told from friction that
+    /// changes in time.
     pub fn grows_with_time(&self, motor: usize) -> bool {
-        /// Part of the motion that grows with time, and of the travel in which records start.
-        const ALIKE: f64 = 0.9;
-        const START: f64 = 0.05;
-        let starts = || {
-            let first = |record: &Vec<Motion>| record.first().map(|m| m.motor_position[motor]);
-            self.motions.iter().filter_map(first)
-        };
-        let travel = self.travel(motor);
-        let spread = starts().fold(f64::NEG_INFINITY, f64::max) - starts().fold(f64::INFINITY, f64::min);
-        travel > 0.0
-            && spread <= START * travel
-            && self.motions.iter().all(|record| {
-                let n = record.len() as f64;
-                let middle = record.iter().map(|m| m.motor_position[motor]).sum::<f64>() / n;
-                let (mut qq, mut qt, mut tt) = (0.0, 0.0, 0.0);
-                for (k, m) in record.iter().enumerate() {
-                    let (q, t) = (m.motor_position[motor] - middle, k as f64 - 0.5 * (n - 1.0));
-                    qq += q * q;
-                    qt += q * t;
-                    tt += t * t;
-                }
-                qt * qt >= ALIKE * qq * tt
-            })
+        let one = |record: &Vec<Motion>| record.iter().map(|m| m.motor_position[motor]).collect();
+        grow_with_time(&self.motions.iter().map(one).collect::<Vec<_>>())
     }
 
     /// Shortest and longest periods that the readings of a sensor show: two steps of their grid, and their largest travel in a

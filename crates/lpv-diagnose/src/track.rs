@@ -1,10 +1,12 @@
 //! Records as the simulation reads them.
 
+mod alike;
 mod beginning;
 pub(crate) mod smooth;
 
 use crate::TraceError;
 use crate::base::{Pair, Start};
+pub(crate) use alike::grow_with_time;
 use beginning::{BEGINNING, beginning};
 use lpv_core::{ControllerState, Record};
 use lpv_numerics::statistics::range;

@@ -1,6 +1,6 @@
 //! What records do not show well of an effect that was named, by the names of the contract of `diagnosis.json`.
 
-use lpv_diagnose::effect::{EffectParameter, Family, Place, Scale};
+use lpv_diagnose::effect::{EffectParameter, Family, Scale};
 use lpv_diagnose::{Added, Track};
 use lpv_numerics::statistics::range;
 
@@ -17,7 +17,7 @@ const NO_REVERSAL: Caveat = (
 );
 const ALIKE: Caveat = (
     "position-and-time-grow-alike",
-    "in every held-out record the position grows with time, so that a change with the one may be a change with the other: the same stretch \
+    "all held-out records start at one place and go one way, so that a change with the one may be a change with the other: the same stretch \
      at other times, or backwards, would tell",
 );
 const ONE_AMPLITUDE: Caveat = (
@@ -41,15 +41,12 @@ const OF_PLACE_OR_TIME: [&str; 6] = [
 /// The caveats of an effect, in view of the judged records.
 pub(super) fn caveats(added: &Added, tracks: &[Track]) -> Vec<String> {
     let effect = added.effect;
-    let output = match effect.place {
-        Place::Motor(i) | Place::Output(i) => i,
-        Place::AllMotors => 0,
-    };
+    let output = effect.place.first();
     let is_friction = effect.family == Family::Friction;
     let holds = |caveat: &Caveat| match *caveat {
         PERIOD => has_long_period(added, tracks),
         NO_REVERSAL => is_friction && !Track::go_both_ways(tracks, output),
-        ALIKE => OF_PLACE_OR_TIME.contains(&effect.name) && grow_with_time(tracks, output),
+        ALIKE => OF_PLACE_OR_TIME.contains(&effect.name) && Track::grow_with_time(tracks, output),
         _ => OF_AMPLITUDE.contains(&effect.name) && have_one_amplitude(tracks, output),
     };
     let names = ALL.iter().filter(|c| holds(c)).map(|(name, _)| *name);
@@ -72,24 +69,6 @@ fn has_long_period(added: &Added, tracks: &[Track]) -> bool {
         _ => false,
     };
     added.effect.parameters.iter().zip(&added.values).any(is_long)
-}
-
-/// Whether an output goes one way at a nearly constant speed in every record.
-fn grow_with_time(tracks: &[Track], output: usize) -> bool {
-    /// Part of the square of the motion that grows with time.
-    const ALIKE: f64 = 0.9;
-    tracks.iter().all(|track| {
-        let n = track.samples as f64;
-        let middle = track.outputs.iter().map(|y| y[output]).sum::<f64>() / n;
-        let (mut yy, mut yt, mut tt) = (0.0, 0.0, 0.0);
-        for (k, y) in track.outputs.iter().enumerate() {
-            let (y, t) = (y[output] - middle, k as f64 - 0.5 * (n - 1.0));
-            yy += y * y;
-            yt += y * t;
-            tt += t * t;
-        }
-        yt * yt >= ALIKE * yy * tt
-    })
 }
 
 /// Whether an output travels as far in every part of every record.
@@ -126,16 +105,10 @@ mod tests {
         let signals = |columns: Vec<Vec<f64>>| Signals::new(&["a"][..columns.len()], columns);
         let y: Vec<f64> = (0..4000).map(|k| y(f64::from(k) / 4000.0)).collect();
         let record = Record {
-            name: "move".to_owned(),
-            kind: RecordKind::Transient,
-            purpose: Purpose::Validation,
-            position: None,
             inputs: signals(vec![vec![0.0; y.len()]]),
             references: signals(vec![y.clone()]),
             outputs: signals(vec![y]),
-            scheduling: signals(vec![]),
-            auxiliary: signals(vec![]),
-            injection: signals(vec![]),
+            ..Record::empty("move", RecordKind::Transient, Purpose::Validation)
         };
         Track::new(&record, 1e-3, 2, None).unwrap()
     }
@@ -162,11 +135,14 @@ mod tests {
             let sine = [track(|t| size * (20.0 * TAU * t).sin())];
             let growing = [track(|t| size * t * (20.0 * TAU * t).sin())];
             let both = [sine[0].clone(), growing[0].clone()];
+            // Other places at the same time.
+            let apart = [one_way[0].clone(), track(|t| size * (1.0 + t))];
             for (name, tracks, expected) in [
                 ("coulomb-friction", &one_way[..], vec![NO_REVERSAL]),
                 ("coulomb-friction", &sine, vec![]),
                 ("position-force", &one_way, vec![ALIKE]),
                 ("position-force", &sine, vec![]),
+                ("position-force", &apart, vec![]),
                 ("friction-drift", &one_way, vec![NO_REVERSAL, ALIKE]),
                 ("cubic-stiffness", &sine, vec![ONE_AMPLITUDE]),
                 ("cubic-stiffness", &growing, vec![]),

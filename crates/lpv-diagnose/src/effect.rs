@@ -291,7 +291,6 @@ pub struct Moment<'a> {
     pub motion: Motion,
     /// The machine.
     pub machine: &'a Base,
-    pub(crate) channels: usize,
     pub(crate) track: &'a Track,
     pub(crate) sample: usize,
     pub(crate) part: f64,
@@ -300,8 +299,9 @@ pub struct Moment<'a> {
 impl Moment<'_> {
     /// Indices of the motors that there are.
     pub fn motors(&self) -> std::ops::Range<usize> {
-        0..self.channels.min(2)
+        0..self.machine.channels()
     }
+
     /// A further measured signal.
     pub fn auxiliary(&self, signal: usize) -> f64 {
         self.track.auxiliary_at(signal, self.sample, self.part)

@@ -68,7 +68,6 @@ impl Explained {
                     step: track.step,
                     motion: *motion,
                     machine: &self.base,
-                    channels: self.base.channels(),
                     track,
                     sample: k,
                     part: 0.0,

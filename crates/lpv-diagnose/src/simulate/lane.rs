@@ -149,7 +149,7 @@ impl<'a, B: Body, const N: usize> Lane<'a, B, N> {
         let mut commands = [self.u; 3];
         if track.runs_on {
             let first = 2 * track.substeps * k;
-            for i in 0..run.channels {
+            for i in 0..run.machine.channels() {
                 let late = self.delay[i] / track.step;
                 let is_told = late == 0.0 && run.controller.is_some();
                 for (command, point) in commands.iter_mut().zip(self.points) {

@@ -13,7 +13,6 @@ use lpv_core::ControllerState;
 pub(crate) struct Run<'a> {
     pub(super) machine: Base,
     pub(super) blocks: &'a [Box<dyn Block>],
-    pub(super) channels: usize,
     /// States of the blocks.
     pub(super) own: Vec<usize>,
     pub(super) controller: Option<&'a ControllerState>,
@@ -114,7 +113,6 @@ impl<'a> Run<'a> {
         let mut machine = base.clone();
         blocks.iter().for_each(|b| b.mount(&mut machine));
         Self {
-            channels: machine.channels(),
             machine,
             blocks,
             own: blocks.iter().map(|b| b.states()).collect(),
@@ -197,7 +195,6 @@ impl<'a> Run<'a> {
                 Motion::default()
             },
             machine: &self.machine,
-            channels: self.channels,
             track: self.track,
             sample: k,
             part,

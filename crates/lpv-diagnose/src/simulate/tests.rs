@@ -5,6 +5,17 @@ use super::{Pair, Run, side_by_side};
 use crate::{Axis, Base, Explained, Track};
 use lpv_core::{Controller, Purpose, Record, RecordKind, Signals};
 
+/// A move with these outputs, inputs and references.
+fn record(signals: [Vec<f64>; 3]) -> Record {
+    let [outputs, inputs, references] = signals.map(|s| Signals::new(&["a"], vec![s]));
+    Record {
+        outputs,
+        inputs,
+        references,
+        ..Record::empty("move", RecordKind::Transient, Purpose::Estimation)
+    }
+}
+
 /// Records of several lengths, with machines of several kinds, one of which leaves all bounds: side by side each does what it does alone.
 #[test]
 fn side_by_side_as_alone() -> Result<(), Box<dyn std::error::Error>> {
@@ -17,20 +28,8 @@ fn side_by_side_as_alone() -> Result<(), Box<dyn std::error::Error>> {
     .start()?;
     let track = |samples: u32, rate: f64| -> Result<Track, crate::TraceError> {
         let r: Vec<f64> = (0..samples).map(|k| (rate * f64::from(k)).sin()).collect();
-        let signals = |columns: Vec<Vec<f64>>| Signals::new(&["a"][..columns.len()], columns);
-        let record = Record {
-            name: "move".to_owned(),
-            kind: RecordKind::Transient,
-            purpose: Purpose::Estimation,
-            position: None,
-            outputs: signals(vec![r.clone()]),
-            inputs: signals(vec![r.iter().map(|r| 3.0 * r).collect()]),
-            references: signals(vec![r]),
-            scheduling: signals(vec![]),
-            auxiliary: signals(vec![]),
-            injection: signals(vec![vec![0.0; samples as usize]]),
-        };
-        Track::new(&record, 1e-3, 3, None)
+        let [y, u, r] = [r.clone(), r.iter().map(|r| 3.0 * r).collect(), r];
+        Track::new(&record([y, u, r]), 1e-3, 3, None)
     };
     let tracks = [track(300, 0.01)?, track(170, 0.1)?.running_on(), track(41, 0.03)?];
     let effect = |name: &str| crate::catalogue::all().find(|e| e.name == name);
@@ -93,22 +92,6 @@ fn a_record_that_begins_in_motion() -> Result<(), Box<dyn std::error::Error>> {
         limit: None,
     }
     .start()?;
-    let record = |signals: [Vec<f64>; 3]| {
-        let [y, u, r] = signals.map(|s| Signals::new(&["a"], vec![s]));
-        let none = || Signals::new(&[], vec![]);
-        Record {
-            name: "move".to_owned(),
-            kind: RecordKind::Transient,
-            purpose: Purpose::Estimation,
-            position: None,
-            outputs: y,
-            inputs: u,
-            references: r,
-            scheduling: none(),
-            auxiliary: none(),
-            injection: none(),
-        }
-    };
     let r: Vec<f64> = (0..900)
         .map(|k| 0.1 * (1.0 - (4e-3 * f64::from(k)).cos()))
         .collect();

@@ -134,7 +134,6 @@ fn along(law: &Law, screen: &Screen<'_>, place: Place, values: &[f64]) -> Option
                 step: track.step,
                 motion,
                 machine: screen.base,
-                channels: screen.base.channels(),
                 track,
                 sample: k,
                 part: 0.0,

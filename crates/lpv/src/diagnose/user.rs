@@ -1,10 +1,11 @@
 //! Effects of a user's own file.
 
+use super::places::channel;
 use crate::ModelFile;
 use crate::PipelineError;
 use crate::settings_file::{nearest_name, read_settings};
 use experiment_data::Bundle;
-use lpv_diagnose::effect::{Effect, Place};
+use lpv_diagnose::effect::Effect;
 use lpv_diagnose::{Trace, UserEffect};
 use serde::Deserialize;
 use std::path::Path;
@@ -79,9 +80,8 @@ pub(super) fn check(effects: &[UserEffect], bundle: &Bundle) -> Result<(), Pipel
             let problem = format!("the bundle has no {what} `{name}`; it has {known}{nearest}");
             return Err(effect.wrong(problem).into());
         }
-        let has_no_scheduling = bundle.description().channels.scheduling.is_empty();
-        if let Some(name) = ["p", "p_rate"].into_iter().find(|n| effect.uses(n))
-            && has_no_scheduling
+        if bundle.description().channels.scheduling.is_empty()
+            && let Some(name) = ["p", "p_rate"].into_iter().find(|n| effect.uses(n))
         {
             let problem = format!(
                 "a formula has `{name}`, and the bundle has no scheduling: name its columns in [channels.scheduling]"
@@ -95,26 +95,21 @@ pub(super) fn check(effects: &[UserEffect], bundle: &Bundle) -> Result<(), Pipel
 
 /// What is said of effects that no competition could look at, one line each.
 pub(super) fn untried(own: &[&'static Effect], found: &Trace, bundle: &Bundle) -> Vec<String> {
-    let channels = &bundle.description().channels;
+    // Without a look at the catalogue, none of its effects was tried either.
+    if found.candidates.is_empty() {
+        return Vec::new();
+    }
     let is_tried = |e: &&&Effect| found.candidates.iter().any(|t| t.effect.is(e));
     let could = own.iter().filter(|e| e.suits(&found.model.base) && !is_tried(e));
     let line = |effect: &&'static Effect| {
-        let columns = match effect.place {
-            Place::Output(_) => &channels.output.columns,
-            Place::Motor(_) | Place::AllMotors => &channels.input.columns,
-        };
-        let channel = columns.get(effect.place.first()).map_or("", String::as_str);
         format!(
-            "`{}` at {channel} was not tried: from each of its starts it has no finite number along the moves, or changes nothing there; look \
+            "`{}` at {} was not tried: from each of its starts it has no finite number along the moves, or changes nothing there; look \
              for a division by zero, and for a root or a logarithm of what may be negative",
-            effect.name
+            effect.name,
+            channel(effect, bundle)
         )
     };
-    // Without a look at the catalogue, none of its effects was tried either.
-    match found.candidates.is_empty() {
-        true => Vec::new(),
-        false => could.map(line).collect(),
-    }
+    could.map(line).collect()
 }
 
 /// The effects at the channels of a bundle; those that act at a channel that it does not have are left out.

@@ -29,12 +29,12 @@ fn look(columns: &mut [Column<'_>], ranges: &[[f64; 2]], unit: impl Fn(&str) -> 
             .join(", ")
     };
     let are = |names: &[&str]| if names.len() == 1 { "is" } else { "are" };
-    let goes = |part: Part, beyond: &dyn Fn(&[f64; 2]) -> bool| -> Vec<bool> {
-        let own = columns.iter().zip(ranges);
-        own.map(|(c, range)| c.part == part && beyond(range)).collect()
+    let any = |part: Part, goes_beyond: &dyn Fn(&[f64; 2]) -> bool| {
+        let mut all = columns.iter().zip(ranges);
+        all.any(|(c, range)| c.part == part && goes_beyond(range))
     };
-    let in_degrees = goes(Part::Phase, &|r| r[0].abs().max(r[1].abs()) > 1.001 * TAU).contains(&true);
-    let in_decibel = goes(Part::Magnitude, &|r| r[0] < 0.0).contains(&true);
+    let in_degrees = any(Part::Phase, &|r| r[0].abs().max(r[1].abs()) > 1.001 * TAU);
+    let in_decibel = any(Part::Magnitude, &|r| r[0] < 0.0);
     let (mut phases, mut sizes) = (Vec::new(), Vec::new());
     for column in columns {
         match column.part {

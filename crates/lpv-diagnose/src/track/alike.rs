@@ -4,7 +4,7 @@ use super::Track;
 use lpv_numerics::statistics::{mean, range};
 
 impl Track {
-    /// Whether an output and time grow alike in some records, as [`grow_with_time`] says.
+    /// Whether an output and time grow alike in some records, as `grow_with_time` says.
     pub fn grow_with_time(tracks: &[Self], output: usize) -> bool {
         let one = |track: &Self| track.outputs.iter().map(|y| y[output]).collect();
         grow_with_time(&tracks.iter().map(one).collect::<Vec<_>>())

@@ -91,6 +91,7 @@ fn of_file(asked: &Asked<'_>) -> Result<MeasuredResponse, RecordError> {
         }
         raw.keep(|k| (first - 1..last).contains(&k));
     }
+    raw.ascend();
     raw.check(asked)?;
     let zero = raw.frequencies_hz[0] == 0.0;
     raw.keep(|k| k > 0 || !zero);
@@ -127,19 +128,32 @@ fn agreed(
 
 impl Raw {
     fn keep(&mut self, kept: impl Fn(usize) -> bool) {
-        fn some<T: Copy>(all: &mut Vec<T>, lines: usize, kept: &impl Fn(usize) -> bool) {
+        let lines = (0..self.frequencies_hz.len()).filter(|k| kept(*k)).collect();
+        self.take(lines);
+    }
+
+    /// A sweep that went down, from its lowest line on.
+    fn ascend(&mut self) {
+        if self.frequencies_hz.windows(2).all(|w| w[0] > w[1]) {
+            self.take((0..self.frequencies_hz.len()).rev().collect());
+        }
+    }
+
+    /// These lines alone, in this order.
+    fn take(&mut self, order: Vec<usize>) {
+        fn some<T: Copy>(all: &mut Vec<T>, lines: usize, order: &[usize]) {
             let size = (all.len() / lines.max(1)).max(1);
-            let parts = all.chunks_exact(size).enumerate().filter(|(k, _)| kept(*k));
-            *all = parts.flat_map(|(_, part)| part.iter().copied()).collect();
+            let parts = order.iter().filter_map(|k| all.get(k * size..(k + 1) * size));
+            *all = parts.flatten().copied().collect();
         }
         let lines = self.frequencies_hz.len();
-        some(&mut self.values, lines, &kept);
+        some(&mut self.values, lines, &order);
         match &mut self.spread {
             Spread::Unknown => {}
-            Spread::Variance(v) | Spread::Coherence(v) => some(v, lines, &kept),
-            Spread::Covariance(c) => some(c, lines, &kept),
+            Spread::Variance(v) | Spread::Coherence(v) => some(v, lines, &order),
+            Spread::Covariance(c) => some(c, lines, &order),
         }
-        some(&mut self.frequencies_hz, lines, &kept);
+        some(&mut self.frequencies_hz, lines, &order);
     }
 
     /// Refuses what cannot be a response.

@@ -117,6 +117,13 @@ pub(crate) enum Account {
     Report,
 }
 
+/// Groups of a file that hold the same signals.
+#[derive(Clone, Copy, ValueEnum)]
+pub(crate) enum Groups {
+    Runs,
+    Axes,
+}
+
 #[derive(Args)]
 pub(crate) struct New {
     /// Record files: .npz, .csv and other text tables, .parquet, .mat, .h5, .tdms, .mf4, .uff.
@@ -140,6 +147,9 @@ pub(crate) struct New {
     /// Samples a period, of all files.
     #[arg(long, value_name = "SAMPLES", value_parser = period)]
     pub(crate) period: Option<usize>,
+    /// What groups of a file are that hold the same signals: runs of one machine, or its axes.
+    #[arg(long)]
+    pub(crate) groups: Option<Groups>,
     /// Files that are held out to judge the model, named among the files or here alone.
     #[arg(long, value_name = "FILE")]
     pub(crate) validation: Vec<PathBuf>,

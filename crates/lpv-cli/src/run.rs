@@ -1,8 +1,8 @@
 //! The commands: arguments to library calls, results to text.
 
 use crate::arguments::{
-    Arguments, Command, Convert, Diagnose, Format, Identify, Inspect, New, Report, Simulate, StructureName,
-    TargetName, Validate,
+    Arguments, Command, Convert, Diagnose, Format, Groups, Identify, Inspect, New, Report, Simulate,
+    StructureName, TargetName, Validate,
 };
 use crate::done::{Done, Tone};
 use crate::{bars, fleet};
@@ -10,6 +10,7 @@ use clap::{CommandFactory, ValueEnum};
 use experiment_data::{Bundle, RecordFormat};
 use lpv::account::{Account, Converted, Reported, schema_of, to_json};
 use lpv::convert::Target;
+use lpv::new::GroupsAre;
 use lpv::output::{Inputs, Kind, Overwrite, Place, write_all, yield_to_end};
 use lpv::validation::{Scope, validate};
 use lpv::verdict::Worth;
@@ -164,6 +165,10 @@ fn run_new(a: New) -> Result<Done, PipelineError> {
         reference: whole_names(a.reference),
         scheduling: whole_names(a.scheduling),
         validation: a.validation,
+        groups: a.groups.map(|g| match g {
+            Groups::Runs => GroupsAre::Runs,
+            Groups::Axes => GroupsAre::Axes,
+        }),
     };
     let draft = new::draft(&a.files, &known)?;
     let file = draft.write(Overwrite::if_asked(a.force))?;

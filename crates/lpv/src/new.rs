@@ -1,5 +1,6 @@
 //! A first `experiment.toml` from record files: what names and data tell is filled in, the rest is marked.
 
+mod actual;
 mod clock;
 mod command;
 mod gaps;
@@ -24,8 +25,11 @@ use crate::PipelineError;
 use crate::encode::visible;
 pub use crate::output::Overwrite;
 use experiment_data::{Text, look_into};
+use given::{UNNAMEABLE, common_folder, name_of};
+use period::Repeats;
 use position::Places;
 use rate::TimeColumn;
+pub use runs::GroupsAre;
 use schemars::JsonSchema;
 use see::Seen;
 use serde::Serialize;
@@ -50,6 +54,8 @@ pub struct Known {
     pub reference: Vec<String>,
     /// Scheduling.
     pub scheduling: Vec<String>,
+    /// What groups of a file are that hold the same signals, where the names do not tell.
+    pub groups: Option<GroupsAre>,
     /// Files, by name, that are held out.
     pub validation: Vec<PathBuf>,
 }
@@ -211,7 +217,7 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
     let mut questions = Vec::new();
     let mut seen: Vec<Seen> = Vec::new();
     for ((file, path), contents) in files.iter().zip(&paths).zip(contents) {
-        seen.extend(see::see(file, path, contents, &mut guesses)?);
+        seen.extend(see::see(file, path, contents, known.groups, &mut guesses)?);
     }
     let common = see::common_columns(&mut seen);
     if common.is_empty() {
@@ -237,6 +243,9 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
             groups.take_counters_out(known, &column, &mut guesses);
             time = groups.find_time(&common, known, seen, &column);
             physics = lay::speed_of_position(&common, seen, &column);
+            if !has_roles && time.is_none() {
+                response::refuse_sweep(&seen.file, &common, &column)?;
+            }
         }
         let clock = time
             .as_ref()
@@ -246,19 +255,28 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
             .map_or((0, seen.rows), |c| c.longest_stretch(seen.rows));
         // References repeat exactly; inputs of a closed loop only after its transient.
         let used = |name: &String| Some(&column(name)?[from..to]);
-        let period_in = |names: &[String]| {
-            let mut moving = names
-                .iter()
-                .filter_map(used)
-                .filter(|x| !is_constant(&range_of(x)));
-            moving.find_map(period::period_of)
+        let period_in = |names: &[String], repeats| {
+            let all = names.iter().filter_map(used);
+            let mut moving = all.filter(|x| !is_constant(&range_of(x)));
+            moving.find_map(|x| period::period_of(x, repeats))
         };
         // Along moves a disturbance that repeats is in the command too.
         let goes_with = |period: &usize| {
             let mut outputs = groups.output.iter().filter_map(used);
             outputs.all(|y| period::goes_with(y, *period))
         };
-        let of_data = || period_in(&groups.reference).or_else(|| period_in(&groups.input).filter(goes_with));
+        let of_data = || {
+            // Where a reference moves, it is the excitation.
+            match groups
+                .reference
+                .iter()
+                .filter_map(used)
+                .any(|x| !is_constant(&range_of(x)))
+            {
+                true => period_in(&groups.reference, Repeats::Exactly),
+                false => period_in(&groups.input, Repeats::Nearly).filter(goes_with),
+            }
+        };
         let period = known.period.or_else(of_data);
         records.push(RecordFile {
             file: name_of(&seen.path, &folder).ok_or_else(|| refuse(&seen.file, UNNAMEABLE.to_owned()))?,
@@ -291,6 +309,7 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
             .filter_map(|(r, seen)| gaps::used(r, seen)),
     );
     groups.by_data(&records, known, &mut guesses);
+    groups.keep_what_acts(known, |name| see::unit_of(&seen, name), &mut guesses);
     let mut units = see::units(&seen);
     let sampling = sampling::decide(time.as_ref(), known.sample_rate_hz, &see::hints(&seen, physics));
     if let (Some(time), Some(unit)) = (&time, sampling.unit) {
@@ -300,7 +319,9 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
     questions.extend(sampling.question);
     // The time stays with the data, where it can be looked at again.
     groups.auxiliary.extend(time.map(|t| t.name));
-    questions.extend(runs::in_groups(&groups.output, &groups.input));
+    if known.groups.is_none() {
+        questions.extend(runs::in_groups(&groups.output, &groups.input));
+    }
     let names: Vec<String> = records.iter().map(|r| r.file.clone()).collect();
     let plan = Plan {
         name: known.name.clone().unwrap_or_else(|| {
@@ -357,32 +378,6 @@ fn check_known(first: &Path, known: &Known, common: &[String]) -> Result<(), Pip
         }
     }
     Ok(())
-}
-
-/// Why a file cannot be a record.
-const UNNAMEABLE: &str =
-    "the name is no UTF-8 text, so an experiment.toml, which is, cannot name it; rename the file";
-
-/// A file as the description names it: relative to the folder, with forward slashes; none for a name that is no text.
-fn name_of(path: &Path, folder: &Path) -> Option<String> {
-    let name = path.strip_prefix(folder).unwrap_or(path).to_str()?;
-    Some(match std::path::MAIN_SEPARATOR {
-        '/' => name.to_owned(),
-        other => name.replace(other, "/"),
-    })
-}
-
-/// The deepest folder that holds all files.
-fn common_folder(paths: &[PathBuf]) -> Option<PathBuf> {
-    let mut folder = paths.first()?.parent()?.to_owned();
-    while !paths.iter().all(|p| p.starts_with(&folder)) {
-        folder = folder.parent()?.to_owned();
-    }
-    // Records often stand in a folder of their own below the bundle.
-    if folder.file_name().is_some_and(|n| n == "records") {
-        folder = folder.parent()?.to_owned();
-    }
-    Some(folder)
 }
 
 /// Smallest value, mean, largest value.

@@ -118,7 +118,9 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
     if let Some(row) = table.peek()? {
         for ((stamp, first), field) in stamps.iter_mut().zip(&mut first).zip(row.fields()) {
             *first = cell::number(field, decimal);
-            *stamp = field.contains(&b':') && first.is_some();
+            // A number in two words is a duration.
+            let is_told = field.contains(&b':') || field.trim_ascii().contains(&b' ');
+            *stamp = is_told && first.is_some();
         }
     }
     let wanted: Vec<usize> = (0..header.len()).filter(|k| !header[*k].is_empty()).collect();

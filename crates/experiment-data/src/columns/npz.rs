@@ -144,16 +144,26 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
             return Ok(());
         };
         match vector_length(&name, &header.shape) {
-            Ok(rows) => contents.columns.push(Column::plain(ColumnInfo {
-                name: name.clone(),
-                rows,
-            })),
+            // A name in levels, as a program writes a tree: `run1/u`.
+            Ok(rows) => contents.columns.push(Column {
+                source: name.contains('/').then(|| name.clone()),
+                ..Column::plain(ColumnInfo {
+                    name: name.replace('/', "."),
+                    rows,
+                })
+            }),
             // A number by itself.
             Err(_) if header.shape.is_empty() => {}
             Err(_) => contents.passed_over.push(PassedOver {
                 what: format!("an array of {shape} numbers"),
                 remedy: format!(
-                    "save each signal as a vector, in Python with the arrays of the file as d: numpy.savez(file, **d, {name}1=d[\"{name}\"][:, 0], ...)"
+                    "save each signal as a vector, in Python with the arrays of the file as d: numpy.savez(file, **d, {}1=d[\"{name}\"]{}, ...)",
+                    name.replace(|c: char| !c.is_alphanumeric(), "_"),
+                    // The longer index counts the samples.
+                    match header.shape[..] {
+                        [channels, samples] if channels < samples => "[0]",
+                        _ => "[:, 0]",
+                    }
                 ),
                 name: name.clone(),
             }),
@@ -163,6 +173,7 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
                 .column(&mut entry, 1)
                 .map_err(|e| malformed(&name, &e.to_string()))?;
             let value = value.first().copied().filter(|v| v.is_finite());
+            let name = name.replace('/', ".");
             contents.scalars.extend(value.map(|value| Scalar { name, value }));
         }
         Ok(())

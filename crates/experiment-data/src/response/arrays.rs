@@ -65,9 +65,16 @@ impl Entries {
             let named = |(n, _): &&(String, String)| *n == format!("{name}.{own}");
             all.clone().find(named).map(|(_, words)| words.as_str())
         };
+        let in_seconds = || matches!(unit("TimeUnit"), None | Some("" | "seconds" | "s"));
         match unit("Units").or_else(|| unit("FrequencyUnit")) {
             Some("Hz") => Ok(1.0),
+            Some("kHz") => Ok(1e-3),
+            Some("MHz") => Ok(1e-6),
+            Some("rpm") => Ok(60.0),
             Some("rad/s" | "rad/sec" | "rad/second") => Ok(TAU),
+            // As `frd` has them unless told otherwise.
+            Some("rad/TimeUnit") if in_seconds() => Ok(TAU),
+            Some("cycles/TimeUnit") if in_seconds() => Ok(1.0),
             other => Err(other),
         }
     }

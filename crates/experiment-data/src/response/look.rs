@@ -65,8 +65,8 @@ pub fn response_arrays(path: &Path, contents: &Contents) -> Result<Option<Respon
     if signals.count() > 1 {
         return Ok(None);
     }
-    let grow = values.re.windows(2).all(|w| w[0] < w[1]);
-    if lines < 2 || !grow || values.im.is_some() {
+    let goes = |up: bool| values.re.windows(2).all(|w| (w[0] < w[1]) == up && w[0] != w[1]);
+    if lines < 2 || !(goes(true) || goes(false)) || values.im.is_some() {
         return Ok(None);
     }
     let shape = numbers_of(path, format, response)?.shape;
@@ -84,7 +84,7 @@ pub fn response_arrays(path: &Path, contents: &Contents) -> Result<Option<Respon
             .collect(),
         outputs,
         inputs,
-        highest_hz: values.re[values.re.len() - 1] / per_hz,
+        highest_hz: values.re.iter().copied().fold(0.0, f64::max) / per_hz,
     }))
 }
 

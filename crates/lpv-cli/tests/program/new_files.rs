@@ -380,3 +380,105 @@ fn one_excitation_has_one_period() {
         }
     }
 }
+
+/// Groups that hold the same signals: names tell runs and what is held out, and where they do not, the user does.
+#[test]
+fn groups_are_runs_or_axes() {
+    let (u, y) = mode_record();
+    let half = u.len() / 2 / PERIOD * PERIOD;
+    let of = |from: usize| {
+        let part = |x: &[f64]| array(half, &x[from..from + half]);
+        Value::Struct(vec![named("u", part(&u)), named("y", part(&y))])
+    };
+    for (names, options, inputs, purposes) in [
+        (
+            ["train", "test"],
+            "",
+            1,
+            &[Purpose::Estimation, Purpose::Validation][..],
+        ),
+        (["test1", "test2"], "", 1, &[Purpose::Estimation; 2]),
+        (["a", "b"], "--groups runs", 1, &[Purpose::Estimation; 2]),
+        (
+            ["x000mm", "x100mm"],
+            "--groups runs",
+            1,
+            &[Purpose::Estimation; 2],
+        ),
+        (["a", "b"], "--groups axes", 2, &[Purpose::Estimation]),
+        (["axis1", "axis2"], "", 2, &[Purpose::Estimation]),
+    ] {
+        let desk = Desk::new();
+        let values = [
+            named(names[0], of(0)),
+            named(names[1], of(half)),
+            named("fs", array(1, &[10.0])),
+        ];
+        desk.write("d/a.mat", write_values(&values).unwrap());
+        if !options.is_empty() {
+            let said = desk.done("new d/a.mat");
+            for part in ["hold the same signals", "--groups runs", "--groups axes"] {
+                assert!(said.contains(part), "{part} in {said}");
+            }
+        }
+        let said = desk.done(&format!("new d/a.mat {options} --force"));
+        assert!(!said.contains("fill in"), "{names:?}: {said}");
+        let bundle = Bundle::open(&desk.path("d")).unwrap();
+        let records: Vec<_> = bundle.records().collect::<Result<_, _>>().unwrap();
+        assert_eq!(
+            records.iter().map(|r| r.purpose).collect::<Vec<_>>(),
+            purposes,
+            "{names:?}"
+        );
+        assert!(
+            records.iter().all(|r| r.inputs.channels() == inputs),
+            "{names:?}: {said}"
+        );
+        assert_eq!(
+            records[records.len() - 1].inputs.columns[inputs - 1],
+            u[half..2 * half]
+        );
+    }
+}
+
+/// What is commanded of an input and what is measured of it are one input; a table of frequencies has no samples.
+#[test]
+fn what_acts_is_the_input_and_a_frequency_is_no_time() {
+    let desk = Desk::new();
+    let (u, y) = mode_record();
+    let wanted: Vec<f64> = u.iter().map(|u| 1.02 * u + 1e-3).collect();
+    let time: Vec<f64> = (0..u.len()).map(|k| 0.1 * k as f64).collect();
+    desk.write(
+        "c/a.csv",
+        csv(&[
+            ("t [s]", &time),
+            ("current_cmd", &wanted),
+            ("current_act", &u),
+            ("pos", &y),
+        ]),
+    );
+    let said = desk.done("new c/a.csv");
+    assert!(said.contains("`current_cmd` is left aside"), "{said}");
+    let channels = &Bundle::open(&desk.path("c"))
+        .unwrap()
+        .description()
+        .channels
+        .clone();
+    assert_eq!(channels.input.columns, ["current_act"]);
+    let frequencies: Vec<f64> = (0..200).map(|k| 0.5 + 0.25 * f64::from(k)).collect();
+    let part = |phase: f64| {
+        frequencies
+            .iter()
+            .map(|f| (f + phase).sin())
+            .collect::<Vec<f64>>()
+    };
+    desk.write(
+        "f/a.csv",
+        csv(&[("freq", &frequencies), ("P11", &part(0.0)), ("P12", &part(1.0))]),
+    );
+    let said = desk.refused("new f/a.csv");
+    assert!(
+        said.contains("`freq` goes one way") && said.contains("y/u re"),
+        "{said}"
+    );
+}

@@ -75,7 +75,8 @@ pub(super) fn uneven(t: &[f64]) -> Option<Uneven> {
     if t.len() < 4 * SPAN {
         return None;
     }
-    let steps = steps_of_counter(t, None);
+    // A time of day goes on after midnight.
+    let steps = steps_of_counter(t, Some(86_400.0));
     let sums: Vec<f64> = std::iter::once(0.0)
         .chain(steps.iter().scan(0.0, |at, d| {
             *at += d;

@@ -148,6 +148,13 @@ fn lost(steps: &[f64], usual: f64) -> Option<Clock> {
     if usual <= 0.0 {
         return None;
     }
+    // Stamps are rounded: over a pause of minutes only the mean of many steps counts the samples.
+    let single: Vec<f64> = steps
+        .iter()
+        .copied()
+        .filter(|d| (d - usual).abs() <= NEAR * usual)
+        .collect();
+    let usual = lpv_numerics::statistics::mean(&single);
     let mut gaps = Vec::new();
     let mut all = 0.0;
     for (k, d) in steps.iter().enumerate() {
@@ -235,6 +242,16 @@ mod tests {
         };
         assert!((step / 5e-4 - 1.0).abs() < 1e-9);
         assert_eq!(gaps.as_slice(), [(100, 1), (699, 3)]);
+        // Seconds since 1970 are rounded to 2.4e-7; a pause of minutes between.
+        for (rate, pause) in [(4000.0, 240_000), (1000.0, 600_000), (20_000.0, 200_000)] {
+            let at = |k: u32| 1.7e9 + f64::from(k) / rate;
+            let time: Vec<f64> = (0..3000).chain(3000 + pause..6000 + pause).map(at).collect();
+            let Clock::Lost { step, gaps } = clock_of(&time, true) else {
+                panic!("{rate}")
+            };
+            assert!((step * rate - 1.0).abs() < 1e-7, "{rate}: {step}");
+            assert_eq!(gaps, [(3000, pause as usize)]);
+        }
         assert_eq!(clock.longest_stretch(time.len()), (100, 699));
     }
 

@@ -1,6 +1,6 @@
 //! The command that completes a draft.
 
-use super::{Known, Plan};
+use super::{GroupsAre, Known, Plan};
 use std::path::PathBuf;
 
 /// More files than this are not repeated.
@@ -41,6 +41,13 @@ pub(super) fn to_complete(files: &[PathBuf], plan: &Plan<'_>) -> Option<String> 
     }
     if let Some(period) = known.period {
         given += &format!(" --period {period}");
+    }
+    if let Some(groups) = known.groups {
+        let are = match groups {
+            GroupsAre::Runs => "runs",
+            GroupsAre::Axes => "axes",
+        };
+        given += &format!(" --groups {are}");
     }
     if let Some(name) = &known.name {
         given += &format!(" --name {}", quoted(name));

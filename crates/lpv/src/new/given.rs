@@ -2,7 +2,7 @@
 
 use super::refuse;
 use crate::PipelineError;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The files as they were named and where they are: those that are held out belong to the bundle, named among the others or not.
 pub(super) fn files(
@@ -27,4 +27,30 @@ pub(super) fn files(
         }
     }
     Ok((files, paths))
+}
+
+/// Why a file cannot be a record.
+pub(super) const UNNAMEABLE: &str =
+    "the name is no UTF-8 text, so an experiment.toml, which is, cannot name it; rename the file";
+
+/// A file as the description names it: relative to the folder, with forward slashes; none for a name that is no text.
+pub(super) fn name_of(path: &Path, folder: &Path) -> Option<String> {
+    let name = path.strip_prefix(folder).unwrap_or(path).to_str()?;
+    Some(match std::path::MAIN_SEPARATOR {
+        '/' => name.to_owned(),
+        other => name.replace(other, "/"),
+    })
+}
+
+/// The deepest folder that holds all files.
+pub(super) fn common_folder(paths: &[PathBuf]) -> Option<PathBuf> {
+    let mut folder = paths.first()?.parent()?.to_owned();
+    while !paths.iter().all(|p| p.starts_with(&folder)) {
+        folder = folder.parent()?.to_owned();
+    }
+    // Records often stand in a folder of their own below the bundle.
+    if folder.file_name().is_some_and(|n| n == "records") {
+        folder = folder.parent()?.to_owned();
+    }
+    Some(folder)
 }

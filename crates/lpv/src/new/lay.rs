@@ -4,7 +4,7 @@ use super::clock::{Clock, clock_of, counts_rows};
 use super::motion::{base_factor, is_speed};
 use super::names::unit_of;
 use super::rate::{Physics, TimeColumn};
-use super::roles::{Role, is_difference, role_of, role_of_unit};
+use super::roles::{Role, is_difference, is_frequency, role_of, role_of_unit};
 use super::see::Seen;
 use super::time_unit;
 use super::{Groups, Known, RecordFile, position};
@@ -21,9 +21,11 @@ pub(super) fn by_name(columns: &[String], seen: &[Seen], known: &Known) -> Group
         } else {
             unit
         };
-        match is_difference(name) {
-            true => None,
-            false => role_of(name).or_else(|| role_of_unit(unit)),
+        // No motion is in seconds: the `x-axis` of a recorder.
+        match role_of_unit(unit) {
+            Some(Role::Time) => Some(Role::Time),
+            _ if is_difference(name) => None,
+            of_unit => role_of(name).or(of_unit),
         }
     };
     let pick = |given: &Vec<String>, wanted: Role| -> Vec<String> {
@@ -102,12 +104,15 @@ impl Groups {
         let free = |name: &&String| !given.iter().any(|g| g.contains(name));
         let clock = |name: &String| column(name).map(|x| clock_of(x, seen.is_stamp(name)));
         let runs = |name: &&String| clock(name).is_some_and(|c| c.step().is_some());
-        let by_name = |name: &&String| role_of(name) == Some(Role::Time) || seen.is_stamp(name);
+        let is_in_seconds = |name: &String| role_of_unit(seen.unit(name)) == Some(Role::Time);
+        let by_name =
+            |name: &&String| role_of(name) == Some(Role::Time) || seen.is_stamp(name) || is_in_seconds(name);
         let named: Vec<&String> = columns.iter().filter(free).filter(by_name).collect();
         let advances = |name: &&String| {
             let is_letter = name.chars().filter(|c| c.is_alphabetic()).count() == 1;
             let says_nothing = is_letter || role_of(name).is_none() || name.starts_with("X_");
             says_nothing
+                && !is_frequency(name)
                 && !column(name).is_some_and(counts_rows)
                 && matches!(clock(name), Some(Clock::Even(_) | Clock::Lost { .. }))
         };

@@ -3,7 +3,7 @@
 use experiment_data::Column;
 use std::collections::HashMap;
 
-const ESTIMATION: [&str; 7] = [
+pub(super) const ESTIMATION: [&str; 7] = [
     "est",
     "estimation",
     "id",
@@ -12,7 +12,7 @@ const ESTIMATION: [&str; 7] = [
     "train",
     "training",
 ];
-const VALIDATION: [&str; 5] = ["val", "valid", "validation", "test", "verification"];
+pub(super) const VALIDATION: [&str; 5] = ["val", "valid", "validation", "test", "verification"];
 
 /// The same signals of two records, by the names that both share.
 #[derive(Debug, PartialEq)]

@@ -5,14 +5,33 @@ use lpv_core::num_complex::Complex;
 use realfft::RealFftPlanner;
 use std::collections::BTreeMap;
 
-/// A signal repeats after T samples if `sum (x(t+T) - x(t))^2` is below this part of the power of both parts.
-const REPEATS: f64 = 0.05;
+/// A signal repeats after T samples if `sum (x(t+T) - x(t))^2` is below this part of the power of both parts: of a command in a loop, which
+/// has noise and a beginning, and of a reference, which repeats but for the digits or the converter that it went through.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Repeats {
+    /// An input.
+    Nearly,
+    /// A reference.
+    Exactly,
+}
+
+impl Repeats {
+    fn limit(self) -> f64 {
+        match self {
+            Self::Nearly => 0.05,
+            Self::Exactly => 1e-5,
+        }
+    }
+}
+
+/// How much worse twice the period may be than the period: noise makes no difference, waves that only nearly fit go on to part.
+const TWICE: f64 = 2.0;
 
 /// A lag is a period only after one that is none: a slow signal resembles itself a moment later.
 const DIFFERS: f64 = 0.5;
 
 /// Samples a period of a signal of at least two periods; none for anything else.
-pub(super) fn period_of(signal: &[f64]) -> Option<usize> {
+pub(super) fn period_of(signal: &[f64], repeats: Repeats) -> Option<usize> {
     let n = signal.len();
     if n < 8 || !signal.iter().all(|v| v.is_finite()) {
         return None;
@@ -36,12 +55,14 @@ pub(super) fn period_of(signal: &[f64]) -> Option<usize> {
     let first = (1..=n / 2).find(|&lag| difference(lag) > DIFFERS)?;
     let best = (first..=n / 2).min_by(|&a, &b| difference(a).total_cmp(&difference(b)))?;
     let least = difference(best);
-    if least > REPEATS {
+    if least > repeats.limit() {
         return None;
     }
     // All multiples of the period repeat as well: the smallest that is as good.
     let limit = (2.0 * least).max(1e-9);
-    (first..=best).find(|&lag| difference(lag) <= limit && is_dip(&difference, lag, first))
+    let period = (first..=best).find(|&lag| difference(lag) <= limit && is_dip(&difference, lag, first))?;
+    let parts = 2 * period <= n / 2 && difference(2 * period) > TWICE * difference(period) + 1e-6;
+    (!parts).then_some(period)
 }
 
 /// Whether an output may have a period: the means of its periods differ, beside a slow drift, by no more than the output moves in one.
@@ -141,7 +162,7 @@ mod tests {
             .enumerate()
             .map(|(t, y)| y + 1e-2 * t as f64)
             .collect();
-        assert_eq!(period_of(&command), Some(78));
+        assert_eq!(period_of(&command, Repeats::Exactly), Some(78));
         assert!(goes_with(&wave, 78) && goes_with(&drifting, 78) && goes_with(&[1.0; 1997], 78));
         assert!(!goes_with(&both, 78));
     }
@@ -178,16 +199,33 @@ mod tests {
             for (v, e) in x.iter_mut().zip(noise(period * periods + rest)) {
                 *v += 0.02 * e;
             }
-            prop_assert_eq!(period_of(&x), Some(period));
+            prop_assert_eq!(period_of(&x, Repeats::Nearly), Some(period));
         }
     }
 
     #[test]
     fn moves_and_noise_have_none() {
         let ramp: Vec<f64> = (0..1000).map(f64::from).collect();
-        assert_eq!(period_of(&ramp), None);
-        assert_eq!(period_of(&noise(1000)), None);
-        assert_eq!(period_of(&[0.0; 100]), None);
-        assert_eq!(period_of(&[1.0, 2.0]), None);
+        for signal in [&ramp[..], &noise(1000), &[0.0; 100], &[1.0, 2.0]] {
+            assert_eq!(period_of(signal, Repeats::Nearly), None);
+        }
+    }
+
+    proptest! {
+        /// A few waves whose common period is longer than the record nearly repeat after some time, and do not.
+        #[test]
+        fn waves_that_only_nearly_fit_have_none(ratio in 2.1f64..9.0, part in 0.05f64..1.0, samples in 800usize..4000) {
+            let apart = (ratio - ratio.round()).abs();
+            // Least error of a lag that shares the phase out between both waves.
+            let squares = (1.0 + part * part) * (1.0 + (part * ratio).powi(2));
+            prop_assume!((std::f64::consts::TAU * apart * part).powi(2) / squares > 1e-4);
+            let x: Vec<f64> = (0..samples)
+                .map(|t| {
+                    let turn = 2.4 * std::f64::consts::TAU * t as f64 / samples as f64;
+                    turn.sin() + part * (ratio * turn).sin()
+                })
+                .collect();
+            prop_assert_eq!(period_of(&x, Repeats::Exactly), None);
+        }
     }
 }

@@ -5,14 +5,16 @@ mod part;
 mod table;
 mod universal;
 
+use super::given::{UNNAMEABLE, common_folder, name_of};
+use super::roles::is_frequency;
 use super::write::{HEAD, list, quoted};
-use super::{Draft, Known, UNNAMEABLE, common_folder, name_of, position, refuse};
+use super::{Draft, Known, position, refuse};
 use crate::PipelineError;
 use crate::responses::BELOW_RATE;
 use experiment_data::{Contents, ResponseQuantity};
 pub(super) use part::is_response;
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 pub(super) use table::of_tables;
 
 /// What files that each hold the responses of the same outputs to the same inputs tell.
@@ -30,6 +32,26 @@ pub(super) struct Found {
     /// `[text]`, where files are laid out otherwise than usual.
     layout: String,
     guesses: Vec<String>,
+}
+
+/// Refuses a table without a time whose frequency goes one way: lines of a response under names that do not say so.
+///
+/// # Errors
+/// With the column, and how to describe either.
+pub(super) fn refuse_sweep<'a>(
+    file: &Path,
+    columns: &[String],
+    column: &impl Fn(&str) -> Option<&'a [f64]>,
+) -> Result<(), PipelineError> {
+    let goes_one_way = |x: &[f64]| x.windows(2).all(|w| w[0] < w[1]) || x.windows(2).all(|w| w[0] > w[1]);
+    let is_sweep = |name: &&String| is_frequency(name) && column(name).is_some_and(goes_one_way);
+    columns.iter().find(is_sweep).map_or(Ok(()), |name| {
+        let problem = format!(
+            "no column tells the time, and `{name}` goes one way; give --output and --input if these are samples of a sweep; else {}",
+            table::RESPONSE
+        );
+        Err(refuse(file, problem))
+    })
 }
 
 /// The draft of such files, unless they are tables, which are looked at with those of samples; none of others.

@@ -35,6 +35,10 @@ const PARTS: [(Role, &[&str]); 5] = [
             "set",
             "target",
             "desired",
+            "des",
+            "nominal",
+            "nom",
+            "commanded",
             "demand",
             "excitation",
             "soll",
@@ -223,9 +227,18 @@ pub(super) fn role_of(column: &str) -> Option<Role> {
         .map(|(role, _)| *role)
 }
 
+/// Whether a column is one of frequencies by its name: never a clock, however evenly it advances.
+pub(super) fn is_frequency(column: &str) -> bool {
+    const WORDS: [&str; 6] = ["frequency", "freq", "frequenz", "kreisfrequenz", "hz", "omega"];
+    words(&plain_name(column))
+        .iter()
+        .any(|w| WORDS.contains(&w.as_str()))
+}
+
 /// The role that a unit suggests where the name says nothing: forces and currents go in, motions come out.
 pub(super) fn role_of_unit(unit: &str) -> Option<Role> {
     match unit.trim() {
+        "s" | "sec" | "second" | "seconds" | "Sekunden" | "ms" | "us" | "µs" => Some(Role::Time),
         "N" | "kN" | "mN" | "Nm" | "mNm" | "N m" | "N*m" | "A" | "mA" | "V" | "mV" => Some(Role::Input),
         "m" | "mm" | "um" | "µm" | "nm" | "rad" | "mrad" | "deg" | "°" | "m/s" | "mm/s" | "rad/s"
         | "deg/s" | "rpm" | "1/min" | "U/min" | "m/s^2" | "m/s²" | "rad/s^2" | "rad/s²" | "inc"
@@ -306,6 +319,11 @@ mod tests {
             ("commanded_speed [mm/s]", Some(Role::Reference)),
             ("motor_cmd", Some(Role::Input)),
             ("Position Actual", Some(Role::Output)),
+            ("q_des", Some(Role::Reference)),
+            ("s nominal X [mm]", Some(Role::Reference)),
+            ("data(2).u", Some(Role::Input)),
+            ("r61[0]: Drehzahlistwert (1/min)", Some(Role::Output)),
+            ("FPOS(0)", None),
         ] {
             assert_eq!(role_of(name), role, "{name}");
         }

@@ -1,9 +1,18 @@
 //! Several runs of one machine in one file.
 
 use super::names::words;
-use super::pairs::renamed;
+use super::pairs::{ESTIMATION, VALIDATION, renamed};
 use experiment_data::Column;
 use std::collections::BTreeMap;
+
+/// What groups of one file are that hold the same signals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GroupsAre {
+    /// Runs of one machine, a record each.
+    Runs,
+    /// Axes of one machine, measured together.
+    Axes,
+}
 
 /// Words for a measurement, in the names of groups.
 const RUNS: [&str; 14] = [
@@ -23,9 +32,6 @@ const RUNS: [&str; 14] = [
     "essai",
 ];
 
-/// The same of what is held out.
-const HELD_OUT: [&str; 4] = ["val", "valid", "validation", "verification"];
-
 /// The signals of one run.
 #[derive(Debug, PartialEq)]
 pub(super) struct Run {
@@ -37,16 +43,28 @@ pub(super) struct Run {
     pub(super) is_validation: bool,
 }
 
-/// The columns by run, where groups of a file hold the same signals and are runs: by their names, or because they are not equally long, as
-/// the axes of one machine would be. Columns in no group are in all.
-pub(super) fn split(columns: &[Column]) -> Option<Vec<Run>> {
+/// The columns by run, where groups of a file hold the same signals and are runs: as the user says, by their names, or because they are not
+/// equally long, as the axes of one machine would be. Columns in no group are in all.
+pub(super) fn split(columns: &[Column], known: Option<GroupsAre>) -> Option<Vec<Run>> {
     let (signals, single): (Vec<&Column>, Vec<&Column>) = columns.iter().partition(|c| c.rows > 1);
     if signals.len() < 4 {
         return None;
     }
-    let ways: [Cut; 2] = [|name| name.rsplit_once('.'), |name| name.split_once('.')];
-    ways.into_iter().find_map(|cut| {
-        let mut groups: Vec<(&str, Vec<(&str, &Column)>)> = Vec::new();
+    if known == Some(GroupsAre::Axes) {
+        return None;
+    }
+    let is_repeated = signals.iter().any(|c| repeated(&c.name).is_some());
+    let ways: [Cut; 3] = [
+        |name| {
+            name.rsplit_once('.')
+                .map(|(group, leaf)| (group.to_owned(), leaf))
+        },
+        |name| name.split_once('.').map(|(group, leaf)| (group.to_owned(), leaf)),
+        |name| Some(repeated(name).unwrap_or_else(|| ("1".to_owned(), name))),
+    ];
+    let ways = if is_repeated { &ways[2..] } else { &ways[..2] };
+    ways.iter().find_map(|cut| {
+        let mut groups: Vec<Group<'_>> = Vec::new();
         let mut plain = Vec::new();
         for column in &signals {
             match cut(&column.name) {
@@ -61,20 +79,26 @@ pub(super) fn split(columns: &[Column]) -> Option<Vec<Run>> {
         let is_one_record = groups
             .iter()
             .all(|(_, held)| held.iter().all(|(_, c)| c.rows == held[0].1.rows));
-        let names: Vec<&str> = groups.iter().map(|(group, _)| *group).collect();
-        let are_runs = names.len() > 1
+        let names: Vec<&str> = groups.iter().map(|(group, _)| group.as_str()).collect();
+        let same = names.len() > 1
             && is_one_record
             && hold_the_same(groups.iter().map(|(_, held)| held.iter().map(|(leaf, _)| *leaf)))
-            && groups[0].1.len() > 1
-            && !names
-                .iter()
-                .chain(groups[0].1.iter().map(|(leaf, _)| leaf))
-                .any(|n| is_of_axis(n))
-            && (varying(&names).iter().all(|n| is_run(n)) || lengths.iter().any(|n| *n != lengths[0]));
-        if !are_runs {
+            && groups[0].1.len() > 1;
+        let leaves = groups.first()?.1.iter().map(|(leaf, _)| leaf);
+        let look_like_runs = || {
+            !names.iter().chain(leaves).any(|n| is_of_axis(n))
+                && (is_repeated
+                    || varying(&names).iter().all(|n| is_run(n))
+                    || lengths.iter().any(|n| *n != lengths[0]))
+        };
+        if !same || !(known == Some(GroupsAre::Runs) || look_like_runs()) {
             return None;
         }
-        let of_group = |(group, held): (&str, Vec<(&str, &Column)>)| {
+        let has = |group: &str, list: &[&str]| words(group).iter().any(|w| list.contains(&w.as_str()));
+        // A `test` beside a `train` is held out; `test 1`, `test 2` are measurements.
+        let in_two = names.iter().any(|n| has(n, &ESTIMATION)) || !names.iter().all(|n| has(n, &VALIDATION));
+        let held_out: Vec<bool> = names.iter().map(|n| in_two && has(n, &VALIDATION)).collect();
+        let of_group = |((group, held), is_validation): (Group<'_>, bool)| {
             let own = held.into_iter().map(|(leaf, c)| renamed(c, leaf));
             let prefix = format!("{group}.");
             let numbers = single.iter().filter_map(|c| match c.name.strip_prefix(&prefix) {
@@ -83,16 +107,24 @@ pub(super) fn split(columns: &[Column]) -> Option<Vec<Run>> {
             });
             Run {
                 columns: own.chain(plain.iter().cloned()).chain(numbers).collect(),
-                is_validation: words(group).iter().any(|w| HELD_OUT.contains(&w.as_str())),
-                group: group.to_owned(),
+                is_validation,
+                group,
             }
         };
-        Some(groups.into_iter().map(of_group).collect())
+        Some(groups.into_iter().zip(held_out).map(of_group).collect())
     })
 }
 
+/// A group with its columns by their names in it.
+type Group<'a> = (String, Vec<(&'a str, &'a Column)>);
 /// A name in two: the group, and the name in it.
-type Cut = fn(&str) -> Option<(&str, &str)>;
+type Cut = fn(&str) -> Option<(String, &str)>;
+
+/// The number and the name of a function that a file has once more: `force 1+Z #2`.
+fn repeated(name: &str) -> Option<(String, &str)> {
+    let (leaf, number) = name.rsplit_once(" #")?;
+    number.parse::<usize>().ok().map(|n| (n.to_string(), leaf))
+}
 
 fn hold_the_same<'a>(groups: impl Iterator<Item = impl Iterator<Item = &'a str>>) -> bool {
     let mut sorted = groups.map(|leaves| {
@@ -121,49 +153,46 @@ fn is_of_axis(name: &str) -> bool {
         "axis", "axes", "achse", "axe", "motor", "joint", "drive", "gelenk",
     ];
     const LETTERS: [&str; 3] = ["x", "y", "z"];
+    const UNITS: [&str; 6] = ["mm", "cm", "um", "µm", "deg", "mrad"];
     let all = words(name);
     let is_letter = all.len() > 1 && all.first().is_some_and(|w| LETTERS.contains(&w.as_str()));
+    // `x100mm` is a place.
+    let is_letter = is_letter && !all.iter().any(|w| UNITS.contains(&w.as_str()));
     is_letter || all.iter().any(|w| AXES.contains(&w.as_str()))
 }
 
 fn is_run(group: &str) -> bool {
+    let lists = [&RUNS[..], &ESTIMATION, &VALIDATION];
     words(group)
         .iter()
-        .any(|w| RUNS.contains(&w.as_str()) || HELD_OUT.contains(&w.as_str()))
+        .any(|w| lists.iter().any(|list| list.contains(&w.as_str())))
 }
 
-/// What to ask where the elements of one struct array hold the same signals, equally long: they are the axes of a machine, or runs.
+/// What to ask where groups of one file hold the same signals, equally long: they are the axes of a machine, or runs.
 pub(super) fn in_groups(outputs: &[String], inputs: &[String]) -> Option<String> {
-    let mut groups: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    for column in outputs.iter().chain(inputs) {
-        let (group, leaf) = column.rsplit_once('.')?;
-        groups.entry(group).or_default().push(leaf);
+    let mut groups: BTreeMap<&str, (Vec<&str>, [bool; 2])> = BTreeMap::new();
+    for (columns, is_input) in [(outputs, false), (inputs, true)] {
+        for column in columns {
+            let (group, leaf) = column.rsplit_once('.')?;
+            let (leaves, has) = groups.entry(group).or_default();
+            leaves.push(leaf);
+            has[usize::from(is_input)] = true;
+        }
     }
-    let is_element = |group: &&&str| {
-        let number = group.strip_suffix(')').and_then(|g| g.rsplit_once('('));
-        number.is_some_and(|(_, n)| n.parse::<usize>().is_ok())
-    };
+    let names = groups
+        .keys()
+        .chain(groups.values().flat_map(|(leaves, _)| leaves));
     let are_asked = groups.len() > 1
-        && groups.keys().filter(is_element).count() == groups.len()
-        && hold_the_same(groups.values().map(|leaves| leaves.iter().copied()));
-    if !are_asked {
-        return None;
-    }
+        && groups.values().all(|(_, has)| *has == [true; 2])
+        && hold_the_same(groups.values().map(|(leaves, _)| leaves.iter().copied()))
+        && !names.into_iter().any(|n| is_of_axis(n));
     let names: Vec<String> = groups.keys().map(|g| format!("`{g}`")).collect();
-    let (group, _) = groups.first_key_value()?;
-    let of_one = |column: &&String| column.rsplit_once('.').is_some_and(|(g, _)| g == *group);
-    let columns: Vec<String> = outputs
-        .iter()
-        .chain(inputs)
-        .filter(of_one)
-        .filter_map(|c| Some(format!("{} = \"{c}\"", c.rsplit_once('.')?.1)))
-        .collect();
-    Some(format!(
-        "records: {} hold the same signals: leave it so where they are axes of one machine; where they are runs of one, name the channels \
-         without the group, and write one record a group with columns = {{ {} }} and so on",
-        names.join(", "),
-        columns.join(", ")
-    ))
+    are_asked.then(|| {
+        format!(
+            "records: {} hold the same signals: give --groups runs where they are runs of one machine, --groups axes where they are its axes",
+            names.join(", ")
+        )
+    })
 }
 
 #[cfg(test)]
@@ -177,12 +206,19 @@ mod tests {
                 [outputs, inputs].map(|n| n.iter().map(ToString::to_string).collect::<Vec<_>>());
             in_groups(&outputs, &inputs)
         };
-        let found = asked(&["data(1).y", "data(2).y"], &["data(1).u", "data(2).u"]).unwrap();
-        assert!(
-            found.contains("columns = { y = \"data(1).y\", u = \"data(1).u\" }"),
-            "{found}"
-        );
-        // Axes, one group, other signals.
+        for [a, b] in [
+            ["data(1)", "data(2)"],
+            ["Data 0", "Data 1"],
+            ["m.x000mm", "m.x100mm"],
+        ] {
+            let of = |leaf: &str| [a, b].map(|group| format!("{group}.{leaf}"));
+            let [outputs, inputs] = ["y", "u"].map(of);
+            let [outputs, inputs] = [&outputs, &inputs].map(|n| n.each_ref().map(String::as_str));
+            let found = asked(&outputs, &inputs).unwrap();
+            assert!(found.contains("--groups runs"), "{found}");
+        }
+        // Axes, one group, other signals, signals apart by what they are.
+        assert_eq!(asked(&["in.y1", "in.y2"], &["out.y1", "out.y2"]), None);
         assert_eq!(asked(&["axis1.y", "axis2.y"], &["axis1.u", "axis2.u"]), None);
         assert_eq!(asked(&["data(1).y"], &["data(1).u"]), None);
         assert_eq!(
@@ -205,7 +241,7 @@ mod tests {
             let columns: Vec<Column> = columns.iter().map(column).collect();
             let own = |c: &Column| format!("{}={}", c.name, c.source.as_deref().unwrap_or(&c.name));
             let run = |r: Run| (r.group, r.columns.iter().map(own).collect(), r.is_validation);
-            split(&columns).map(|runs| runs.into_iter().map(run).collect())
+            split(&columns, None).map(|runs| runs.into_iter().map(run).collect())
         };
         let runs = found(&[
             ("Run 0.y", 9),
@@ -231,6 +267,13 @@ mod tests {
         let runs = found(&[("exp1.s.y", 9), ("exp1.in.u", 9), ("val.s.y", 7), ("val.in.u", 7)]).unwrap();
         assert_eq!((runs[1].0.as_str(), runs[1].2), ("val", true));
         assert_eq!(runs[0].1, ["s.y=exp1.s.y", "in.u=exp1.in.u"]);
+        // What is fitted and what is held out, equally long; and functions that a file has once more.
+        let runs = found(&[("train.y", 9), ("train.u", 9), ("test.y", 9), ("test.u", 9)]).unwrap();
+        assert_eq!((runs[0].2, runs[1].2), (false, true));
+        let runs = found(&[("test1.y", 9), ("test1.u", 9), ("test2.y", 9), ("test2.u", 9)]).unwrap();
+        assert_eq!((runs[0].2, runs[1].2), (false, false));
+        let runs = found(&[("f 1+Z", 9), ("pos 1+Z", 9), ("f 1+Z #2", 9), ("pos 1+Z #2", 9)]).unwrap();
+        assert_eq!(runs[1].1, ["f 1+Z=f 1+Z #2", "pos 1+Z=pos 1+Z #2"]);
         for none in [
             &[("axis1.y", 9), ("axis1.u", 9), ("axis2.y", 9), ("axis2.u", 9)][..],
             &[("run1.y", 9), ("run1.u", 9), ("run2.y", 9), ("run2.x", 9)],

@@ -1,7 +1,7 @@
 //! What the files hold, before anything is guessed from it.
 
 use super::rate::{Hints, Physics};
-use super::runs::{self, Run};
+use super::runs::{self, GroupsAre, Run};
 use super::{pairs, refuse, stated};
 use crate::PipelineError;
 use experiment_data::{
@@ -42,9 +42,10 @@ pub(super) fn see(
     file: &Path,
     path: &Path,
     contents: Contents,
+    groups: Option<GroupsAre>,
     guesses: &mut Vec<String>,
 ) -> Result<Vec<Seen>, PipelineError> {
-    if let Some(runs) = runs::split(&contents.columns) {
+    if let Some(runs) = runs::split(&contents.columns, groups) {
         return records_of_runs(file, path, &contents, runs, guesses);
     }
     let Some(pair) = pairs::split(&contents.columns) else {

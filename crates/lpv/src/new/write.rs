@@ -3,6 +3,8 @@
 use super::motion::quantity_of;
 use super::names::unit_of;
 use super::position::Places;
+use super::roles::{Role, role_of};
+use super::time_unit::seconds;
 use super::{Plan, RecordFile};
 use experiment_data::{Quantity, Text};
 use std::collections::HashSet;
@@ -50,15 +52,17 @@ pub(super) fn text(plan: &Plan<'_>, guesses: &mut Vec<String>, questions: &mut V
             continue;
         }
         let mark = if group.is_empty() {
-            let others: Vec<String> = groups.auxiliary.iter().map(|c| format!("`{c}`")).collect();
-            let of = if others.is_empty() {
-                String::new()
-            } else {
-                format!(" of {}", others.join(", "))
-            };
-            questions.push(format!(
-                "channels.{role}: which columns{of} are the {role}s? Give --{role}"
-            ));
+            let is_signal = |c: &&String| role_of(c) != Some(Role::Time) && seconds(plan.unit(c)).is_none();
+            let others: Vec<String> = groups
+                .auxiliary
+                .iter()
+                .filter(is_signal)
+                .map(|c| format!("`{c}`"))
+                .collect();
+            questions.push(match others.is_empty() {
+                true => format!("channels.{role}: no column is left that could be one; see above which were passed over, and why"),
+                false => format!("channels.{role}: which columns of {} are the {role}s? Give --{role}", others.join(", ")),
+            });
             "  # FILL IN"
         } else if given.is_empty() {
             "  # GUESS"

@@ -5,6 +5,18 @@ use crate::text::Decimal;
 /// The number of a cell, or the seconds of a date or a time of day; spaces around it do not matter. A comma before the fraction
 /// is read only where the file has such, and then a point only between thousands.
 pub(super) fn number(cell: &[u8], decimal: Decimal) -> Option<f64> {
+    plain_number(cell, decimal).or_else(|| {
+        let text = std::str::from_utf8(cell.trim_ascii()).ok()?;
+        let between = match decimal {
+            Decimal::Point => ',',
+            Decimal::Comma => '.',
+        };
+        whole_groups(text, between)
+    })
+}
+
+/// The same but for whole numbers with their thousands apart, as long as it is not known what stands before a fraction.
+pub(super) fn plain_number(cell: &[u8], decimal: Decimal) -> Option<f64> {
     let text = std::str::from_utf8(cell.trim_ascii()).ok()?;
     let plain = match decimal {
         Decimal::Point => text.parse().ok(),
@@ -40,16 +52,59 @@ fn grouped(text: &str, decimal: Decimal) -> Option<f64> {
     fits.then(|| format!("{}.{fraction}", whole.replace(between, "")).parse().ok())?
 }
 
+/// A whole number from 1000 on with this between its thousands: `-1.539`, where a fraction follows a comma.
+pub(super) fn whole_groups(text: &str, between: char) -> Option<f64> {
+    let mut groups = text.trim_start_matches(['+', '-']).split(between);
+    let first = groups.next()?;
+    let is_number = |group: &str| group.bytes().all(|b| b.is_ascii_digit());
+    let mut rest = groups.peekable();
+    rest.peek()?;
+    let fits = (1..=3).contains(&first.len())
+        && !first.starts_with('0')
+        && is_number(first)
+        && rest.all(|group| group.len() == 3 && is_number(group));
+    fits.then(|| text.replace(between, "").parse().ok())?
+}
+
 /// Seconds since midnight of `hh:mm:ss.fff`, or since 1970-01-01 with a date before it: `2018-01-22T10:00:00.5`,
-/// `22.01.2018 10:00:00,5`, `2018/01/22 10:00:00`. The fraction may follow a point, a comma or a colon.
+/// `22.01.2018 10:00:00,5`, `2018/01/22 10:00:00`, `22-Jan-2018 10:00:00`, `1/22/2018 10:00:00 AM`. The fraction may follow a point, a comma or a colon. Or
+/// a duration as MATLAB writes it: `0.5 sec`.
 pub(super) fn stamp(text: &str) -> Option<f64> {
+    if let Some((number, unit)) = text.split_once(' ')
+        && let Some(seconds) = duration(unit)
+    {
+        return number.parse::<f64>().ok().map(|n| n * seconds);
+    }
     // Without two colons it is no time, and most cells end here.
     if !text.is_ascii() || text.len() > 40 || text.bytes().filter(|b| *b == b':').count() < 2 {
         return None;
     }
+    let (text, half) = match text.rsplit_once(' ') {
+        Some((before, half)) if half.eq_ignore_ascii_case("am") => (before, Some(false)),
+        Some((before, half)) if half.eq_ignore_ascii_case("pm") => (before, Some(true)),
+        _ => (text, None),
+    };
+    let of_day = |time: &str| match (half, time_of_day(time)?) {
+        (None, seconds) => Some(seconds),
+        // From 12:00 AM, which is midnight, to 11:59 PM.
+        (Some(is_afternoon), seconds) if (3600.0..13.0 * 3600.0).contains(&seconds) => {
+            Some(seconds % 43_200.0 + if is_afternoon { 43_200.0 } else { 0.0 })
+        }
+        _ => None,
+    };
     match text.split_once(['T', ' ']) {
-        Some((date, time)) => Some(86_400.0 * days(date)? as f64 + time_of_day(time.trim())?),
-        None => time_of_day(text),
+        Some((date, time)) => Some(86_400.0 * days(date, half.is_some())? as f64 + of_day(time.trim())?),
+        None => of_day(text),
+    }
+}
+
+/// Seconds of a unit behind a number.
+fn duration(unit: &str) -> Option<f64> {
+    match unit {
+        "sec" => Some(1.0),
+        "min" => Some(60.0),
+        "hr" => Some(3600.0),
+        _ => None,
     }
 }
 
@@ -75,21 +130,33 @@ fn time_of_day(text: &str) -> Option<f64> {
         .then_some((3600 * hours + 60 * minutes + seconds) as f64 + fraction)
 }
 
-/// Days since 1970-01-01 of year-month-day with dashes or slashes, or day.month.year.
-fn days(date: &str) -> Option<i64> {
+/// Days since 1970-01-01 of year-month-day with dashes or slashes, day.month.year, day-Jan-year, or with slashes month/day/year, where the time is told
+/// as there or no month has that number.
+fn days(date: &str, is_american: bool) -> Option<i64> {
+    const MONTHS: [&str; 12] = [
+        "jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec",
+    ];
     let separator = date.chars().find(|c| matches!(c, '-' | '/' | '.'))?;
     let parts: Vec<&str> = date.split(separator).collect();
     let &[a, b, c] = parts.as_slice() else { return None };
     let (year, month, day) = match separator {
         '.' => (c, b, a),
-        // 1/22/2018 may be either way round: only the order year first is sure.
         _ if a.len() == 4 => (a, b, c),
+        '-' if b.bytes().all(|b| b.is_ascii_alphabetic()) => (c, b, a),
+        // 1/2/2018 may be either way round.
+        '/' if is_american || digits(b, 2)? > 12 => (c, a, b),
+        '/' if digits(a, 2)? > 12 => (c, b, a),
         _ => return None,
     };
     if year.len() != 4 {
         return None;
     }
-    let (year, month, day) = (digits(year, 4)?, digits(month, 2)?, digits(day, 2)?);
+    let named = MONTHS.iter().position(|m| month.eq_ignore_ascii_case(m));
+    let month = match named {
+        Some(at) => at as i64 + 1,
+        None => digits(month, 2)?,
+    };
+    let (year, day) = (digits(year, 4)?, digits(day, 2)?);
     if !(1..=12).contains(&month) || !(1..=31).contains(&day) {
         return None;
     }
@@ -124,9 +191,10 @@ mod tests {
             ("12,34.5", Decimal::Point, None),
             ("1,234.5.6", Decimal::Point, None),
             ("1,234.5e3", Decimal::Point, None),
-            ("1,234", Decimal::Point, None),
+            ("1,234", Decimal::Point, Some(1234.0)),
+            ("0,234", Decimal::Point, None),
             (",234.5", Decimal::Point, None),
-            ("1.234", Decimal::Comma, None),
+            ("-1.234", Decimal::Comma, Some(-1234.0)),
             ("1,234,567", Decimal::Comma, None),
             ("1,", Decimal::Comma, None),
             ("", Decimal::Comma, None),
@@ -139,6 +207,17 @@ mod tests {
             ("22.01.2018 10:00:00,25", Decimal::Comma, Some(1_516_615_200.25)),
             ("2018/01/22 10:00:00", Decimal::Point, Some(1_516_615_200.0)),
             ("1/2/2018 10:00:00", Decimal::Point, None),
+            ("1/22/2018 10:00:00", Decimal::Point, Some(1_516_615_200.0)),
+            ("22/1/2018 10:00:00", Decimal::Point, Some(1_516_615_200.0)),
+            ("22-Jan-2018 10:00:00", Decimal::Point, Some(1_516_615_200.0)),
+            ("01/22/2018 10:00:00 AM", Decimal::Point, Some(1_516_615_200.0)),
+            ("1/2/1970 12:00:01.5 am", Decimal::Point, Some(86_401.5)),
+            ("12:00:00 PM", Decimal::Point, Some(43_200.0)),
+            ("1:02:03 PM", Decimal::Point, Some(46_923.0)),
+            ("13:02:03 PM", Decimal::Point, None),
+            ("0.125 sec", Decimal::Point, Some(0.125)),
+            ("2 min", Decimal::Point, Some(120.0)),
+            ("2 sek", Decimal::Point, None),
             ("25:61:00", Decimal::Point, None),
             ("::", Decimal::Point, None),
         ] {

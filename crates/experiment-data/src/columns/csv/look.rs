@@ -2,6 +2,7 @@
 
 mod above;
 mod row;
+mod thousands;
 
 use super::cell::number;
 use super::split::{Splitter, words};
@@ -80,7 +81,11 @@ pub(super) fn look(path: &Path, given: Option<&Text>) -> Result<Layout, RecordEr
         return Ok(layout);
     }
     match head.best(given) {
-        Ok(layout) => Ok(layout),
+        Ok(layout) if given.decimal.is_some() => Ok(layout),
+        Ok(layout) => Ok(Layout {
+            decimal: head.decimal_beside_thousands(&layout).or(layout.decimal),
+            ..layout
+        }),
         // The reader of plain tables says what is wrong with one that is almost plain.
         Err(problem) => match head.plain(0) {
             Some(layout) if nothing_given && layout.names.len() > 1 => Ok(layout),

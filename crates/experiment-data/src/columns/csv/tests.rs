@@ -103,6 +103,54 @@ fn what_is_refused() {
     assert!(text.contains("the column `a` 2 times"), "{text}");
 }
 
+/// Whole numbers from 1000 on with their thousands apart are no fractions, whatever parts them; fractions of three digits stay what they are.
+#[test]
+fn thousands_are_no_fractions() {
+    let values: Vec<i64> = (0..400).map(|k| (k * k * 7919 + 31 * k) % 5000 - 2300).collect();
+    let apart = |v: i64, mark: char| match v.abs() < 1000 {
+        true => v.to_string(),
+        false => format!("{}{mark}{:03}", v / 1000, v.abs() % 1000),
+    };
+    for (separator, mark) in [(';', '.'), ('\t', ','), (';', ','), ('\t', '.')] {
+        let rows = values.iter().enumerate();
+        let rows: String = rows
+            .map(|(k, v)| format!("{k}{separator}{}\n", apart(*v, mark)))
+            .collect();
+        let text = format!("n{separator}i\n{rows}");
+        let whole: Vec<f64> = values.iter().map(|v| *v as f64).collect();
+        assert_eq!(
+            read_text(&text, &["i"]).unwrap(),
+            [whole],
+            "{separator:?} {mark:?}"
+        );
+        // A fraction beside them, in any column, says what the mark is.
+        let rows = values.iter().enumerate();
+        let point = |k: usize| format!("{}{mark}5", k % 7);
+        let rows: String = rows
+            .map(|(k, v)| format!("{}{separator}{}\n", point(k), apart(*v, mark)))
+            .collect();
+        let read = read_text(format!("n{separator}i\n{rows}"), &["i"]).unwrap();
+        let fraction = |v: &i64| {
+            if v.abs() < 1000 {
+                *v as f64
+            } else {
+                apart(*v, '.').parse().unwrap()
+            }
+        };
+        assert_eq!(read[0], values.iter().map(fraction).collect::<Vec<f64>>());
+        // So do fractions of three digits without whole numbers between.
+        let rows: String = values
+            .iter()
+            .map(|v| format!("1{separator}{}{mark}{:03}\n", v / 1000, v.abs() % 1000))
+            .collect();
+        let read = read_text(format!("n{separator}i\n{rows}"), &["i"]).unwrap();
+        let small: f64 = format!("{}.{:03}", values[0] / 1000, values[0].abs() % 1000)
+            .parse()
+            .unwrap();
+        assert_eq!(read[0][0], small);
+    }
+}
+
 #[test]
 fn tables_of_other_programs() {
     let good = [vec![1.0, -2.5e3, 0.125], vec![2.0, 0.25, 3.0]];

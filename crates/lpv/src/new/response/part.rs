@@ -65,9 +65,9 @@ impl Part {
             Some(Self::Im)
         } else if has(SIZES) || plain.starts_with('|') {
             Some(Self::Magnitude)
-        } else if plain.contains('/') && has(DEGREES) {
+        } else if plain.contains('/') && has(DEGREES) || DEGREES.contains(&unit.as_str()) {
             Some(Self::Degrees)
-        } else if plain.contains('/') && has(RADIANS) {
+        } else if plain.contains('/') && has(RADIANS) || RADIANS.contains(&unit.as_str()) {
             Some(Self::Radians)
         } else {
             None
@@ -95,7 +95,7 @@ pub(super) const SIZES: &[&str] = &[
     "betrag",
     "verstärkung",
 ];
-pub(super) const PHASES: &[&str] = &["phase", "phas", "angle", "arg", "winkel"];
+pub(super) const PHASES: &[&str] = &["phase", "phas", "ph", "angle", "arg", "winkel"];
 const DEGREES: &[&str] = &["deg", "degree", "degrees", "°", "grad"];
 const RADIANS: &[&str] = &["rad", "radian", "radians"];
 /// Words beside these that say nothing of the channel.
@@ -145,7 +145,10 @@ pub(super) fn label(name: &str) -> String {
 
 /// The function and what it is of: `Re(H11)`, and not `real(m/N)`.
 pub(super) fn in_brackets(name: &str) -> Option<(&str, &str)> {
-    let (function, rest) = name.trim().split_once('(')?;
+    // A unit behind it: `arg(G) [rad]`.
+    let name = name.trim();
+    let name = name.rfind(" [").map_or(name, |unit| &name[..unit]);
+    let (function, rest) = name.split_once('(')?;
     let inside = rest.strip_suffix(')')?.trim();
     let all = [REALS, IMAGINARIES, &["abs", "mag", "arg", "angle"][..]].concat();
     let below = inside.rsplit('/').next().unwrap_or_default().trim();

@@ -309,7 +309,7 @@ fn of_ratio(unit: &str) -> (Option<(String, String)>, Option<f64>, Option<Respon
 }
 
 /// How to describe such a file by hand.
-const RESPONSE: &str = "these columns are those of a frequency response and no record in time; write an experiment.toml with \
+pub(super) const RESPONSE: &str = "these columns are those of a frequency response and no record in time; write an experiment.toml with \
     `kind = \"response\"` for this file, and the columns `frequency` in Hz (or `omega` in rad/s) and, for each output y and input u, \
     `y/u re` and `y/u im`, or `y/u magnitude` or `y/u dB` with `y/u deg` or `y/u rad` (`columns = { \"y/u re\" = ... }` where they have \
     other names); see docs/experiment-format.md";

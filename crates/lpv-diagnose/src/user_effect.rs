@@ -5,6 +5,7 @@
 
 mod formula;
 mod law;
+mod short;
 mod starts;
 
 use crate::TraceError;
@@ -15,7 +16,7 @@ use crate::screen::Screen;
 use formula::Formula;
 use law::{Acting, Law};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 
 /// An effect of a user.
@@ -46,9 +47,9 @@ pub struct UserEffect {
     pub parameters: BTreeMap<String, UserParameter>,
 }
 
-/// A state of a user's effect.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// A state of a user's effect; read from its rate alone too, where it starts at zero.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(remote = "Self", deny_unknown_fields)]
 pub struct UserState {
     /// Its derivative in time, a formula.
     pub rate: String,
@@ -57,9 +58,9 @@ pub struct UserState {
     pub start: f64,
 }
 
-/// A parameter of a user's effect.
+/// A parameter of a user's effect; read from its unit alone too, where it is an amplitude.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(remote = "Self", deny_unknown_fields)]
 pub struct UserParameter {
     /// Its unit, in which `u` and `y` stand for those of the input and the output.
     #[serde(default)]
@@ -106,9 +107,27 @@ impl UserEffect {
     /// Whether a formula of it has this variable.
     #[must_use]
     pub fn uses(&self, variable: &str) -> bool {
+        self.variables().contains(variable)
+    }
+
+    /// Whether it may be an effect of some bundle: with a name, parameters and formulas that can be read. A name in a formula that it does
+    /// not tell may be that of a further signal.
+    ///
+    /// # Errors
+    /// [`TraceError::UserEffect`] with what is wrong.
+    pub fn checked(&self) -> Result<(), TraceError> {
+        self.check()?;
+        let own = |name: &String| self.parameters.contains_key(name) || self.states.contains_key(name);
+        let signals: Vec<String> = self.variables().into_iter().filter(|n| !own(n)).collect();
+        Law::of(self, &signals).map(|_| ()).map_err(|p| self.wrong(p))
+    }
+
+    /// What its formulas name.
+    fn variables(&self) -> BTreeSet<String> {
         let rates = self.states.values().map(|s| &s.rate);
-        let mut all = self.force.iter().chain(&self.reading).chain(rates);
-        all.any(|text| Formula::parse(text).is_ok_and(|f| f.names().iter().any(|n| n == variable)))
+        let all = self.force.iter().chain(&self.reading).chain(rates);
+        let read = all.filter_map(|text| Formula::parse(text).ok());
+        read.flat_map(|f| f.names().to_vec()).collect()
     }
 
     /// The same for a competition, where it acts on this channel: the effect of an input that drives a motor, or of an output.

@@ -103,6 +103,32 @@ fn an_effect_of_the_user_is_found_kept_and_validated() {
     assert_ne!(without["verdict"], "explained", "{}", without["verdict_in_words"]);
 }
 
+/// A single table, a unit in the place of a table, and faults that no bundle is needed to see.
+#[test]
+fn short_forms_are_read_and_faults_name_the_file() {
+    let desk = desk();
+    let text = "[effect]\nname = \"pull\"\nforce = \"-a*z\"\nparameters.a = \"u\"\nstates.z = \"x - z\"\n";
+    desk.write("own.toml", text);
+    let found = desk.json("diagnose . --effects own.toml -o found --json");
+    let all = found["candidates"].as_array().unwrap();
+    assert!(all.iter().any(|c| c["effect"] == "pull"), "{found}");
+    for (from, to, part) in [
+        (
+            "parameters.a = \"u\"",
+            "parameters.a = 3.0",
+            "a unit, or a table with `unit`",
+        ),
+        ("x - z", "x - (z", "own.toml"),
+        ("-a*z", "-a*", "own.toml"),
+        ("\"pull\"", "\"Pull!\"", "own.toml"),
+        (text, "effect = []\n", "it has no effect"),
+    ] {
+        desk.write("own.toml", text.replacen(from, to, 1));
+        let said = desk.refused("diagnose . --effects own.toml -o other");
+        assert!(said.contains(part), "{part} in {said}");
+    }
+}
+
 #[test]
 fn a_wrong_definition_is_refused_with_its_place() {
     let desk = desk();

@@ -92,7 +92,8 @@ impl Placed {
             let index = names.iter().position(|n| n == name);
             let index = index.ok_or_else(|| {
                 format!(
-                    "{what} `{text}` has `{name}`, which is none of {}",
+                    "{what} `{text}` has `{name}`, which is none of {}; a signal that was measured beside them is known where [channels.auxiliary] \
+                     names it",
                     names.join(", ")
                 )
             })?;

@@ -7,7 +7,10 @@ use crate::settings_file::{nearest_name, read_settings};
 use experiment_data::Bundle;
 use lpv_diagnose::effect::Effect;
 use lpv_diagnose::{Trace, UserEffect};
-use serde::Deserialize;
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use std::fmt;
 use std::path::Path;
 
 /// What a diagnosis is given beside the data.
@@ -23,15 +26,50 @@ pub struct Given<'a> {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Effects {
+    #[serde(deserialize_with = "one_or_more")]
     effect: Vec<UserEffect>,
+}
+
+/// Tables `[[effect]]`, or `[effect]` of a single one.
+fn one_or_more<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<UserEffect>, D::Error> {
+    struct Both;
+    impl<'de> Visitor<'de> for Both {
+        type Value = Vec<UserEffect>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("tables `[[effect]]`")
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+            UserEffect::deserialize(MapAccessDeserializer::new(map)).map(|one| vec![one])
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, all: A) -> Result<Self::Value, A::Error> {
+            Vec::deserialize(SeqAccessDeserializer::new(all))
+        }
+    }
+    deserializer.deserialize_any(Both)
 }
 
 /// Reads a TOML file with one table `[[effect]]` for each effect.
 ///
 /// # Errors
-/// [`PipelineError::Config`] with file, line and column.
+/// [`PipelineError::Config`] with file, line and column; with the file and the effect where a name, a parameter or a formula is wrong.
 pub fn read_effects(file: &Path) -> Result<Vec<UserEffect>, PipelineError> {
-    Ok(read_settings::<Effects>(file)?.effect)
+    let all = read_settings::<Effects>(file)?.effect;
+    let wrong = |message: String| PipelineError::Config {
+        file: file.to_owned(),
+        message,
+    };
+    if all.is_empty() {
+        return Err(wrong(
+            "it has no effect: write a table [[effect]] for each".to_owned(),
+        ));
+    }
+    for effect in &all {
+        effect.checked().map_err(|e| wrong(e.to_string()))?;
+    }
+    Ok(all)
 }
 
 /// The given effects, and those that the model has the definitions of.

@@ -24,7 +24,7 @@ const LONG_FILES: [(&str, &str); 1] = [(
 )];
 
 /// Effects that are found and that the simulated table cannot hide, and why.
-const NOT_HIDDEN: [(&str, &str); 7] = [
+const NOT_HIDDEN: [(&str, &str); 9] = [
     (
         "direction-dependent-friction",
         "hidden as dry friction beside a constant force",
@@ -43,6 +43,14 @@ const NOT_HIDDEN: [(&str, &str); 7] = [
     ),
     (
         "quadratic-friction",
+        "looked for on servo axes alone; `xytable_plant::servo_axis` hides it",
+    ),
+    (
+        "gravity",
+        "looked for on servo axes alone; `xytable_plant::servo_axis` hides it",
+    ),
+    (
+        "temperature",
         "looked for on servo axes alone; `xytable_plant::servo_axis` hides it",
     ),
     (

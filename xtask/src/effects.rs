@@ -6,7 +6,7 @@ use lpv::diagnose::{Diagnosed, Given, diagnose};
 use lpv::silent;
 use lpv::simulate::{MachineFile, simulate};
 use lpv_diagnose::catalogue::KINDS;
-use lpv_diagnose::effect::{Effect, Family, Needs};
+use lpv_diagnose::effect::{Effect, Family, Needs, Place};
 use lpv_report::Figure;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -66,8 +66,10 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
             let when =
                 if other.extends.is_some() && effect.extends.is_none() || other.fitted() > effect.fitted() {
                     format!("As a refinement, {}", other.meaning)
-                } else if other.needs == Needs::Axis {
+                } else if is_of_an_axis(other) {
                     format!("On a servo axis, {}", other.meaning)
+                } else if matches!((effect.place, other.place), (Place::Motor(_), Place::Output(_))) {
+                    format!("At a sensor, {}", other.meaning)
                 } else if other.needs == effect.needs {
                     "In its simpler form".to_owned()
                 } else {
@@ -78,7 +80,7 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
         if let Some(simpler) = &effect.extends {
             let _ = writeln!(page, "\nTried as a refinement of `{}`.", simpler.name);
         }
-        if matches!(effect.needs, Needs::Axis | Needs::Spring) {
+        if is_of_an_axis(effect) {
             let _ = writeln!(page, "\nOf servo axes alone; see [their bench](blind-servo.md).");
             continue;
         }
@@ -111,6 +113,14 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
     }
     std::fs::write(folder.join("effects.md"), page)?;
     Ok(())
+}
+
+/// Whether an effect acts on servo axes alone.
+fn is_of_an_axis(effect: &Effect) -> bool {
+    matches!(
+        effect.needs,
+        Needs::Axis | Needs::FreeAxis | Needs::Load | Needs::Spring
+    )
 }
 
 fn found(hidden: HiddenEffect) -> Result<Diagnosed, TaskError> {

@@ -16,6 +16,7 @@ mod delay;
 mod direction_dependent_friction;
 mod extra_mode;
 mod friction_drift;
+mod gravity;
 mod hysteresis;
 mod input_gain;
 mod load_dependent_friction;
@@ -35,6 +36,7 @@ mod sensor_gain;
 mod since;
 mod stiffness_drift;
 mod stribeck_friction;
+mod temperature;
 mod viscous_friction;
 
 use crate::base::{Base, Pair};
@@ -44,15 +46,17 @@ use crate::track::Track;
 use std::slice::from_ref;
 
 /// The effects, kind by kind, each at all places where it may act; of two that a record cannot tell apart, the first is named.
-pub static KINDS: [&[Effect]; 32] = [
+pub static KINDS: [&[Effect]; 34] = [
     &coulomb_friction::EFFECTS,
     &stribeck_friction::EFFECTS,
     &direction_dependent_friction::EFFECTS,
     &viscous_friction::EFFECTS,
     from_ref(&quadratic_friction::EFFECT),
     from_ref(&load_dependent_friction::EFFECT),
+    &temperature::EFFECTS,
     from_ref(&friction_drift::EFFECT),
     &hysteresis::EFFECTS,
+    from_ref(&gravity::EFFECT),
     &cogging::EFFECTS,
     &cable_stiffness::EFFECTS,
     &position_force::EFFECTS,
@@ -142,6 +146,11 @@ pub(crate) fn is_itself(effect: &Effect, values: &[f64], machine: &Base, tracks:
         _ => creep,
     };
     !is_peak || fall >= REACHED * creep
+}
+
+/// Whether an effect is a force that repeats along the stroke.
+pub(crate) fn is_wave(effect: &Effect) -> bool {
+    cogging::EFFECTS.iter().any(|e| e.is(effect))
 }
 
 /// Whether what changes at a time shows as a change, along the motions of a screen.

@@ -173,6 +173,10 @@ pub enum Needs {
     Spring,
     /// A servo axis, whose mass and force at rest are parameters of its own.
     Axis,
+    /// The same, and no spring of the base holds it.
+    FreeAxis,
+    /// A servo axis with a load on a spring.
+    Load,
     /// The masses and couplings of the xy-table from first principles.
     Table,
 }
@@ -188,6 +192,8 @@ impl Needs {
             Self::TwoMotors => base.has_motors_of_their_own() && base.channels() > 1,
             Self::FreeMotor(channel) => Self::OwnMotor(*channel).are_met(base) && !base.is_on_spring(),
             Self::Spring => base.is_on_spring(),
+            Self::Load => matches!(base, Base::Axis(axis) if axis.load().is_some()),
+            Self::FreeAxis => Self::Axis.are_met(base) && !base.is_on_spring(),
             Self::Axis => matches!(base, Base::Axis(_)),
             Self::Table => base.is_table(),
         }

@@ -24,7 +24,7 @@
 //! substeps until the errors no longer change.
 //!
 //! Where no controller is known, an [`observer`] holds an axis at its records. [`servo_axis`] makes the base of an axis from its records alone.
-//! [`fn@axes`] takes a machine apart whose axes move by themselves, and [`fn@skew`] tells which of two encoders of one is late.
+//! [`fn@axes`] takes a machine apart whose axes move by themselves, and [`fn@skew`] tells which of two encoders of one is late; [`compare`] also what else they differ in.
 //!
 //! Where there are no moves, [`trace_responses`] adds linear effects to a rigid axis, on its frequency response.
 //!
@@ -158,7 +158,7 @@ pub use responses::{
 pub use screen::{Screen, Trial};
 pub use servo_axis::{axis_in_band, servo_axis};
 pub use simulate::Response;
-pub use skew::{Skew, skew};
+pub use skew::{Compared, Skew, compare, skew};
 pub use steady::steady_forces;
 pub use trace::{
     Added, Case, Judged, MISSING_SHARE, Slower, Trace, Tried, Verdict, begun, sensor_noise, trace,

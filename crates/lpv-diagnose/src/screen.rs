@@ -118,6 +118,11 @@ impl Screen<'_> {
         self.tracks.iter().map(|t| t.auxiliary.len()).min().unwrap_or(0)
     }
 
+    /// Indices of the further signals that are temperatures and change, with their means.
+    pub fn temperatures(&self) -> Vec<(usize, f64)> {
+        Track::warming(self.tracks)
+    }
+
     /// Shortest record in time.
     pub fn shortest(&self) -> f64 {
         let duration = |t: &Track| t.step * t.samples as f64;

@@ -1,12 +1,14 @@
 //! A servo axis from its records by least squares: free, or on a spring to ground (a flexure, a piezo stage, a mass on a spring).
 
 use crate::inverse::{Moved, of_size_one};
+use crate::track::turn_in;
 use crate::{Axis, Base, TraceError};
 use lpv_core::linalg::svd;
 use lpv_core::{Discrete, Record};
 use lti_ident::rigid_body::{Estimator, Filter, RigidBodySettings};
 use lti_ident::{LtiIdentError, Segment};
 use nalgebra::DVector;
+use std::f64::consts::TAU;
 
 /// A free axis, or one on a spring to ground where that leaves much less of the force; its reason joins `reasons`.
 ///
@@ -122,12 +124,22 @@ fn on_spring(records: &[Record], clock: Discrete) -> Option<Found> {
             ])
         })
         .collect();
+    let angle = records
+        .first()
+        .and_then(|r| turn_in(r.outputs.units.first()?))
+        .map(|turn| TAU / turn);
     let mut columns: [Vec<f64>; 4] = Default::default();
+    let mut gravity: [Vec<f64>; 2] = Default::default();
     let mut force = Vec::new();
     for moved in Moved::of(&signals?, clock)? {
         let [q, v, a] = moved.motion();
         for (column, signal) in columns.iter_mut().zip([a, v, q]) {
             column.extend(moved.reduced(signal)?);
+        }
+        if let Some(angle) = angle {
+            let (sine, cosine): (Vec<f64>, Vec<f64>) = q.iter().map(|q| (angle * q).sin_cos()).unzip();
+            gravity[0].extend(moved.reduced(&sine)?);
+            gravity[1].extend(moved.reduced(&cosine)?);
         }
         force.extend_from_slice(moved.pushed());
     }
@@ -153,7 +165,13 @@ fn on_spring(records: &[Record], clock: Discrete) -> Option<Found> {
     else {
         return None;
     };
-    let fits = held[0] * held[2] > 0.0 && left.is_finite();
+    /// Part of what a spring leaves that gravity must leave less to be meant: over few degrees they are the same.
+    const LESS: f64 = 0.98;
+    // An arm that hangs from its axis comes back as one on a spring does.
+    let [sine, cosine] = &gravity;
+    let is_arm = angle.is_some()
+        && solved(&[a, v, sine, cosine, one]).is_some_and(|(_, _, of_arm)| of_arm < LESS * left);
+    let fits = held[0] * held[2] > 0.0 && left.is_finite() && !is_arm;
     fits.then(|| Found {
         axis: Axis::new(held[0], held[1], held[3]),
         stiffness: held[2],

@@ -1,6 +1,6 @@
 //! Skew of two sensors of one position: `y_2(t) = g y_1(t - T) + o`, with an offset by record.
 
-use crate::track::{cubic, slope_of};
+use crate::track::{cubic, roughness, slope_of};
 use lpv_core::linalg::least_squares;
 use lpv_core::{Discrete, Record};
 use nalgebra::{DMatrix, DVector};
@@ -23,6 +23,59 @@ const LONGEST: f64 = 50.0;
 /// Deviations from zero, and the part of the difference that may be left, for a skew to be one.
 const SURE: f64 = 5.0;
 const LEFT: f64 = 0.8;
+
+/// What one sensor tells of another one of the same position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Compared {
+    /// By how much it comes later, where the records show it.
+    pub skew: Option<Skew>,
+    /// Its readings over those of the other one, and the standard deviation of that.
+    pub gain: [f64; 2],
+    /// Root mean square of its readings on judged records, each without its mean.
+    pub size: f64,
+    /// The same of their difference from those of the other one that come as late.
+    pub difference: f64,
+    /// The same of what is left beyond the gain.
+    pub left: f64,
+    /// Standard deviation of the noise of both readings in this, from their third differences.
+    pub noise: f64,
+}
+
+/// Output `other` as `one` tells it; none where the records do not compare.
+pub fn compare(
+    (one, other): (usize, usize),
+    fitted: &[Record],
+    judged: &[Record],
+    clock: Discrete,
+) -> Option<Compared> {
+    let skew = skew((one, other), fitted, judged, clock);
+    let late = skew.map_or(0.0, |s| s.time / clock.sample_time());
+    let [fit, rows] = [fitted, judged].map(|records| Rows::of((one, other), records, late));
+    let (fit, rows) = (fit?, rows?);
+    let (gain, left) = fit.solve()?;
+    // What is left is coloured: scores are summed over parts.
+    let scores = fit.parts.iter().map(|part| {
+        let each = part.clone().map(|k| fit.late[k] * left[k]);
+        each.sum::<f64>().powi(2)
+    });
+    let deviation = scores.sum::<f64>().sqrt() / fit.late.iter().map(|q| q * q).sum::<f64>();
+    let mean_square = |of: &dyn Fn(usize) -> f64| {
+        let sum: f64 = (0..rows.other.len()).map(|k| of(k).powi(2)).sum();
+        (sum / rows.other.len().max(1) as f64).sqrt()
+    };
+    let rough = |output: usize| {
+        let column = judged.iter().flat_map(|r| r.outputs.columns[output].windows(4));
+        roughness(column.map(|w| [w[0], w[1], w[2], w[3]]))
+    };
+    Some(Compared {
+        skew,
+        gain: [gain, deviation],
+        size: mean_square(&|k| rows.other[k]),
+        difference: mean_square(&|k| rows.other[k] - rows.late[k]),
+        left: mean_square(&|k| rows.other[k] - gain * rows.late[k]),
+        noise: rough(other).hypot(gain * rough(one)),
+    })
+}
 
 /// The skew of output `other` against `one`; none where the records show none.
 pub fn skew(

@@ -3,6 +3,7 @@
 mod alike;
 mod beginning;
 pub(crate) mod smooth;
+mod units;
 
 use crate::TraceError;
 use crate::base::{Pair, Start};
@@ -11,6 +12,7 @@ use beginning::{BEGINNING, beginning};
 use lpv_core::{ControllerState, Record};
 use lpv_numerics::statistics::range;
 use nalgebra::{DMatrix, DVector};
+pub(crate) use units::turn_in;
 
 /// One record: signals by sample, and the scheduling between the samples.
 #[derive(Debug, Clone)]
@@ -29,6 +31,10 @@ pub struct Track {
     pub inputs: Vec<Pair>,
     /// Further measured signals, by signal and sample.
     pub auxiliary: Vec<Vec<f64>>,
+    /// Those that are temperatures.
+    temperatures: Vec<usize>,
+    /// A whole turn, where the first output is an angle.
+    pub(crate) turn: Option<f64>,
     pub(crate) references: Vec<Pair>,
     pub(crate) injections: Vec<Pair>,
     /// p and its rate at the ends and middles of the sub-steps, `2 * substeps` a sample.
@@ -190,6 +196,8 @@ impl Track {
             outputs: pairs(&record.outputs.columns),
             inputs: pairs(&record.inputs.columns),
             auxiliary: record.auxiliary.columns.clone(),
+            turn: record.outputs.units.first().and_then(|u| turn_in(u)),
+            temperatures: units::temperatures(&record.auxiliary),
             references,
             injections: pairs(&record.injection.columns),
             path: between(p, step, substeps),
@@ -310,15 +318,6 @@ impl Track {
     /// The same after so many halves of a sub-step.
     pub(crate) fn at(&self, k: usize, halves: usize) -> [f64; 2] {
         self.path[(2 * self.substeps * k + halves).min(self.path.len() - 1)]
-    }
-
-    /// Value of a further signal between two samples.
-    pub(crate) fn auxiliary_at(&self, signal: usize, k: usize, part: f64) -> f64 {
-        let Some(column) = self.auxiliary.get(signal) else {
-            return 0.0;
-        };
-        let next = column[(k + 1).min(self.samples - 1)];
-        column[k] + part * (next - column[k])
     }
 }
 

@@ -8,6 +8,7 @@ mod base;
 mod beginnings;
 mod caveat;
 mod doubt;
+mod encoders;
 mod errors;
 mod explanation;
 mod figures;

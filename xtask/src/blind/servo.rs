@@ -20,7 +20,7 @@ use xytable_plant::servo_axis::{AxisEffect, AxisRun, Known, deviation};
 use xytable_plant::split_seed;
 
 /// Effects that `lpv diagnose` should name on axes, or find in the parameters of the axis.
-pub(super) const CATALOGUE: [&str; 29] = [
+pub(super) const CATALOGUE: [&str; 30] = [
     "coulomb-friction",
     "stribeck-friction",
     "viscous-friction",
@@ -50,6 +50,7 @@ pub(super) const CATALOGUE: [&str; 29] = [
     "backlash",
     "friction-drift",
     "load-dependent-friction",
+    "temperature",
 ];
 
 /// Those that it has no name for.
@@ -303,6 +304,14 @@ fn write(machine: &Machine, hidden: Option<&AxisEffect>, folder: &Path) -> Resul
     let units = |unit: &str, count: usize| vec![unit.to_owned(); count];
     description.channels.output.units = units("m", outputs.len());
     description.channels.input.units = units("N", inputs.len());
+    let step = 1.0 / machine.axes[0].axis.rate_hz;
+    let warm = |i: usize| -> Option<Vec<f64>> {
+        let at = |k: usize| hidden?.degrees(i, k as f64 * step);
+        (0..machine.samples).map(at).collect()
+    };
+    let warming: &[&str] = if warm(0).is_some() { &["guide"] } else { &[] };
+    description.channels.auxiliary.columns = warming.iter().map(ToString::to_string).collect();
+    description.channels.auxiliary.units = units("degC", warming.len());
     let mut writer = BundleWriter::create(folder, description, RecordFormat::Npz)?;
     for i in 0..RECORDS {
         let purpose = if i + 1 < RECORDS {
@@ -319,6 +328,10 @@ fn write(machine: &Machine, hidden: Option<&AxisEffect>, folder: &Path) -> Resul
             inputs: Signals {
                 units: units("N", inputs.len()),
                 ..Signals::new(&inputs, columns(|r| vec![r.inputs.clone()]))
+            },
+            auxiliary: Signals {
+                units: units("degC", warming.len()),
+                ..Signals::new(warming, warm(i).into_iter().collect())
             },
             ..Record::empty(&format!("move{}", i + 1), RecordKind::Transient, purpose)
         })?;

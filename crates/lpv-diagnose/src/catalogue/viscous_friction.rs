@@ -3,7 +3,21 @@
 use crate::base::{Base, Forces, Pair};
 use crate::effect::{Block, Effect, EffectParameter, Family, Moment, Needs, Place, Scale};
 
-pub(super) static EFFECTS: [Effect; 2] = [at(Place::Motor(0)), at(Place::Motor(1))];
+pub(super) static EFFECTS: [Effect; 3] = [at(Place::Motor(0)), at(Place::Motor(1)), OF_A_LOAD];
+
+/// Of the guide of a load on a spring; the axis has that of its motor.
+const OF_A_LOAD: Effect = Effect {
+    needs: Needs::Load,
+    meaning: "force of the guides of the load proportional to its speed",
+    parameters: &[EffectParameter {
+        name: "coefficient_of_the_load",
+        unit: "u s/y",
+        scale: Scale::Linear,
+    }],
+    starts: &|_, _| vec![vec![0.0]],
+    block: &|v, machine, _| Box::new(OfLoad(super::motor_forces(machine, 0, v[0])[0])),
+    ..at(Place::Motor(0))
+};
 
 const fn at(place: Place) -> Effect {
     Effect {
@@ -28,6 +42,15 @@ const fn at(place: Place) -> Effect {
         },
         on_response: None,
         block: &|v, machine, place| Box::new(Viscous(super::motor_forces(machine, place.first(), v[0]))),
+    }
+}
+
+#[derive(Debug)]
+struct OfLoad(f64);
+
+impl Block for OfLoad {
+    fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
+        forces.load[0] -= self.0 * at.motion.load_speed[0];
     }
 }
 

@@ -157,7 +157,12 @@ impl Chosen {
         let before = self.added.len();
         for i in (0..before).rev() {
             let lasts = bench.lasts(&self.now.model, i);
-            let shows = self.now.shows(i) && lasts;
+            // What a smooth force leaves of a stroke looks like a wave, in some parts of the records and not in others.
+            let stays = |chosen: &Self| {
+                let stated = || bench.stated(&chosen.now, false).into_iter();
+                !catalogue::is_wave(chosen.added[i].effect) || chosen.now.shows_by(i, stated())
+            };
+            let shows = lasts && self.now.shows(i) && stays(self);
             if shows && !has_changed {
                 continue;
             }

@@ -251,7 +251,7 @@ impl Bench<'_> {
     /// Standard deviations of all parameters that are fitted, as they are stated: by the noise or by what parts of the records would say
     /// without the others, whichever is larger, and by what a finer integration changes. That is far below what is left where a fit is one
     /// by force.
-    fn stated(&self, fit: &Fitted, is_by_force: bool) -> Vec<f64> {
+    pub(super) fn stated(&self, fit: &Fitted, is_by_force: bool) -> Vec<f64> {
         let finer = match is_by_force {
             true => vec![0.0; fit.factor.ncols()],
             false => self.moved_by_finer(fit),
@@ -331,11 +331,14 @@ impl Fitted {
 
     /// Whether an effect has an amplitude that is not zero for all that is known.
     pub(super) fn shows(&self, i: usize) -> bool {
+        self.shows_by(i, self.deviations())
+    }
+
+    /// The same by these deviations of all parameters that are fitted.
+    pub(super) fn shows_by(&self, i: usize, deviations: impl Iterator<Item = f64>) -> bool {
         let effects = &self.model.effects;
         let earlier = effects[..i].iter().map(|(e, _)| e.fitted()).sum::<usize>();
-        let mut deviations = self
-            .deviations()
-            .skip(self.model.base.coordinates().len() + earlier);
+        let mut deviations = deviations.skip(self.model.base.coordinates().len() + earlier);
         let (effect, values) = &effects[i];
         let shows = |(v, p): (&f64, &EffectParameter)| {
             let deviation = if p.scale.is_fitted() {

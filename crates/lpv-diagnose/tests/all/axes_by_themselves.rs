@@ -3,7 +3,7 @@
 use crate::common::record;
 use lpv_diagnose::lpv_core::{Discrete, Record};
 use lpv_diagnose::observer::{self, Observer};
-use lpv_diagnose::{Axis, Base, TraceError, Track, axes, skew};
+use lpv_diagnose::{Axis, Base, TraceError, Track, axes, compare, skew};
 
 use std::f64::consts::TAU;
 
@@ -116,6 +116,55 @@ fn a_late_sensor() -> Result<(), Box<dyn std::error::Error>> {
         let error = found.time * RATE - samples;
         assert!(error.abs() < 4.0 * found.deviation * RATE, "{samples}: {found:?}");
         assert!(found.deviation * RATE < 0.01, "{samples}: {found:?}");
+    }
+    Ok(())
+}
+
+/// A second encoder of another scale, or with a wave of its own, late or not.
+#[test]
+fn a_second_encoder_is_compared() -> Result<(), Box<dyn std::error::Error>> {
+    const NOISE: f64 = 1e-5;
+    let clock = Discrete::from_rate(RATE)?;
+    for (seed, (gain, wave, samples)) in [
+        (1.0, 0.0, 0.0),
+        (1.0, 0.0, 2.5),
+        (1.0005, 0.0, 0.0),
+        (0.7, 0.0, 1.5),
+        (1.0, 2e-3, 0.0),
+        (1.05, 2e-2, 3.0),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let mut noise = Noise(seed as u64 + 1);
+        let mut both = |number: usize| {
+            let q = |t: f64| motion(0, number, t)[0];
+            let one = (0..2500)
+                .map(|k| q(f64::from(k) / RATE) + NOISE * noise.next())
+                .collect();
+            let other = (0..2500).map(|k| {
+                let q = q((f64::from(k) - samples) / RATE);
+                gain * q + wave * (60.0 * q).sin() + NOISE * noise.next() + 3.0
+            });
+            record("r", vec![one, other.collect()], vec![vec![0.0; 2500]])
+        };
+        let (fitted, judged) = ([both(0), both(1)], [both(2)]);
+        let found = compare((0, 1), &fitted, &judged, clock).ok_or("nothing to compare")?;
+        assert_eq!(found.skew.is_some(), samples != 0.0, "{found:?}");
+        let [told, deviation] = found.gain;
+        let near = (4.0 * deviation).max(5e-6) + wave;
+        assert!((told - gain).abs() < near, "{gain}: {found:?}");
+        if wave > 0.0 {
+            assert!(found.left > 0.3 * wave, "{found:?}");
+            continue;
+        }
+        // Noise of a uniform distribution between -1 and 1, of both.
+        let size = NOISE * (2.0_f64 / 3.0).sqrt();
+        assert!(
+            (0.5 * size..2.0 * size).contains(&found.noise),
+            "{size}: {found:?}"
+        );
+        assert!(found.left < 1.5 * found.noise, "{found:?}");
     }
     Ok(())
 }

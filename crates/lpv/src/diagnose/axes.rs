@@ -1,21 +1,18 @@
 //! Machines of several axes that each move by themselves, without their controller: each axis is diagnosed alone, and all are told
 //! together.
 
-use super::found::names;
+use super::encoders::Encoders;
+use super::found::{ROUNDING, names};
 use super::places::record_names;
 use super::words::contradicted;
-use super::{
-    AxisErrors, Diagnosed, Diagnosis, Errors, Evidence, Explanation, FoundEffect, Given, LeftTests,
-    PlaceName, Value,
-};
+use super::{AxisErrors, Diagnosed, Diagnosis, Errors, Explanation, FoundEffect, Given, LeftTests, Value};
 use crate::PipelineError;
 use crate::progress::Progress;
 use crate::responses::load_records;
 use experiment_data::Bundle;
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{Continuous, Model, Purpose, Record, RigidBody, StateSpace};
-use lpv_diagnose::{AxisChannels, axes, skew};
-use std::collections::BTreeMap;
+use lpv_diagnose::{AxisChannels, axes, compare};
 
 /// The axes of a bundle, one after the other.
 pub(super) fn diagnose(
@@ -35,27 +32,45 @@ pub(super) fn diagnose(
     let (judged, fitted): (Vec<Record>, Vec<Record>) = records
         .into_iter()
         .partition(|r| r.purpose == Purpose::Validation);
+    let mut differ: Vec<String> = Vec::new();
     for (number, (axis, one)) in found.iter().zip(&mut all).enumerate() {
-        let mut skews = Vec::new();
+        let mut effects = Vec::new();
+        let from = differ.len();
         for other in &axis.further {
             // Where none is held out the fitted records judge.
             let judged = if judged.is_empty() { &fitted } else { &judged };
-            if let Some(found) = skew((axis.output, *other), &fitted, judged, clock) {
-                skews.push(named(bundle, axis, *other, found));
+            if let Some(found) = compare((axis.output, *other), &fitted, judged, clock) {
+                let pair = Encoders::new(bundle, (axis.output, *other), found);
+                effects.extend(pair.skew());
+                // What is between two encoders that a spring parts, its base tells.
+                if one.explanation.base.is_rigid() {
+                    effects.extend(pair.gain());
+                    differ.extend(pair.difference());
+                }
             }
         }
         let d = &mut one.diagnosis;
         in_the_whole(d, axis, number);
         d.reasons.insert(0, moves(bundle, axis));
-        if !skews.is_empty() && matches!(d.verdict.as_str(), "nothing-missing") {
-            d.verdict = "explained".to_owned();
+        let own = &differ[from..];
+        d.reasons.extend(own.iter().cloned());
+        d.verdict = match (d.verdict.as_str(), effects.is_empty(), own.is_empty()) {
+            ("nothing-missing" | "explained", true, false) => "unexplained".to_owned(),
+            ("nothing-missing" | "explained", false, false) => "partly-explained".to_owned(),
+            ("nothing-missing", false, true) => "explained".to_owned(),
+            ("unexplained", false, _) => "partly-explained".to_owned(),
+            (verdict, ..) => verdict.to_owned(),
+        };
+        let named = Some(names(&effects, &[]).0).filter(|n| !n.is_empty());
+        for more in named.iter().chain(own) {
+            d.verdict_in_words = format!("{}; {more}", d.verdict_in_words);
         }
-        if !skews.is_empty() {
-            d.verdict_in_words = format!("{}; {}", d.verdict_in_words, names(&skews, &[]).0);
-        }
-        d.effects.extend(skews);
+        d.effects.extend(effects);
     }
-    let diagnosis = together(bundle, all.iter().map(|a| &a.diagnosis));
+    let mut diagnosis = together(bundle, all.iter().map(|a| &a.diagnosis));
+    for more in differ {
+        diagnosis.verdict_in_words = format!("{}; {more}", diagnosis.verdict_in_words);
+    }
     Ok(Diagnosed {
         model: models(all.iter().map(|a| &a.model))?,
         explanation: Explanation {
@@ -112,37 +127,6 @@ fn in_the_whole(d: &mut Diagnosis, axis: &AxisChannels, number: usize) {
         .collect();
 }
 
-/// A skew as an effect of the sensor that is late.
-fn named(bundle: &Bundle, axis: &AxisChannels, other: usize, found: lpv_diagnose::Skew) -> FoundEffect {
-    let columns = &bundle.description().channels.output.columns;
-    let late = if found.time > 0.0 { other } else { axis.output };
-    let value = Value::new(found.time.abs(), found.deviation, "s".to_owned());
-    let sure = (found.time / found.deviation).powi(2);
-    FoundEffect {
-        effect: "sensor-skew".to_owned(),
-        family: "sensor".to_owned(),
-        channel: columns[late].clone(),
-        parameters: BTreeMap::from([("time".to_owned(), value)]),
-        base_parameters_then: BTreeMap::new(),
-        evidence: Evidence {
-            held_out_gain_db: 20.0 * (found.left[0] / found.left[1]).log10(),
-            p_value: lpv_numerics::statistics::chi_squared_p_value(sure, 1),
-            runner_up: None,
-            runner_up_channel: None,
-            runner_up_margin_db: None,
-        },
-        class: Vec::new(),
-        caveats: Vec::new(),
-        would_tell: None,
-        definition: None,
-        place: Some(PlaceName {
-            kind: "output".to_owned(),
-            index: late,
-            name: columns[late].clone(),
-        }),
-    }
-}
-
 /// All axes in one account.
 fn together<'a>(bundle: &Bundle, axes: impl Iterator<Item = &'a Diagnosis> + Clone) -> Diagnosis {
     let all: Vec<&Diagnosis> = axes.collect();
@@ -155,7 +139,7 @@ fn together<'a>(bundle: &Bundle, axes: impl Iterator<Item = &'a Diagnosis> + Clo
         .all(|d| is(&d, "nothing-missing") || is(&d, "explained"))
     {
         "explained"
-    } else if effects.is_empty() {
+    } else if effects.iter().all(|e| e.effect == ROUNDING) {
         "unexplained"
     } else {
         "partly-explained"

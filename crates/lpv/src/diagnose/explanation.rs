@@ -45,6 +45,11 @@ pub enum BaseKind {
 }
 
 impl BaseKind {
+    /// Whether an axis is of one body.
+    pub(super) fn is_rigid(self) -> bool {
+        !matches!(self, Self::MotorAndLoad | Self::MotorAndMeasuredLoad)
+    }
+
     pub(super) fn of(base: &Base) -> Self {
         match base {
             Base::XyTable(_) => Self::XyTable,

@@ -12,7 +12,15 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Parameters that are the size of an effect.
-const SIZES: [&str; 10] = [
+const SIZES: [&str; 18] = [
+    "gain",
+    "force_per_degree",
+    "coefficient_of_the_load",
+    "viscous_per_degree",
+    "level_per_degree",
+    "gain_per_degree",
+    "stiffness_per_degree",
+    "reading_per_degree",
     "level",
     "force",
     "limit",
@@ -25,7 +33,7 @@ const SIZES: [&str; 10] = [
     "stiffness",
 ];
 /// What readings on a grid are called.
-const ROUNDING: &str = "quantization";
+pub(super) const ROUNDING: &str = "quantization";
 
 /// An effect that was added.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -36,6 +44,9 @@ pub struct FoundEffect {
     pub family: String,
     /// Channel at which it acts.
     pub channel: String,
+    /// The further signal that it depends on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub signal: Option<String>,
     /// Its parameters.
     pub parameters: BTreeMap<String, Value>,
     /// Parameters of the base model when it was added, before further effects.
@@ -81,6 +92,7 @@ impl FoundEffect {
             effect: a.effect.name.to_owned(),
             family: a.effect.family.name().to_owned(),
             channel: channel(a.effect, bundle),
+            signal: signal(a, bundle),
             parameters: parameters.map(value).collect(),
             base_parameters_then: known.iter().map(|p| (p.name.to_owned(), p.value)).collect(),
             evidence: Evidence {
@@ -140,9 +152,10 @@ impl FoundEffect {
         };
         let record = value("record").and_then(|r| records.get((r.value as usize).checked_sub(1)?));
         let record = record.map(|name| format!("in {name}"));
+        let signal = self.signal.as_ref().map(|name| format!("with `{name}`"));
         let others = self.class.get(1..).filter(|others| !others.is_empty());
         let others = others.map(|o| format!("or {}, which these records do not tell apart", o.join(" or ")));
-        let told: Vec<String> = [size, record, others].into_iter().flatten().collect();
+        let told: Vec<String> = [size, signal, record, others].into_iter().flatten().collect();
         match told.is_empty() {
             true => format!("{} at {}", self.effect, self.channel),
             false => format!("{} at {} ({})", self.effect, self.channel, told.join(", ")),
@@ -179,6 +192,13 @@ pub struct Evidence {
     pub runner_up_channel: Option<String>,
     /// By how much that one is worse on the judged records.
     pub runner_up_margin_db: Option<f64>,
+}
+
+/// The further signal that an effect names by its number.
+fn signal(a: &Added, bundle: &Bundle) -> Option<String> {
+    let at = a.effect.parameters.iter().position(|p| p.name == "signal")?;
+    let auxiliary = &bundle.description().channels.auxiliary.columns;
+    auxiliary.get((a.values[at].0 as usize).checked_sub(1)?).cloned()
 }
 
 /// Effects with their places and sizes, empty without any; and what is said last of readings on a grid. `records` are the names of all

@@ -179,6 +179,7 @@ fn told(bundle: &Bundle, steps: &[ResponseStep], judged: &FrfEstimate, reasons: 
                 effect: effect.name.to_owned(),
                 family: effect.family.name().to_owned(),
                 channel: channel(effect, bundle),
+                signal: None,
                 parameters: parameters
                     .map(|(p, (value, std))| {
                         let value = Value::new(*value, *std, units(p.unit, bundle, effect.place.first()));

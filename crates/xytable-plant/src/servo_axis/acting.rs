@@ -6,6 +6,7 @@ use std::f64::consts::TAU;
 /// Where an effect finds the motor.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Moment {
+    pub(super) record: usize,
     pub(super) time: f64,
     pub(super) position: f64,
     pub(super) speed: f64,
@@ -51,6 +52,10 @@ impl AxisEffect {
             Self::ViscousFriction { coefficient } => -coefficient * v,
             Self::DirectionDependentFriction { more } => -more * v.abs(),
             Self::QuadraticDrag { factor } => -factor * v * v.abs(),
+            Self::Temperature { per_degree, .. } => {
+                let above = self.degrees(at.record, at.time).map_or(0.0, |t| t - 20.0);
+                -per_degree * above * v
+            }
             Self::Hysteresis { level, distance } => -level * at.bend / distance,
             Self::ConstantForce { force } => *force,
             Self::Gravity { force, turn, start } => -force * (TAU * (q - start) / turn).sin(),

@@ -18,6 +18,13 @@ pub enum AxisEffect {
     },
     /// Dry friction of `level + coefficient |T|`, T the force that the drive hands on.
     LoadDependentFriction { level: f64, coefficient: f64 },
+    /// Viscous friction that is `per_degree` larger each degree above 20, N s/m, in a guide that warms up by `rise` along a record, and by half
+    /// of that from one to the next.
+    Temperature {
+        per_degree: f64,
+        rise: f64,
+        time_constant: f64,
+    },
     /// Viscous friction that is so much more forward and so much less backward, N s/m.
     DirectionDependentFriction { more: f64 },
     /// `-f v |v|`, N s^2/m^2.
@@ -96,6 +103,7 @@ impl AxisEffect {
             Self::ViscousFriction { .. } => "viscous-friction",
             Self::DirectionDependentFriction { .. } => "direction-dependent-friction",
             Self::QuadraticDrag { .. } => "quadratic-friction",
+            Self::Temperature { .. } => "temperature",
             Self::Hysteresis { .. } => "hysteresis",
             Self::ConstantForce { .. } => "constant-force",
             Self::Gravity { .. } => "gravity",
@@ -159,6 +167,7 @@ impl AxisEffect {
             Self::Backlash { gap } => vec![("gap", gap)],
             Self::DirectionDependentFriction { more } => vec![("viscous_forward_more", more)],
             Self::QuadraticDrag { factor } => vec![("coefficient", factor)],
+            Self::Temperature { per_degree, .. } => vec![("viscous_per_degree", per_degree)],
             Self::Payload { mass, .. } => vec![("mass", mass)],
             Self::MassJump { mass, time } => vec![("mass", mass), ("begins", time)],
             Self::ForceStep { force, time } => vec![("force", force), ("begins", time)],
@@ -198,6 +207,16 @@ impl AxisEffect {
         }
     }
 
+    /// The temperature that is measured beside it, in a record and at a time of it.
+    pub fn degrees(&self, record: usize, time: f64) -> Option<f64> {
+        match *self {
+            Self::Temperature {
+                rise, time_constant, ..
+            } => Some(20.0 + rise * (0.5 * record as f64 - (-time / time_constant).exp_m1())),
+            _ => None,
+        }
+    }
+
     /// The same shape at so many times its size; pitches, times and the like stay.
     #[must_use]
     pub fn times(&self, s: f64) -> Self {
@@ -223,6 +242,7 @@ impl AxisEffect {
             Self::ViscousFriction { coefficient: a }
             | Self::DirectionDependentFriction { more: a }
             | Self::QuadraticDrag { factor: a }
+            | Self::Temperature { per_degree: a, .. }
             | Self::ConstantForce { force: a }
             | Self::Gravity { force: a, .. }
             | Self::CableStiffness { stiffness: a }

@@ -280,6 +280,7 @@ impl<'a> Axis<'a> {
     fn moment(&self, x: &State, time: f64) -> Moment {
         let [position, speed, _, _, bend] = *x;
         Moment {
+            record: self.record,
             time,
             position,
             speed,

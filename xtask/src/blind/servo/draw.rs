@@ -253,6 +253,11 @@ pub(super) fn effect(name: &str, seed: u64, on: &Drawn, samples: usize) -> Optio
         "quadratic-friction" => AxisEffect::QuadraticDrag {
             factor: force / (speed * speed),
         },
+        "temperature" => AxisEffect::Temperature {
+            per_degree: 0.1 * sign * force / speed,
+            rise: draw.about(1.0, 20.0),
+            time_constant: time * draw.about(0.1, 2.0),
+        },
         "hysteresis" => AxisEffect::Hysteresis {
             level: force,
             distance: draw.about((5.0 * axis.resolution_m).max(stroke * 1e-4), stroke * 0.1),

@@ -5,7 +5,7 @@ use crate::done::{Done, Tone};
 use crate::run::{shown, told};
 use clap::{Args, ValueEnum};
 use lpv::fleet::{self, Shard, Table};
-use lpv::output::{Inputs, Kind, Overwrite, Place, one_by_one, write_all};
+use lpv::output::{Kind, Overwrite, Place, one_by_one, write_all};
 use lpv::{IdentifyConfig, PipelineError};
 use std::path::PathBuf;
 
@@ -125,7 +125,12 @@ pub(crate) fn run_merge(a: &Merge) -> Result<Done, PipelineError> {
             "csv" => (Kind::FleetTable, Table::to_csv),
             _ => return Err(slip("--output of `lpv merge` ends in .json or .csv")),
         };
-        let place = Place::check(file, kind, &Inputs::none(), Overwrite::if_asked(a.force))?;
+        let place = Place::check(
+            file,
+            kind,
+            &fleet::reads(&a.folders),
+            Overwrite::if_asked(a.force),
+        )?;
         Ok((place, write))
     });
     let to = to.transpose()?;

@@ -10,7 +10,7 @@ mod shard;
 
 pub use error::FleetError;
 pub(crate) use merge::HEAD as TABLE_HEAD;
-pub use merge::{Table, TableRow, merge};
+pub use merge::{Table, TableRow, merge, reads};
 pub use shard::Shard;
 
 use crate::diagnose::{Diagnosed, FoundEffect, Given, ResultFiles, diagnose, read_effects};

@@ -68,6 +68,22 @@ fn shards_make_the_table_of_one_run() {
             desk.bytes(&format!("parts.{ending}"))
         );
     }
+    // What a merge reads, it does not replace, and a row is that of its bundle.
+    let list = desk.bytes("whole/fleet.json");
+    let row = folder_of(&desk, "parts", "m3").join("row.json");
+    for place in [
+        "whole/fleet.json".into(),
+        row.strip_prefix(desk.path("")).unwrap().display().to_string(),
+    ] {
+        let said = desk.refused(&format!("merge whole parts -o {place} --force"));
+        assert!(said.contains("of a shard"), "{said}");
+    }
+    assert_eq!(list, desk.bytes("whole/fleet.json"));
+    let own = std::fs::read(&row).unwrap();
+    std::fs::copy(folder_of(&desk, "parts", "m1").join("row.json"), &row).unwrap();
+    let said = desk.refused("merge parts");
+    assert!(said.contains("in the place of that of fleet/m3"), "{said}");
+    std::fs::write(&row, own).unwrap();
     let again = ends(&desk, &format!("{fleet} -o whole"), 3);
     assert!(again.contains("3 of them kept from before"), "{again}");
     let model = |out: &str| std::fs::read(folder_of(&desk, out, "m3").join("model.json")).unwrap();

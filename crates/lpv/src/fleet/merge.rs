@@ -4,6 +4,7 @@ use super::{FleetError, LIST, List, ROW, Row, VERSION, inputs, read};
 use crate::PipelineError;
 use crate::diagnose::FoundEffect;
 use crate::encode::cell;
+use crate::output::Inputs;
 use crate::table::TextTable;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -44,6 +45,19 @@ pub struct TableRow {
     pub exit_code: u8,
 }
 
+/// What a merge of these folders reads.
+pub fn reads(folders: &[PathBuf]) -> Inputs {
+    let rows = |folder: &PathBuf| {
+        let below = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        below.map(|entry| entry.path().join(ROW)).collect::<Vec<_>>()
+    };
+    folders.iter().fold(Inputs::none(), |inputs, folder| {
+        let inputs = inputs.file(&folder.join(LIST), "the list of a shard");
+        let all = rows(folder).into_iter();
+        all.fold(inputs, |inputs, row| inputs.file(&row, "a row of a shard"))
+    })
+}
+
 /// Puts the rows in these folders together.
 ///
 /// # Errors
@@ -73,6 +87,10 @@ pub fn merge(folders: &[PathBuf]) -> Result<Table, PipelineError> {
                 continue;
             }
             let row = TableRow::from(read::<Row>(&file)?);
+            if row.bundle != *name {
+                let problem = format!("the row of {} stands in the place of that of {name}", row.bundle);
+                return Err(FleetError::File { file, problem }.into());
+            }
             match &found {
                 Some((first, other)) if *other != row => {
                     let (bundle, folders) = (name.clone(), Box::new([(*first).clone(), folder.clone()]));

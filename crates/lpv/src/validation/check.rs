@@ -3,7 +3,7 @@
 use super::FrozenError;
 use super::bands::Band;
 use super::frozen::{Against, frozen_check};
-use super::record::{Context, is_refitted};
+use super::record::{BENT, Context, OBSERVED, bends_a_response, is_refitted};
 use super::rigid::AxisCheck;
 use super::stable::WITHOUT_RECORDS;
 use crate::diagnose::{is_traced_on_responses, placed};
@@ -137,10 +137,6 @@ pub struct Evidence {
     /// Every record judged in time, its open-loop simulation and the closed-loop one.
     pub runs: Vec<(Record, Run, Option<Run>)>,
 }
-
-/// Why a model of a diagnosis without a controller is not judged here.
-const OBSERVED: &str = "the bundle has no [controller], and the effects of this model are simulated with one: `lpv diagnose` told its \
-                        errors on held-out records, through an observer";
 
 /// Compares a model with everything that the bundle holds out.
 ///
@@ -332,7 +328,14 @@ pub(crate) fn validate_knowing(
     let is_observed = file.explanation.is_some() && description.controller.is_none();
     let verdict = match is_observed && !records.is_empty() {
         true => Verdict::not_judged(OBSERVED),
-        false => Verdict::of(frozen.as_ref(), &records, stability, closed_loop, &notes),
+        false => {
+            let is_bent = explained.as_ref().is_some_and(bends_a_response) && !records.is_empty();
+            let response = frozen.as_ref().filter(|_| !is_bent);
+            if is_bent && frozen.is_some() {
+                notes.push(BENT.to_owned());
+            }
+            Verdict::of(response, &records, stability, closed_loop, &notes)
+        }
     };
     let in_open_loop = description.controller.is_none() && description.channels.reference.columns.is_empty();
     let mut verdict = verdict;

@@ -7,7 +7,7 @@ use super::stable::WITHOUT_RECORDS;
 use crate::progress::Progress;
 use crate::responses::measured::{join, measured_responses};
 use crate::responses::{periodic_responses, sample_noise};
-use crate::verdict::Verdict;
+use crate::verdict::{Stability, Verdict};
 use crate::{PipelineError, Summary};
 use experiment_data::Bundle;
 use lpv_core::{Discrete, Frf, FrfEstimate, Model, Purpose};
@@ -169,6 +169,11 @@ pub fn judge_on_responses(
     let verdict = Verdict::of(Some(&check), &[], stability, false, &[]);
     let undetermined = summary.frequency.as_ref().and_then(|f| f.undetermined.as_ref());
     let verdict = verdict.with_expected(summary.between()).with_open(undetermined);
+    // Whatever loop it was measured in, none holds what grows by half in a sample.
+    let verdict = match stability {
+        Stability::Unstable { radius } if !stability.may_stay_bounded(true) => verdict.unstable(radius),
+        _ => verdict,
+    };
     Ok(verdict.in_view_of(&summary.findings))
 }
 

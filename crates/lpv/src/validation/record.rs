@@ -12,6 +12,18 @@ use lpv_diagnose::{Base, Explained, Response, Track};
 use lpv_numerics::statistics::{mean, standard_deviation};
 use lpv_simulate::{Machine, Run, SimulateError, at_rest, closed_loop, first_state, open_loop, predictor};
 
+/// Why a model of a diagnosis without a controller is not judged here.
+pub(super) const OBSERVED: &str = "the bundle has no [controller], and the effects of this model are simulated with one: `lpv diagnose` told \
+                                   its errors on held-out records, through an observer";
+/// Why its frozen response does not judge a model.
+pub(super) const BENT: &str = "effects of the model, as friction, bend a response when it is measured, and its frozen response is that of the \
+                               linear part: the records along time judge it";
+
+/// Whether a measured response is not that of the linear part: there are effects beside those that a response shows.
+pub(super) fn bends_a_response(explained: &Explained) -> bool {
+    explained.effects.iter().any(|(e, _)| e.on_response.is_none())
+}
+
 /// Whether the linear model alone is not what was explained: there are effects, or gains of an identified base.
 pub(super) fn is_refitted(explained: &Explained) -> bool {
     !explained.effects.is_empty() || matches!(explained.base, Base::Lpv(_))

@@ -104,8 +104,12 @@ impl Verdict {
         };
         let mut missed: Vec<&Judged> = records.iter().filter(|j| j.grade != Grade::Good).collect();
         missed.sort_by(|a, b| size(&b.fact).total_cmp(&size(&a.fact)));
-        let mut causes = frozen_causes;
-        causes.extend(missed.into_iter().map(|j| j.fact.clone()));
+        let along = missed.into_iter().map(|j| j.fact.clone());
+        // A record of which nothing is explained says more than a band of a response.
+        let mut causes = match worst(&moving) == Grade::Nothing && worth == Worth::Approximate {
+            true => along.chain(frozen_causes).collect(),
+            false => frozen_causes.into_iter().chain(along).collect::<Vec<_>>(),
+        };
         if let Stability::Unstable { radius } = stability
             && records.iter().any(|j| {
                 matches!(

@@ -78,6 +78,9 @@ impl Model {
     }
 }
 
+/// Part by which two sample times may differ that are the same.
+const SAME_TIME: f64 = 1e-9;
+
 /// A record of signals, samples x channels each.
 fn record(
     u: &PyReadonlyArray2<'_, f64>,
@@ -185,6 +188,12 @@ impl Model {
             .explanation
             .as_ref()
             .map_or_else(Vec::new, |e| e.lines())
+    }
+
+    /// Names of its effects, each with its channel; empty of a plain model.
+    fn effects(&self) -> Vec<String> {
+        let all = self.file.explanation.iter().flat_map(|e| &e.effects);
+        all.map(|e| format!("{} at {}", e.effect, e.channel)).collect()
     }
 
     /// What a person is told of the identification.
@@ -328,6 +337,13 @@ impl Model {
 
 impl Model {
     fn held(&self, p: &[f64], sample_time: Option<f64>) -> Result<StateSpace<Discrete>, PipelineError> {
+        if let (Some(own), Some(time)) = (self.file.model.clock(), sample_time)
+            && (time / own.sample_time() - 1.0).abs() > SAME_TIME
+        {
+            return Err(PipelineError::Structure {
+                problem: "the model is in discrete time, of a sample time of its own: leave sample_time out, or identify one in continuous time",
+            });
+        }
         Ok(self.file.model.frozen(p)?.held(self.clock(sample_time)?)?)
     }
 }

@@ -50,6 +50,15 @@ def test_arrays_stay_in_a_folder_that_is_given(tmp_path: Path) -> None:
         lpvident.Bundle.from_arrays(signals(1), sample_rate=10, folder=tmp_path / "kept")
 
 
+def test_bundles_travel_between_processes(tmp_path: Path) -> None:
+    signal = np.sin(np.arange(300.0) / 9)
+    kept = lpvident.Bundle.from_arrays([{"y": signal, "u": -signal}], sample_rate=100, folder=tmp_path / "kept")
+    again = pickle.loads(pickle.dumps(kept))
+    assert again.path == kept.path and (again.record(0).y == kept.record(0).y).all()
+    with pytest.raises(TypeError, match="give from_arrays or from_frames a folder"):
+        pickle.dumps(lpvident.Bundle.from_arrays([{"y": signal, "u": -signal}], sample_rate=100))
+
+
 def test_frames(tmp_path: Path) -> None:
     pandas = pytest.importorskip("pandas")
     s = signals(3)

@@ -68,6 +68,11 @@ def test_a_force_of_the_position_is_found(tmp_path: Path) -> None:
     bundle = axis(lambda x, v, warm: -1.8 * math.exp(-(((x - 0.031) / 0.012) ** 2)))
     found = bundle.diagnose(effects=joint())
     assert [e["effect"] for e in found.effects] == ["rail-joint"], found.verdict
+    # Its linear part alone is not the machine.
+    u = bundle.record(0).u
+    with pytest.raises(lpvident.ModelError, match="rail-joint at u1.*linear=True"):
+        found.model.simulate(u)
+    assert found.model.simulate(u, linear=True).shape == u.shape
     values = {name: p["value"] for name, p in found.effects[0]["parameters"].items()}
     for name, truth in {"a": 1.8, "at": 0.031, "width": 0.012}.items():
         assert values[name] == pytest.approx(truth, rel=0.05), values
@@ -97,6 +102,7 @@ def test_definitions_travel_and_are_files(tmp_path: Path) -> None:
         states={"z": "(v - abs(v)*z)/distance", "w": State("-w", 1.0)},
     )
     assert pickle.loads(pickle.dumps(dahl)) == dahl
+    assert len({dahl, pickle.loads(pickle.dumps(dahl)), joint()}) == 2
     file = tmp_path / "own.toml"
     file.write_text(
         '[[effect]]\nname = "my-dahl"\nforce = "-level*z"\nstates.z.rate = "(v - abs(v)*z)/distance"\n'

@@ -79,6 +79,23 @@ def test_wrong_arguments_are_refused(model: lpvident.Model) -> None:
     ):
         with pytest.raises(lpvident.ModelError):
             call()
+    masked = np.ma.masked_greater(np.linspace(0.0, 0.1, 10), 0.05)
+    for call in (
+        lambda: model.frozen("a"),
+        lambda: model.frozen(1j),
+        lambda: model.frozen(np.ma.masked_array([0.1], [True])),
+        lambda: model.simulate(u, 0.0, x0=np.full(model.states, np.nan)),
+        lambda: model.simulate(u, 0.0, x0="a"),
+        lambda: model.predict(u, u, 0.0, noise=[-1.0, 1.0]),
+        lambda: model.predict(u, u, 0.0, noise=[np.nan, 1.0]),
+    ):
+        with pytest.raises(lpvident.ModelError):
+            call()
+    with pytest.raises(lpvident.LpvError, match="masked"):
+        model.simulate(u, masked)
+    for points in (0, 1, 10**12, -1, 2.5):
+        with pytest.raises(lpvident.SettingError, match="2 to 1000"):
+            model.save("model.mat", points=points)
     with pytest.raises(lpvident.LpvError):
         model.simulate(np.full((10, 2), np.nan), 0.0)
     with pytest.raises(lpvident.BundleError, match="empty"):
@@ -192,3 +209,29 @@ def test_bode_plot(model: lpvident.Model) -> None:
     axes = model.plot_bode()
     assert axes.shape == (2, 2) and len(axes[0, 0].lines) == 3
     assert len(model.plot_bode(0.1, [0.1, 1.0])[0, 0].lines) == 1
+
+
+def test_a_discrete_model_has_one_sample_time() -> None:
+    lines = np.linspace(1.0, 40.0, 40)
+    model = lpvident.fit_frf(lines, 1.0 / (1.0 + 0.1j * lines), sample_rate=100.0, order=1, integrators=0)
+    assert not model.is_continuous
+    assert model.sampled(sample_time=0.01).dt == pytest.approx(0.01)
+    for call in (
+        lambda: model.sampled(sample_time=0.02),
+        lambda: model.frequency_response(None, [1.0], sample_time=0.02),
+        lambda: model.simulate(np.ones(5), sample_time=0.02),
+    ):
+        with pytest.raises(lpvident.LpvError):
+            call()
+
+
+def test_an_unstable_fit_of_a_stable_plant_is_not_good() -> None:
+    rng = np.random.default_rng(3)
+    lines = np.linspace(0.5, 40.0, 200)
+    z = np.exp(2j * np.pi * lines / 100.0)
+    true = 0.1 * z / (z**2 - 1.6 * z + 0.9)
+    noise = 0.01 * np.abs(true) * (rng.normal(size=200) + 1j * rng.normal(size=200))
+    for order in (4, 6, 8):
+        model = lpvident.fit_frf(lines, true + noise, sample_rate=100.0, order=order)
+        if np.abs(model.poles()).max() > 1.5:
+            assert model.worth == "approximate" and "unstable" in model.verdict

@@ -11,7 +11,7 @@ from typing import Any, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import BundleError, SettingError
+from .errors import BundleError, ModelError, SettingError
 
 #: ``progress=``: called with step, parts done, parts in all (0 where nobody knows); True for a bar of tqdm.
 Progress = Union[bool, Callable[[str, int, int], Any], None]
@@ -116,7 +116,28 @@ def columns(array: ArrayLike, what: str) -> NDArray[np.float64]:
 
 def position(p: ArrayLike | None) -> list[float]:
     """A constant scheduling value as a list, empty for none."""
-    return [] if p is None else np.atleast_1d(np.asarray(p, dtype=np.float64)).tolist()
+    return [] if p is None else numbers(p, "p")
+
+
+def numbers(given: ArrayLike, what: str) -> list[float]:
+    """Finite numbers, one or a vector of them."""
+    found = _real(given, what)
+    if np.ma.getmaskarray(found).any() or not np.isfinite(found).all():
+        raise ModelError(f"`{what}` has a gap or a number that is not finite")
+    if found.ndim > 1:
+        raise ModelError(f"`{what}` has {found.ndim} dimensions; give a number or a vector")
+    return [float(x) for x in np.atleast_1d(found)]
+
+
+def _real(given: ArrayLike, what: str) -> Any:
+    """An array of real numbers as it is, masked or not."""
+    try:
+        found = given if np.ma.isMaskedArray(given) else np.asarray(given)
+        if np.iscomplexobj(found):
+            raise TypeError("complex numbers")
+        return found.astype(np.float64)
+    except (TypeError, ValueError) as problem:
+        raise ModelError(f"`{what}` is no array of real numbers: {problem}") from None
 
 
 def verdict_html(sentence: str, worth: str, rows: Mapping[str, Any]) -> str:

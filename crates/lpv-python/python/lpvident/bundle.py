@@ -62,6 +62,8 @@ class Bundle:
         BundleError: with ``path``, and ``line``, ``column`` and ``key`` of the description where they are known.
     """
 
+    _is_temporary = False
+
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._native = _lpvident.Bundle(os.fspath(path))
         #: The content of experiment.toml.
@@ -206,6 +208,7 @@ class Bundle:
         except BaseException:
             shutil.rmtree(place, ignore_errors=True)
             raise
+        bundle._is_temporary = True
         weakref.finalize(bundle, shutil.rmtree, place, ignore_errors=True)
         return bundle
 
@@ -270,6 +273,12 @@ class Bundle:
         from .commands import diagnose
 
         return diagnose(self, model, effects=effects, progress=progress)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # One of arrays in a temporary folder goes with the object that has it.
+        if self._is_temporary:
+            raise TypeError(f"a bundle in a temporary folder ({self.path}) does not travel: give from_arrays or from_frames a folder")
+        return (type(self), (str(self.path.absolute()),))
 
     def __repr__(self) -> str:
         records = f"{len(self)} record" + ("" if len(self) == 1 else "s")

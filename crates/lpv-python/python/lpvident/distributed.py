@@ -95,7 +95,7 @@ class Rows(list[Row]):
 
 
 def diagnose_many(
-    bundles: Iterable[Source],
+    bundles: Source | Iterable[Source],
     *,
     model: Model | str | os.PathLike[str] | None = None,
     effects: Effects | None = None,
@@ -106,7 +106,7 @@ def diagnose_many(
     """`lpvident.diagnose` of each bundle. A bundle that is refused has its exception in its row, and the others go on.
 
     Args:
-        bundles: folders that the workers can read.
+        bundles: folders that the workers can read, or one.
         model: the model that effects are added to, for all of them, or a file that the workers can read; made from each bundle without.
         effects: as in `lpvident.diagnose`; a file is read here.
         folder: where the workers write diagnosis.json, diagnosis.html and model.json, one folder a bundle, named by its number and name;
@@ -114,7 +114,7 @@ def diagnose_many(
         client: a client of Dask; without it the current one, else a cluster of the cores of this machine for this call.
         progress: called with ("bundles", bundles done, bundles in all); True for a bar of tqdm.
     """
-    paths = [_Place(source) for source in bundles]
+    paths = [_Place(source) for source in _several(bundles)]
     known = model if isinstance(model, Model) else _absolute(model)
     own = read_effects(effects) if isinstance(effects, (str, os.PathLike)) else effects
     task = functools.partial(_tasks.diagnose_one, model=known, effects=own)
@@ -140,14 +140,18 @@ def identify_many(
         client, progress: as in `diagnose_many`.
         settings: those of `lpvident.identify`.
     """
-    one = isinstance(bundles, (str, os.PathLike, Bundle))
-    sources: list[Any] = [bundles] if one else list(bundles)  # type: ignore[arg-type]
+    sources = _several(bundles)
     starts: Sequence[int | None] = [None] if seeds is None else list(seeds)
     paths = [_Place(source, seed=seed) for source in sources for seed in starts]
     if "config" in settings:
         settings["config"] = _absolute(settings["config"])
     items = [(p.path, p.seed, _results(folder, i, p.path)) for i, p in enumerate(paths)]
     return _rows(functools.partial(_tasks.identify_one, settings=settings), items, paths, client, progress, "models")
+
+
+def _several(bundles: Source | Iterable[Source]) -> list[Any]:
+    one = isinstance(bundles, (str, os.PathLike, Bundle))
+    return [bundles] if one else list(bundles)  # type: ignore[arg-type]
 
 
 def frf(

@@ -27,6 +27,9 @@ class Parameter:
     starts: Sequence[float] = ()
     positive: bool = False
 
+    def __hash__(self) -> int:
+        return hash((self.unit, tuple(self.starts), self.positive))
+
 
 @dataclass(frozen=True)
 class State:
@@ -71,6 +74,10 @@ class Effect:
     channel: str | None = None
     family: str | None = None
     meaning: str = ""
+
+    def __hash__(self) -> int:
+        # Mappings have no hash of their own.
+        return hash(json.dumps(self._plain(), sort_keys=True))
 
     def _plain(self) -> dict[str, Any]:
         def parameter(given: Parameter | str) -> dict[str, Any]:

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _lpvident
-from ._ask import Progress, columns, position, verdict_html
+from ._ask import Progress, columns, numbers, position, verdict_html
 from .accounts import Validation
-from .errors import ModelError
+from .errors import ModelError, SettingError
 
 if TYPE_CHECKING:
     from .bundle import Bundle
@@ -140,7 +140,7 @@ class Model:
 
     @property
     def effects(self) -> list[str]:
-        """The machine behind a diagnosed model and its effects, a line each. `simulate` has the linear part alone."""
+        """The machine behind a diagnosed model and its effects, a line each."""
         return list(self._native.explanation())
 
     @property
@@ -208,6 +208,7 @@ class Model:
         *,
         x0: ArrayLike | None = None,
         sample_time: float | None = None,
+        linear: bool = False,
     ) -> NDArray[np.float64]:
         """Outputs for the inputs u along p, shape (N, n_y).
 
@@ -215,7 +216,12 @@ class Model:
             u: N x n_u, held between samples; a vector for one input.
             p: N x n_p, the scheduling at the samples, or one constant value; a model in continuous time follows it also between them.
             x0: state at the first sample, shape (n,); zero unless given.
+            linear: the linear part of a diagnosed model, without its effects, which `validate` simulates.
+
+        Raises:
+            ModelError: for signals that the model cannot have, and for a model with effects unless ``linear``.
         """
+        self._refuse_effects(linear)
         inputs = columns(u, "u")
         return self._native.simulate(inputs, self._along(p, len(inputs)), self._state(x0), sample_time)
 
@@ -228,6 +234,7 @@ class Model:
         x0: ArrayLike | None = None,
         noise: ArrayLike | None = None,
         sample_time: float | None = None,
+        linear: bool = False,
     ) -> NDArray[np.float64]:
         """One-step predictions of the outputs from inputs and outputs before, shape (N, n_y).
 
@@ -237,13 +244,17 @@ class Model:
         Args:
             u, y: N x n_u and N x n_y.
             noise: standard deviation of the noise of a sample, by output; without it a thousandth of the motion.
+            linear: as in `simulate`.
         """
+        self._refuse_effects(linear)
         inputs, outputs = columns(u, "u"), columns(y, "y")
         if len(outputs) != len(inputs):
             raise ModelError(f"u has {len(inputs)} samples and y {len(outputs)}")
-        known = None if noise is None else np.atleast_1d(np.asarray(noise, dtype=np.float64)).tolist()
+        known = None if noise is None else numbers(noise, "noise")
         if known is not None and len(known) != self.outputs:
             raise ModelError(f"noise has {len(known)} numbers, the model {self.outputs} outputs")
+        if known is not None and min(known) <= 0.0:
+            raise ModelError(f"noise = {min(known):g}: a standard deviation is above zero")
         along = self._along(p, len(inputs))
         return self._native.predict((inputs, outputs, along), self._state(x0), known, sample_time)
 
@@ -273,6 +284,8 @@ class Model:
         Raises:
             WriteError: with ``path``, and what stands in the way.
         """
+        if points not in range(2, 1001):
+            raise SettingError(f"points = {points!r}: give a number from 2 to 1000", name="points", allowed="2 to 1000")
         self._native.save(os.fspath(path), points, overwrite)
 
     def plot_bode(self, p: ArrayLike | None = None, frequencies: ArrayLike | None = None, *, axes: Any = None) -> Any:
@@ -294,16 +307,26 @@ class Model:
     def _state(self, x0: ArrayLike | None) -> list[float] | None:
         if x0 is None:
             return None
-        state = np.atleast_1d(np.asarray(x0, dtype=np.float64))
-        if state.shape != (self.states,):
-            raise ModelError(f"x0 has the shape {state.shape}, the model {self.states} states")
-        return [float(x) for x in state]
+        state = numbers(x0, "x0")
+        if len(state) != self.states:
+            raise ModelError(f"x0 has {len(state)} numbers, the model {self.states} states")
+        return state
+
+    def _refuse_effects(self, linear: bool) -> None:
+        effects = self._native.effects()
+        if effects and not linear:
+            raise ModelError(
+                f"the model has effects ({', '.join(effects)}), and this would be its linear part alone: give linear=True for that, or "
+                "compare the whole model with records by validate()"
+            )
 
     def _along(self, p: ArrayLike | None, samples: int) -> NDArray[np.float64] | None:
         if p is None or self.range is None:
             return None
         signals = len(self.range)
-        along = np.asarray(p, dtype=np.float64)
+        along = columns(np.atleast_1d(p), "p")
+        if np.ndim(p) < 2:
+            along = along[:, 0].reshape(np.shape(p))
         if along.ndim == 0 or (along.shape == (signals,) and (signals > 1 or samples > 1)):
             along = np.broadcast_to(np.atleast_1d(along), (samples, signals))
         along = columns(along, "p")

@@ -146,9 +146,16 @@ fn the_friction_of_a_robot() {
         let of = effects.iter().filter(|e| e["channel"] == channel);
         of.map(|e| e["effect"].as_str().unwrap()).collect::<Vec<_>>()
     };
-    for i in [1, 2, 4, 5, 6] {
+    for i in [1, 4, 5, 6] {
         assert_eq!(of(&format!("torque_{i}")), ["coulomb-friction"], "{i}");
+        // An encoder that is late has no other scale.
+        assert_eq!(
+            of(&format!("pos_se_{i}")),
+            if i == 1 { &["sensor-skew"][..] } else { &[] }
+        );
     }
+    // The arm hangs from its second axis.
+    assert_eq!(of("torque_2"), ["coulomb-friction", "gravity"]);
     assert_eq!(of("torque_3"), ["coulomb-friction", "position-force"]);
     let parameter = |effect: &str, channel: &str, name: &str| {
         let mut of = effects
@@ -164,7 +171,7 @@ fn the_friction_of_a_robot() {
     }
     let held_out = &d["records"][0];
     assert_eq!(held_out["record"], "C");
-    for (axis, most) in [("torque_1", 16.0), ("torque_3", 11.6)] {
+    for (axis, most) in [("torque_1", 16.0), ("torque_2", 19.0), ("torque_3", 11.6)] {
         let left = number(held_out, &format!("/force/{axis}/after_percent"));
         assert!(left <= most, "{axis}: {left}");
     }

@@ -10,6 +10,8 @@ use std::collections::BTreeMap;
 
 /// Deviations from one that a gain is at least to be another.
 const SURE: f64 = 5.0;
+/// Part of the difference that it may leave: a spring between them also looks like a gain.
+const LEFT: f64 = 0.5;
 /// Least part of the readings that a difference is, and how many times their noise.
 const LEAST: f64 = 1e-4;
 const OVER_NOISE: f64 = 3.0;
@@ -45,7 +47,8 @@ impl<'a> Encoders<'a> {
     pub(super) fn gain(&self) -> Option<FoundEffect> {
         let [gain, deviation] = self.found.gain;
         let sure = (gain - 1.0) / deviation;
-        let is_other = self.in_one_unit() && (gain - 1.0).abs() > LEAST && sure.abs() > SURE;
+        let is_most = self.found.left < LEFT * self.found.difference;
+        let is_other = self.in_one_unit() && is_most && (gain - 1.0).abs() > LEAST && sure.abs() > SURE;
         is_other.then(|| {
             let value = Value::new(gain - 1.0, deviation, String::new());
             let left = [self.found.difference, self.found.left];
@@ -62,10 +65,9 @@ impl<'a> Encoders<'a> {
         let unit = channels.units.get(self.other).map_or("", String::as_str);
         (left > OVER_NOISE * noise && left > LEAST * size).then(|| {
             format!(
-                "{} differs from what {} tells by {} {unit} rms, {:.0} times the noise of both, and that is not explained: a spring or a gear between them, \
-                 or an error of one",
-                channels.columns[self.other],
+                "{} and {} differ by {} {unit} rms, {:.0} times their noise: a spring or a gear between them, or an error of one",
                 channels.columns[self.own],
+                channels.columns[self.other],
                 number(left),
                 left / noise
             )

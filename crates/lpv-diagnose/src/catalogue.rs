@@ -39,6 +39,8 @@ mod stribeck_friction;
 mod temperature;
 mod viscous_friction;
 
+pub(crate) use gravity::LEAST_TURN;
+
 use crate::base::{Base, Pair};
 use crate::effect::{Effect, EffectParameter, Moment, Place, Scale};
 use crate::screen::{Screen, Trial};

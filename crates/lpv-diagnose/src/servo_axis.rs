@@ -1,10 +1,12 @@
 //! A servo axis from its records by least squares: free, or on a spring to ground (a flexure, a piezo stage, a mass on a spring).
 
+use crate::catalogue::LEAST_TURN;
 use crate::inverse::{Moved, of_size_one};
 use crate::track::turn_in;
 use crate::{Axis, Base, TraceError};
 use lpv_core::linalg::svd;
 use lpv_core::{Discrete, Record};
+use lpv_numerics::statistics::range;
 use lti_ident::rigid_body::{Estimator, Filter, RigidBodySettings};
 use lti_ident::{LtiIdentError, Segment};
 use nalgebra::DVector;
@@ -127,9 +129,17 @@ fn on_spring(records: &[Record], clock: Discrete) -> Option<Found> {
     let angle = records
         .first()
         .and_then(|r| turn_in(r.outputs.units.first()?))
+        .filter(|turn| {
+            let travels = records
+                .iter()
+                .map(|r| range(&r.outputs.columns[0]))
+                .map(|(low, high)| high - low);
+            travels.fold(0.0, f64::max) > LEAST_TURN * turn
+        })
         .map(|turn| TAU / turn);
     let mut columns: [Vec<f64>; 4] = Default::default();
     let mut gravity: [Vec<f64>; 2] = Default::default();
+    let mut square = Vec::new();
     let mut force = Vec::new();
     for moved in Moved::of(&signals?, clock)? {
         let [q, v, a] = moved.motion();
@@ -140,6 +150,7 @@ fn on_spring(records: &[Record], clock: Discrete) -> Option<Found> {
             let (sine, cosine): (Vec<f64>, Vec<f64>) = q.iter().map(|q| (angle * q).sin_cos()).unzip();
             gravity[0].extend(moved.reduced(&sine)?);
             gravity[1].extend(moved.reduced(&cosine)?);
+            square.extend(moved.reduced(&q.iter().map(|q| q * q).collect::<Vec<_>>())?);
         }
         force.extend_from_slice(moved.pushed());
     }
@@ -167,10 +178,11 @@ fn on_spring(records: &[Record], clock: Discrete) -> Option<Found> {
     };
     /// Part of what a spring leaves that gravity must leave less to be meant: over few degrees they are the same.
     const LESS: f64 = 0.98;
-    // An arm that hangs from its axis comes back as one on a spring does.
+    // An arm that hangs from its axis comes back as one on a spring does, one that softens among them.
     let [sine, cosine] = &gravity;
+    let left_of = |columns: &[&Vec<f64>]| solved(columns).map_or(f64::INFINITY, |(_, _, left)| left);
     let is_arm = angle.is_some()
-        && solved(&[a, v, sine, cosine, one]).is_some_and(|(_, _, of_arm)| of_arm < LESS * left);
+        && left_of(&[a, v, sine, cosine, one]) < LESS * left.min(left_of(&[a, v, q, &square, one]));
     let fits = held[0] * held[2] > 0.0 && left.is_finite() && !is_arm;
     fits.then(|| Found {
         axis: Axis::new(held[0], held[1], held[3]),

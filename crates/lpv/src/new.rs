@@ -219,6 +219,10 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
     for ((file, path), contents) in files.iter().zip(&paths).zip(contents) {
         seen.extend(see::see(file, path, contents, known.groups, &mut guesses)?);
     }
+    if known.groups == Some(GroupsAre::Runs) && seen.len() == files.len() {
+        let problem = "--groups runs: it has no groups that hold the same signals; leave the option out";
+        return Err(refuse(first, problem.to_owned()));
+    }
     let common = see::common_columns(&mut seen);
     if common.is_empty() {
         return Err(refuse(
@@ -243,7 +247,7 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
             groups.take_counters_out(known, &column, &mut guesses);
             time = groups.find_time(&common, known, seen, &column);
             physics = lay::speed_of_position(&common, seen, &column);
-            if !has_roles && time.is_none() {
+            if !has_roles && time.is_none() && known.sample_rate_hz.is_none() {
                 response::refuse_sweep(&seen.file, &common, &column)?;
             }
         }
@@ -273,7 +277,8 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
                 .filter_map(used)
                 .any(|x| !is_constant(&range_of(x)))
             {
-                true => period_in(&groups.reference, Repeats::Exactly),
+                true => period_in(&groups.reference, Repeats::Exactly)
+                    .or_else(|| period_in(&groups.input, Repeats::Exactly)),
                 false => period_in(&groups.input, Repeats::Nearly).filter(goes_with),
             }
         };

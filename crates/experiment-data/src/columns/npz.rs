@@ -145,13 +145,13 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
         };
         match vector_length(&name, &header.shape) {
             // A name in levels, as a program writes a tree: `run1/u`.
-            Ok(rows) => contents.columns.push(Column {
-                source: name.contains('/').then(|| name.clone()),
-                ..Column::plain(ColumnInfo {
-                    name: name.replace('/', "."),
-                    rows,
-                })
-            }),
+            Ok(rows) => {
+                let path = as_path(&name);
+                contents.columns.push(Column {
+                    source: (path != name).then(|| name.clone()),
+                    ..Column::plain(ColumnInfo { name: path, rows })
+                });
+            }
             // A number by itself.
             Err(_) if header.shape.is_empty() => {}
             Err(_) => contents.passed_over.push(PassedOver {
@@ -173,12 +173,20 @@ pub(crate) fn contents(path: &Path) -> Result<Contents, RecordError> {
                 .column(&mut entry, 1)
                 .map_err(|e| malformed(&name, &e.to_string()))?;
             let value = value.first().copied().filter(|v| v.is_finite());
-            let name = name.replace('/', ".");
+            let name = as_path(&name);
             contents.scalars.extend(value.map(|value| Scalar { name, value }));
         }
         Ok(())
     })?;
     Ok(contents)
+}
+
+/// The levels of a name as those of other files, `run1/u` as `run1.u`; the part of a response, `y/u re`, has words and no levels.
+fn as_path(name: &str) -> String {
+    match name.contains(' ') {
+        true => name.to_owned(),
+        false => name.replace('/', "."),
+    }
 }
 
 /// An array of numbers, read from its front.

@@ -509,7 +509,8 @@ fn a_struct_of_matlab() {
     for (unit, factor) in [
         ("Hz", 1.0),
         ("rad/s", std::f64::consts::TAU),
-        ("kHz", 0.0),
+        ("kHz", 1e-3),
+        ("octaves", 0.0),
         ("", 0.0),
     ] {
         let mut fields = vec![
@@ -517,7 +518,11 @@ fn a_struct_of_matlab() {
                 "Frequency".to_owned(),
                 array(
                     &[3, 1],
-                    truth.frequencies.iter().map(|f| f * factor.max(1.0)).collect(),
+                    truth
+                        .frequencies
+                        .iter()
+                        .map(|f| f * if factor > 0.0 { factor } else { 1.0 })
+                        .collect(),
                 ),
             ),
             // Real here; the imaginary part is put in below.

@@ -5,6 +5,9 @@ use crate::base::Forces;
 use crate::effect::{Block, Effect, Family, Moment, Needs, Place, Scale};
 use std::f64::consts::TAU;
 
+/// Least part of a turn that is travelled: over few degrees gravity is a slope and a square, and so is much else.
+pub(crate) const LEAST_TURN: f64 = 1.0 / 12.0;
+
 /// Of outputs that are angles by their unit.
 pub(super) static EFFECT: Effect = Effect {
     name: "gravity",
@@ -22,6 +25,7 @@ pub(super) static EFFECT: Effect = Effect {
     extends: None,
     starts: &|screen, _| {
         let turn = screen.tracks.first().and_then(|t| t.turn);
+        let turn = turn.filter(|turn| screen.travel(0) > LEAST_TURN * turn);
         turn.map(|turn| vec![0.0, 0.0, turn]).into_iter().collect()
     },
     on_response: None,

@@ -284,9 +284,9 @@ class Model:
         Raises:
             WriteError: with ``path``, and what stands in the way.
         """
-        if points not in range(2, 1001):
+        if not isinstance(points, (int, np.integer)) or not 2 <= points <= 1000:
             raise SettingError(f"points = {points!r}: give a number from 2 to 1000", name="points", allowed="2 to 1000")
-        self._native.save(os.fspath(path), points, overwrite)
+        self._native.save(os.fspath(path), int(points), overwrite)
 
     def plot_bode(self, p: ArrayLike | None = None, frequencies: ArrayLike | None = None, *, axes: Any = None) -> Any:
         """Sizes of the sampled response over frequency, an axis an entry, in matplotlib.

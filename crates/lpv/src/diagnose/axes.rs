@@ -55,6 +55,9 @@ pub(super) fn diagnose(
         let own = &differ[from..];
         d.reasons.extend(own.iter().cloned());
         d.verdict = match (d.verdict.as_str(), effects.is_empty(), own.is_empty()) {
+            ("explained", true, false) if d.effects.iter().any(|e| e.effect != ROUNDING) => {
+                "partly-explained".to_owned()
+            }
             ("nothing-missing" | "explained", true, false) => "unexplained".to_owned(),
             ("nothing-missing" | "explained", false, false) => "partly-explained".to_owned(),
             ("nothing-missing", false, true) => "explained".to_owned(),

@@ -12,6 +12,8 @@ use std::collections::BTreeMap;
 const SURE: f64 = 5.0;
 /// Part of the difference that it may leave: a spring between them also looks like a gain.
 const LEFT: f64 = 0.5;
+/// Largest error of a scale.
+const MOST: f64 = 0.1;
 /// Least part of the readings that a difference is, and how many times their noise.
 const LEAST: f64 = 1e-4;
 const OVER_NOISE: f64 = 3.0;
@@ -47,7 +49,8 @@ impl<'a> Encoders<'a> {
     pub(super) fn gain(&self) -> Option<FoundEffect> {
         let [gain, deviation] = self.found.gain;
         let sure = (gain - 1.0) / deviation;
-        let is_most = self.found.left < LEFT * self.found.difference;
+        // A gear between them is no error.
+        let is_most = self.found.left < LEFT * self.found.difference && (gain - 1.0).abs() < MOST;
         let is_other = self.in_one_unit() && is_most && (gain - 1.0).abs() > LEAST && sure.abs() > SURE;
         is_other.then(|| {
             let value = Value::new(gain - 1.0, deviation, String::new());
@@ -76,7 +79,8 @@ impl<'a> Encoders<'a> {
 
     fn in_one_unit(&self) -> bool {
         let units = &self.bundle.description().channels.output.units;
-        units.get(self.own) == units.get(self.other)
+        let own = units.get(self.own).filter(|u| !u.is_empty());
+        own.is_some() && own == units.get(self.other)
     }
 
     fn effect(

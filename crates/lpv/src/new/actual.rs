@@ -70,31 +70,33 @@ enum Quantity {
     Voltage,
 }
 
+/// What they are called.
+const NAMES: [(Quantity, &[&str]); 3] = [
+    (
+        Quantity::Force,
+        &[
+            "force",
+            "torque",
+            "trq",
+            "tau",
+            "moment",
+            "drehmoment",
+            "kraft",
+            "couple",
+        ],
+    ),
+    (
+        Quantity::Current,
+        &["current", "cur", "curr", "iq", "amps", "strom", "courant", "i"],
+    ),
+    (
+        Quantity::Voltage,
+        &["voltage", "volt", "pwm", "spannung", "tension"],
+    ),
+];
+
 impl Quantity {
     fn of(column: &str, unit: &str) -> Option<Self> {
-        const NAMES: [(Quantity, &[&str]); 3] = [
-            (
-                Quantity::Force,
-                &[
-                    "force",
-                    "torque",
-                    "trq",
-                    "tau",
-                    "moment",
-                    "drehmoment",
-                    "kraft",
-                    "couple",
-                ],
-            ),
-            (
-                Quantity::Current,
-                &["current", "cur", "curr", "iq", "amps", "strom", "courant", "i"],
-            ),
-            (
-                Quantity::Voltage,
-                &["voltage", "volt", "pwm", "spannung", "tension"],
-            ),
-        ];
         let all = words(&plain_name(column));
         let by_name = NAMES
             .iter()
@@ -154,9 +156,17 @@ impl Groups {
             }
         }
         let quantity = |name: &String| Quantity::of(name, &unit(name));
+        // The torque of a load is no other quantity of a current.
+        let rest = |name: &String| {
+            let is_quantity = |w: &String| NAMES.iter().any(|(_, names)| names.contains(&w.as_str()));
+            let mut signal = Signal::of(name);
+            signal.words.retain(|w| !is_quantity(w));
+            signal
+        };
+        let are_one = self.input.windows(2).all(|w| rest(&w[0]) == rest(&w[1]));
         let kinds: Option<Vec<Quantity>> = self.input.iter().map(quantity).collect();
         let nearest = kinds.and_then(|k| k.into_iter().min());
-        if let Some(nearest) = nearest.filter(|_| self.input.len() > self.output.len()) {
+        if let Some(nearest) = nearest.filter(|_| are_one && self.input.len() > self.output.len()) {
             let (kept, gone): (Vec<String>, Vec<String>) = std::mem::take(&mut self.input)
                 .into_iter()
                 .partition(|n| quantity(n) == Some(nearest));
@@ -194,7 +204,7 @@ mod tests {
     fn what_acts_is_the_input() {
         /// Outputs, inputs, references; inputs, references and further signals that are wanted.
         type Case = [&'static [&'static str]; 6];
-        let all: [Case; 9] = [
+        let all: [Case; 10] = [
             [
                 &["pos"],
                 &["current_cmd", "current_act"],
@@ -237,6 +247,15 @@ mod tests {
                 &["drehmoment [Nm]"],
                 &["soll"],
                 &["strom"],
+            ],
+            // A disturbance that was measured.
+            [
+                &["speed"],
+                &["current", "load_torque"],
+                &[],
+                &["current", "load_torque"],
+                &[],
+                &[],
             ],
             // Two actuators, and what says nothing of its quantity.
             [

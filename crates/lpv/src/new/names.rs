@@ -28,7 +28,7 @@ fn without_index(column: &str) -> String {
     }
     // A parameter of a drive has its number before what it is.
     match all.split_once(": ") {
-        Some((_, what)) if !what.trim().is_empty() => what.to_owned(),
+        Some((_, what)) if all != column && !what.trim().is_empty() => what.to_owned(),
         _ => all,
     }
 }

@@ -24,7 +24,8 @@ impl Repeats {
     }
 }
 
-/// How much worse twice the period may be than the period: noise makes no difference, waves that only nearly fit go on to part.
+/// How much worse twice the period may be than the period of a reference: noise makes no difference, waves that only nearly fit go on to part. An
+/// input may die out or drift.
 const TWICE: f64 = 2.0;
 
 /// A lag is a period only after one that is none: a slow signal resembles itself a moment later.
@@ -61,7 +62,8 @@ pub(super) fn period_of(signal: &[f64], repeats: Repeats) -> Option<usize> {
     // All multiples of the period repeat as well: the smallest that is as good.
     let limit = (2.0 * least).max(1e-9);
     let period = (first..=best).find(|&lag| difference(lag) <= limit && is_dip(&difference, lag, first))?;
-    let parts = 2 * period <= n / 2 && difference(2 * period) > TWICE * difference(period) + 1e-6;
+    let is_exact = matches!(repeats, Repeats::Exactly);
+    let parts = is_exact && 2 * period <= n / 2 && difference(2 * period) > TWICE * difference(period) + 1e-6;
     (!parts).then_some(period)
 }
 

@@ -43,8 +43,11 @@ pub(super) fn refuse_sweep<'a>(
     columns: &[String],
     column: &impl Fn(&str) -> Option<&'a [f64]>,
 ) -> Result<(), PipelineError> {
-    let goes_one_way = |x: &[f64]| x.windows(2).all(|w| w[0] < w[1]) || x.windows(2).all(|w| w[0] > w[1]);
-    let is_sweep = |name: &&String| is_frequency(name) && column(name).is_some_and(goes_one_way);
+    let goes_one_way =
+        |x: &[f64]| x.len() > 2 && (x.windows(2).all(|w| w[0] < w[1]) || x.windows(2).all(|w| w[0] > w[1]));
+    // `omega` is a speed as often.
+    let is_called = |name: &str| is_frequency(name) && !name.to_lowercase().contains("omega");
+    let is_sweep = |name: &&String| is_called(name) && column(name).is_some_and(goes_one_way);
     columns.iter().find(is_sweep).map_or(Ok(()), |name| {
         let problem = format!(
             "no column tells the time, and `{name}` goes one way; give --output and --input if these are samples of a sweep; else {}",

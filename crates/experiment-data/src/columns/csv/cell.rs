@@ -5,18 +5,6 @@ use crate::text::Decimal;
 /// The number of a cell, or the seconds of a date or a time of day; spaces around it do not matter. A comma before the fraction
 /// is read only where the file has such, and then a point only between thousands.
 pub(super) fn number(cell: &[u8], decimal: Decimal) -> Option<f64> {
-    plain_number(cell, decimal).or_else(|| {
-        let text = std::str::from_utf8(cell.trim_ascii()).ok()?;
-        let between = match decimal {
-            Decimal::Point => ',',
-            Decimal::Comma => '.',
-        };
-        whole_groups(text, between)
-    })
-}
-
-/// The same but for whole numbers with their thousands apart, as long as it is not known what stands before a fraction.
-pub(super) fn plain_number(cell: &[u8], decimal: Decimal) -> Option<f64> {
     let text = std::str::from_utf8(cell.trim_ascii()).ok()?;
     let plain = match decimal {
         Decimal::Point => text.parse().ok(),
@@ -52,18 +40,14 @@ fn grouped(text: &str, decimal: Decimal) -> Option<f64> {
     fits.then(|| format!("{}.{fraction}", whole.replace(between, "")).parse().ok())?
 }
 
-/// A whole number from 1000 on with this between its thousands: `-1.539`, where a fraction follows a comma.
-pub(super) fn whole_groups(text: &str, between: char) -> Option<f64> {
+/// Whether it may be a whole number from 1000 on with this between its thousands, as `-1.539` is where a fraction follows a comma.
+pub(super) fn may_be_thousands(text: &str, between: char) -> bool {
+    let is_number = |group: &str| !group.is_empty() && group.bytes().all(|b| b.is_ascii_digit());
     let mut groups = text.trim_start_matches(['+', '-']).split(between);
-    let first = groups.next()?;
-    let is_number = |group: &str| group.bytes().all(|b| b.is_ascii_digit());
-    let mut rest = groups.peekable();
-    rest.peek()?;
-    let fits = (1..=3).contains(&first.len())
-        && !first.starts_with('0')
-        && is_number(first)
-        && rest.all(|group| group.len() == 3 && is_number(group));
-    fits.then(|| text.replace(between, "").parse().ok())?
+    let first = groups.next().unwrap_or_default();
+    let rest: Vec<&str> = groups.collect();
+    let begins = first.len() <= 3 && is_number(first) && !first.starts_with('0');
+    begins && !rest.is_empty() && rest.iter().all(|group| group.len() == 3 && is_number(group))
 }
 
 /// Seconds since midnight of `hh:mm:ss.fff`, or since 1970-01-01 with a date before it: `2018-01-22T10:00:00.5`,
@@ -191,10 +175,9 @@ mod tests {
             ("12,34.5", Decimal::Point, None),
             ("1,234.5.6", Decimal::Point, None),
             ("1,234.5e3", Decimal::Point, None),
-            ("1,234", Decimal::Point, Some(1234.0)),
-            ("0,234", Decimal::Point, None),
+            ("1,234", Decimal::Point, None),
             (",234.5", Decimal::Point, None),
-            ("-1.234", Decimal::Comma, Some(-1234.0)),
+            ("1.234", Decimal::Comma, None),
             ("1,234,567", Decimal::Comma, None),
             ("1,", Decimal::Comma, None),
             ("", Decimal::Comma, None),

@@ -82,10 +82,10 @@ pub(super) fn look(path: &Path, given: Option<&Text>) -> Result<Layout, RecordEr
     }
     match head.best(given) {
         Ok(layout) if given.decimal.is_some() => Ok(layout),
-        Ok(layout) => Ok(Layout {
-            decimal: head.decimal_beside_thousands(&layout).or(layout.decimal),
-            ..layout
-        }),
+        Ok(layout) => match head.doubt_of_thousands(&layout) {
+            Some(problem) => Err(RecordError::TextLayout { problem }),
+            None => Ok(layout),
+        },
         // The reader of plain tables says what is wrong with one that is almost plain.
         Err(problem) => match head.plain(0) {
             Some(layout) if nothing_given && layout.names.len() > 1 => Ok(layout),

@@ -1,6 +1,6 @@
 //! What the fields of a line hold.
 
-use super::super::cell::plain_number;
+use super::super::cell::number;
 use crate::text::Decimal;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,7 +14,7 @@ impl Cell {
     pub(super) fn of(field: &[u8], decimal: Decimal) -> Self {
         if field.trim_ascii().is_empty() {
             Self::Empty
-        } else if plain_number(field, decimal).is_some() {
+        } else if number(field, decimal).is_some() {
             Self::Number
         } else {
             Self::Words

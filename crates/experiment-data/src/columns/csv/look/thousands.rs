@@ -1,6 +1,6 @@
-//! Thousands apart that look like fractions.
+//! Numbers that may be fractions or have their thousands apart.
 
-use super::super::cell::whole_groups;
+use super::super::cell::may_be_thousands;
 use super::super::split::Splitter;
 use super::{Head, Layout};
 use crate::text::Decimal;
@@ -9,10 +9,10 @@ use crate::text::Decimal;
 const LEAST: usize = 8;
 
 impl Head {
-    /// What stands before a fraction, where what was taken for it stands between thousands: a column has it with exactly three digits behind,
+    /// Why it is not clear what stands before a fraction, where what was taken for it may stand between thousands: a column has it with exactly three digits behind,
     /// in every number from 1000 on, and beside these whole numbers below 1000, at least one in twenty. With fractions of three digits, one
     /// number in ten ends in a zero that most programs leave out, and one in a thousand is whole.
-    pub(super) fn decimal_beside_thousands(&self, layout: &Layout) -> Option<Decimal> {
+    pub(super) fn doubt_of_thousands(&self, layout: &Layout) -> Option<String> {
         let (between, other) = match layout.decimal? {
             Decimal::Point => ('.', Decimal::Comma),
             Decimal::Comma => (',', Decimal::Point),
@@ -35,7 +35,7 @@ impl Head {
                 let is_below = digits.len() <= 3 && digits.bytes().all(|b| b.is_ascii_digit());
                 match counts {
                     Some([_, below]) if is_below => *below += 1,
-                    Some([apart, _]) if whole_groups(cell, between).is_some() => *apart += 1,
+                    Some([apart, _]) if may_be_thousands(cell, between) => *apart += 1,
                     // A fraction, or words.
                     _ => *counts = None,
                 }
@@ -56,11 +56,17 @@ impl Head {
                             cell.replacen(',', ".", 1).parse::<f64>().is_ok() && !cell.contains('.')
                         }
                     };
-                    number && cell.contains(between) && whole_groups(cell, between).is_none()
+                    number && cell.contains(between) && !may_be_thousands(cell, between)
                 })
         };
-        let found = columns.iter().flatten().any(shows);
+        let found = columns.iter().position(|c| c.as_ref().is_some_and(shows))?;
         let settled = || (layout.first as usize - 1..self.lines.len()).any(is_fraction);
-        (found && !settled()).then_some(other)
+        (!settled()).then(|| {
+            format!(
+                "column `{}` has numbers such as `1{between}234` beside whole ones: is that a fraction or one thousand? Say what stands before a \
+                 fraction by decimal, or write thousands without a mark",
+                layout.names[found]
+            )
+        })
     }
 }

@@ -158,11 +158,11 @@ impl Chosen {
         for i in (0..before).rev() {
             let lasts = bench.lasts(&self.now.model, i);
             // What a smooth force leaves of a stroke looks like a wave, in some parts of the records and not in others.
-            let stays = |chosen: &Self| {
-                let stated = || bench.stated(&chosen.now, false).into_iter();
-                !catalogue::is_wave(chosen.added[i].effect) || chosen.now.shows_by(i, stated())
+            let stays = || {
+                let is_wave = catalogue::is_wave(self.added[i].effect);
+                !is_wave || self.now.shows_by(i, bench.stated(&self.now, false).into_iter())
             };
-            let shows = lasts && self.now.shows(i) && stays(self);
+            let shows = lasts && self.now.shows(i) && stays();
             if shows && !has_changed {
                 continue;
             }

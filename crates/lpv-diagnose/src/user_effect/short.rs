@@ -5,69 +5,34 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
-use std::marker::PhantomData;
 
-/// What has a short form.
-trait Short: Sized {
-    /// What a table is expected to be, for messages.
-    const EXPECTED: &'static str;
-    fn of_text(text: &str) -> Self;
-    fn of_table<'de, D: Deserializer<'de>>(table: D) -> Result<Self, D::Error>;
-}
-
-impl Short for UserParameter {
-    const EXPECTED: &'static str = "a unit, or a table with `unit`, `starts` and `positive`";
-
-    fn of_text(text: &str) -> Self {
-        Self {
-            unit: text.to_owned(),
-            ..Self::default()
-        }
-    }
-
-    fn of_table<'de, D: Deserializer<'de>>(table: D) -> Result<Self, D::Error> {
-        Self::deserialize(table)
-    }
-}
-
-impl Short for UserState {
-    const EXPECTED: &'static str = "the formula of a rate, or a table with `rate` and `start`";
-
-    fn of_text(text: &str) -> Self {
-        Self {
-            rate: text.to_owned(),
-            ..Self::default()
-        }
-    }
-
-    fn of_table<'de, D: Deserializer<'de>>(table: D) -> Result<Self, D::Error> {
-        Self::deserialize(table)
-    }
-}
-
-struct Either<T>(PhantomData<T>);
-
-impl<'de, T: Short> Visitor<'de> for Either<T> {
-    type Value = T;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(T::EXPECTED)
-    }
-
-    fn visit_str<E: Error>(self, text: &str) -> Result<T, E> {
-        Ok(T::of_text(text))
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<T, A::Error> {
-        T::of_table(MapAccessDeserializer::new(map))
-    }
-}
-
+/// Reads a type from a table, or from a text that is one field of it; `#[serde(remote = "Self")]` leaves the table to it.
 macro_rules! either {
-    ($type:ty) => {
+    ($type:ident, $field:ident, $expected:literal) => {
         impl<'de> Deserialize<'de> for $type {
             fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-                deserializer.deserialize_any(Either(PhantomData))
+                struct Either;
+
+                impl<'de> Visitor<'de> for Either {
+                    type Value = $type;
+
+                    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                        f.write_str($expected)
+                    }
+
+                    fn visit_str<E: Error>(self, text: &str) -> Result<$type, E> {
+                        Ok($type {
+                            $field: text.to_owned(),
+                            ..$type::default()
+                        })
+                    }
+
+                    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<$type, A::Error> {
+                        $type::deserialize(MapAccessDeserializer::new(map))
+                    }
+                }
+
+                deserializer.deserialize_any(Either)
             }
         }
 
@@ -79,5 +44,13 @@ macro_rules! either {
     };
 }
 
-either!(UserParameter);
-either!(UserState);
+either!(
+    UserParameter,
+    unit,
+    "a unit, or a table with `unit`, `starts` and `positive`"
+);
+either!(
+    UserState,
+    rate,
+    "the formula of a rate, or a table with `rate` and `start`"
+);

@@ -138,15 +138,6 @@ def test_machines_are_checked_before_there_is_a_folder(tmp_path: Path) -> None:
     assert "beam-mass-kg" in lpvident.machine_template()
 
 
-def test_every_setting_of_the_program_is_a_keyword() -> None:
-    import inspect as python_inspect
-
-    from lpvident import _lpvident
-
-    keywords = set(python_inspect.signature(lpvident.identify).parameters)
-    assert {name.replace("-", "_") for name in json.loads(_lpvident.settings())} <= keywords
-
-
 def test_files(model: lpvident.Model, bundle: lpvident.Bundle, tmp_path: Path) -> None:
     model.save(tmp_path / "model.json")
     again = lpvident.load(tmp_path / "model.json")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from . import _lpvident
 from ._ask import Progress, columns, listener
+from ._settings import Settings, lists
 from ._write import write_bundle
 from .accounts import Diagnosis, Inspection
 from .errors import BundleError
@@ -26,6 +27,7 @@ from .responses import Responses
 
 if TYPE_CHECKING:
     import pandas
+    from typing_extensions import Unpack
 
     from .effects import Effects
 
@@ -260,14 +262,17 @@ class Bundle:
             places, reasons = self._native.frf(None, skip_periods, tell)
         return Responses.of(places, sample_rate=self.sample_rate, reasons=reasons)
 
-    def identify(self, **settings: Any) -> Model:
+    @lists(Settings)
+    def identify(
+        self, *, config: str | os.PathLike[str] | None = None, progress: Progress = None, **settings: Unpack[Settings]
+    ) -> Model:
         """A model: `lpvident.identify` with this bundle."""
         from .commands import identify
 
-        return identify(self, **settings)
+        return identify(self, config=config, progress=progress, **settings)
 
     def diagnose(
-        self, model: Model | None = None, *, effects: Effects | None = None, progress: Progress = None
+        self, model: Model | str | os.PathLike[str] | None = None, *, effects: Effects | None = None, progress: Progress = None
     ) -> Diagnosis:
         """What a model lacks: `lpvident.diagnose` with this bundle."""
         from .commands import diagnose

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _lpvident
 from ._ask import Progress, as_json, as_settings, listener, with_dashes
+from ._settings import MachineSettings, Settings, lists
 from .accounts import Diagnosis, Inspection, Validation
 from .bundle import Bundle
 from .effects import Effects, as_effects
 from .errors import ModelError
 from .model import Model
 from .responses import Frf, Responses
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 #: A bundle, or its folder.
 Source = Bundle | str | os.PathLike[str]
@@ -36,28 +40,13 @@ def inspect(bundle: Source, *, progress: Progress = None) -> Inspection:
         return Inspection(*_lpvident.inspect(_open(bundle)._native, tell))
 
 
+@lists(Settings)
 def identify(
     bundle: Source,
     *,
-    structure: str | None = None,
-    skip_periods: int | None = None,
-    order: int | None = None,
-    integrators: int | None = None,
-    rigid_body: str | None = None,
-    functions: int | None = None,
-    fuzziness: float | None = None,
-    polish: str | None = None,
-    weighting: str | None = None,
-    model_error: float | None = None,
-    lfr: str | None = None,
-    interpolation: str | Mapping[str, Any] | None = None,
-    focus: str | None = None,
-    direct: str | None = None,
-    hold_out: float | None = None,
-    seed: int | None = None,
     config: str | os.PathLike[str] | None = None,
     progress: Progress = None,
-    **unknown: Any,
+    **settings: Unpack[Settings],
 ) -> Model:
     """A model of the machine behind a bundle. What is left out is chosen from the data, and `Model.reasons` says why.
 
@@ -87,17 +76,13 @@ def identify(
         BundleError, IdentifyError: with ``path``, ``record`` or ``place``.
         KeyboardInterrupt: on Ctrl-C; nothing is written.
     """
-    given = dict(
-        structure=structure, skip_periods=skip_periods, order=order, integrators=integrators, rigid_body=rigid_body,
-        functions=functions, fuzziness=fuzziness, polish=polish, weighting=weighting, model_error=model_error, lfr=lfr, interpolation=interpolation,
-        focus=focus, direct=direct, hold_out=hold_out, seed=seed, **unknown,
-    )  # fmt: skip
     file = None if config is None else os.fspath(config)
     opened = _open(bundle)
     with listener(progress) as tell:
-        return Model(_lpvident.identify(opened._native, as_settings(given), file, tell))
+        return Model(_lpvident.identify(opened._native, as_settings(settings), file, tell))
 
 
+@lists(Settings)
 def fit_frf(
     frequencies: ArrayLike | Responses | Frf | Sequence[Frf],
     response: ArrayLike | Sequence[ArrayLike] | None = None,
@@ -107,7 +92,7 @@ def fit_frf(
     deviation: ArrayLike | None = None,
     config: str | os.PathLike[str] | None = None,
     progress: Progress = None,
-    **settings: Any,
+    **settings: Unpack[Settings],
 ) -> Model:
     """A state space, or with several positions an LFR, from frequency responses.
 
@@ -182,14 +167,15 @@ def diagnose(
         return Diagnosis(_lpvident.diagnose(opened._native, None if known is None else known._native, as_effects(effects), tell))
 
 
+@lists(MachineSettings)
 def simulate_machine(
     folder: str | os.PathLike[str],
     machine: Mapping[str, Any] | str | os.PathLike[str] | None = None,
     *,
     hide: str | Iterable[str] = (),
-    format: str = "npz",
+    format: Literal["npz", "csv", "parquet", "mat"] = "npz",
     progress: Progress = None,
-    **settings: Any,
+    **settings: Unpack[MachineSettings],
 ) -> Bundle:
     """Writes the bundle of a simulated xy-table, and opens it: data with a known truth.
 

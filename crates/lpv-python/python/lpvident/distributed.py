@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import _tasks
 from ._ask import Progress, listener
+from ._settings import Settings, lists
 from ._tasks import Outcome, heed
 from .bundle import Bundle
 from .commands import Source
@@ -42,6 +43,7 @@ from .responses import Responses
 if TYPE_CHECKING:
     import pandas
     from distributed import Client
+    from typing_extensions import Unpack
 
 __all__ = ["Outcome", "Row", "Rows", "diagnose_many", "each", "fit_places", "frf", "heed", "identify_many"]
 
@@ -121,14 +123,16 @@ def diagnose_many(
     return _rows(task, [(p.path, _results(folder, i, p.path)) for i, p in enumerate(paths)], paths, client, progress, "bundles")
 
 
+@lists(Settings)
 def identify_many(
     bundles: Source | Iterable[Source],
     *,
     seeds: Iterable[int] | None = None,
     folder: str | os.PathLike[str] | None = None,
+    config: str | os.PathLike[str] | None = None,
     client: Client | None = None,
     progress: Progress = None,
-    **settings: Any,
+    **settings: Unpack[Settings],
 ) -> Rows:
     """`lpvident.identify` of each bundle, with ``seeds`` once a seed: starts of the fit of one bundle or of several.
 
@@ -138,15 +142,13 @@ def identify_many(
             caller to say, such as ``min(rows, key=lambda row: row.model.summary["error_over_noise"])``.
         folder: where the workers write model.json, one folder a row, named by its number and the name of the bundle.
         client, progress: as in `diagnose_many`.
-        settings: those of `lpvident.identify`.
+        config, settings: those of `lpvident.identify`.
     """
     sources = _several(bundles)
     starts: Sequence[int | None] = [None] if seeds is None else list(seeds)
     paths = [_Place(source, seed=seed) for source in sources for seed in starts]
-    if "config" in settings:
-        settings["config"] = _absolute(settings["config"])
     items = [(p.path, p.seed, _results(folder, i, p.path)) for i, p in enumerate(paths)]
-    return _rows(functools.partial(_tasks.identify_one, settings=settings), items, paths, client, progress, "models")
+    return _rows(functools.partial(_tasks.identify_one, settings={"config": _absolute(config), **settings}), items, paths, client, progress, "models")
 
 
 def _several(bundles: Source | Iterable[Source]) -> list[Any]:
@@ -178,20 +180,27 @@ def frf(
     return Responses.of([place for own, _ in found for place in own], sample_rate=rate, reasons=reasons)
 
 
+@lists(Settings)
 def fit_places(
-    bundle: Source, *, skip_periods: int | None = None, client: Client | None = None, progress: Progress = None, **settings: Any
+    bundle: Source,
+    *,
+    config: str | os.PathLike[str] | None = None,
+    client: Client | None = None,
+    progress: Progress = None,
+    **settings: Unpack[Settings],
 ) -> Rows:
     """The response of each place and its poles: a time-invariant model a place, `lpvident.fit_frf` of its response, in order of position.
 
     Args:
-        settings: order, integrators, ...: those of `lpvident.fit_frf`. What is left out is chosen at each place by itself: give order and
-            integrators where the poles of all places are to be compared.
-        skip_periods, client, progress: as in `frf`.
+        config, settings: skip_periods as in `frf`, and order, integrators, ...: those of `lpvident.fit_frf`. What is left out is chosen at
+            each place by itself: give order and integrators where the poles of all places are to be compared.
+        client, progress: as in `frf`.
     """
-    place = _Place(bundle)
+    place, skip_periods = _Place(bundle), settings.pop("skip_periods", None)
+    given = {"config": _absolute(config), **settings}
     with _cluster(client) as client:
         (_, places) = _value(each(_tasks.places, [place.path], client=client)[0])
-        task = functools.partial(_tasks.fit, place.path, skip_periods=skip_periods, settings=settings)
+        task = functools.partial(_tasks.fit, place.path, skip_periods=skip_periods, settings=given)
         outcomes = each(task, places, client=client, progress=progress, step="places")
     parts = [(outcome, part) for outcome in outcomes for part in outcome.value or [{"error": outcome.error}]]
     return Rows(Row(bundle=place.given, seconds=outcome.seconds, **part) for outcome, part in parts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -10,10 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._ask import Progress
+from ._settings import Settings, lists
 from .errors import ModelError
 
 if TYPE_CHECKING:
     import xarray
+    from typing_extensions import Unpack
 
     from .model import Model
 
@@ -179,11 +182,19 @@ class Responses:
             return dataset.assign_coords(position=("place", p[:, 0]))
         return dataset.assign_coords(position=(("place", "signal"), p)) if p.shape[1] else dataset
 
-    def fit(self, *, progress: Progress = None, **settings: Any) -> Model:
-        """A model of these responses: `lpvident.fit_frf`."""
+    @lists(Settings)
+    def fit(
+        self,
+        *,
+        sample_rate: float | None = None,
+        config: str | os.PathLike[str] | None = None,
+        progress: Progress = None,
+        **settings: Unpack[Settings],
+    ) -> Model:
+        """A model of these responses: `lpvident.fit_frf`; ``sample_rate`` in Hz is theirs unless given."""
         from .commands import fit_frf
 
-        return fit_frf(self, progress=progress, **settings)
+        return fit_frf(self, sample_rate=sample_rate, config=config, progress=progress, **settings)
 
     def __repr__(self) -> str:
         return f"Responses({len(self)} places, first {self.places[0]!r})" if self.places else "Responses(none)"

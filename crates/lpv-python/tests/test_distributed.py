@@ -246,6 +246,32 @@ def test_ctrl_c_ends_what_runs_on_the_workers(clients: dict[int, Client], tmp_pa
     assert (tmp_path / "ended").read_text() == "Cancelled"
 
 
+@pytest.mark.parametrize("whose", ["its own workers", "workers of somebody"])
+def test_ctrl_c_returns_within_a_second_with_what_is_done(clients: dict[int, Client], tmp_path: Path, whose: str) -> None:
+    short = lpvident.simulate_machine(tmp_path / "short", ONE_PLACE)
+    long = lpvident.simulate_machine(tmp_path / "long", SMALL | {"positions": {"count": 9}, "setpoints": {"samples": 12000}})
+    sent: list[float] = []
+
+    def stop() -> None:
+        sent.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    def heard(step: str, done: int, of: int) -> None:
+        threading.Timer(0.3, stop).start()
+
+    out, client = tmp_path / "out", clients[2] if whose == "workers of somebody" else None
+    with pytest.raises(KeyboardInterrupt, match="1 of 4 models are done") as stopped:
+        distributed.identify_many([short, long, long, long], folder=out, client=client, progress=heard)
+    assert time.monotonic() - sent[0] < 1.0
+    assert isinstance(stopped.value, distributed.Interrupted) and list(stopped.value.outcomes) == [0]
+    (row,) = stopped.value.rows
+    assert row.bundle == str(short.path) and row.model.to_json() == short.identify().to_json()
+    assert lpvident.load(out / "0000-short/model.json").poles().tolist() == row.model.poles().tolist()
+    # Workers of somebody are free again soon, and what they were at has left nothing.
+    assert distributed.each(threads, [0], client=clients[2])[0].error is None
+    assert [found.name for found in out.iterdir()] == ["0000-short"]
+
+
 def threads(item: int) -> str | None:
     return os.environ.get("RAYON_NUM_THREADS")
 

@@ -13,7 +13,8 @@ Each task is one bundle, one place or one seed. A path goes to the worker, which
 no larger than the response of a place. Results are those of one call in one process, to the last bit, whatever the workers are: they do
 not talk to each other, and rows come back in the order in which they were asked for. A result is fetched as soon as it is there, so that
 a worker that dies repeats only the task that it was at; one that takes down several workers (``distributed.scheduler.allowed-failures``)
-is an error in its row. Ctrl-C cancels what is left, and what runs ends at its next report of progress.
+is an error in its row. Ctrl-C returns within a second as `Interrupted`, which has what is done; what is left is cancelled, and what runs
+ends at its next report of progress, or at once on workers that the call has started itself.
 
 What it does not do: it keeps nothing on disk to go on from after the end of this process (``lpv fleet --shard k/N`` does), it moves no
 data to workers that cannot reach them, and it starts no cluster but that of this machine.
@@ -21,10 +22,11 @@ data to workers that cannot reach them, and it starts no cluster but that of thi
 
 from __future__ import annotations
 
+import asyncio
 import functools
 import os
 import uuid
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -45,7 +47,10 @@ if TYPE_CHECKING:
     from distributed import Client
     from typing_extensions import Unpack
 
-__all__ = ["Outcome", "Row", "Rows", "diagnose_many", "each", "fit_places", "frf", "heed", "identify_many"]
+__all__ = ["Interrupted", "Outcome", "Row", "Rows", "diagnose_many", "each", "fit_places", "frf", "heed", "identify_many"]
+
+#: How long a worker that is ended has to do so by itself, s.
+END_S = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +101,20 @@ class Rows(list[Row]):
         return pandas.DataFrame(table, columns=columns)
 
 
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C, with what was done before it.
+
+    Attributes:
+        outcomes: of the tasks that are done, by the numbers of their items, from 0.
+        rows: the same as `Rows`, of a call that gives rows; empty of another.
+    """
+
+    def __init__(self, *told: object) -> None:
+        super().__init__(*told)
+        self.outcomes: dict[int, Outcome] = {}
+        self.rows = Rows()
+
+
 def diagnose_many(
     bundles: Source | Iterable[Source],
     *,
@@ -115,12 +134,16 @@ def diagnose_many(
             without it they write nothing.
         client: a client of Dask; without it the current one, else a cluster of the cores of this machine for this call.
         progress: called with ("bundles", bundles done, bundles in all); True for a bar of tqdm.
+
+    Raises:
+        Interrupted: on Ctrl-C, a KeyboardInterrupt with the rows that are done; what was written to ``folder`` stays.
     """
     paths = [_Place(source) for source in _several(bundles)]
     known = model if isinstance(model, Model) else _absolute(model)
     own = read_effects(effects) if isinstance(effects, (str, os.PathLike)) else effects
     task = functools.partial(_tasks.diagnose_one, model=known, effects=own)
-    return _rows(task, [(p.path, _results(folder, i, p.path)) for i, p in enumerate(paths)], paths, client, progress, "bundles")
+    items = [(p.path, _results(folder, i, p.path)) for i, p in enumerate(paths)]
+    return _rows(_by_place(paths), task, items, client, progress, "bundles")
 
 
 @lists(Settings)
@@ -148,7 +171,8 @@ def identify_many(
     starts: Sequence[int | None] = [None] if seeds is None else list(seeds)
     paths = [_Place(source, seed=seed) for source in sources for seed in starts]
     items = [(p.path, p.seed, _results(folder, i, p.path)) for i, p in enumerate(paths)]
-    return _rows(functools.partial(_tasks.identify_one, settings={"config": _absolute(config), **settings}), items, paths, client, progress, "models")
+    task = functools.partial(_tasks.identify_one, settings={"config": _absolute(config), **settings})
+    return _rows(_by_place(paths), task, items, client, progress, "models")
 
 
 def _several(bundles: Source | Iterable[Source]) -> list[Any]:
@@ -198,12 +222,15 @@ def fit_places(
     """
     place, skip_periods = _Place(bundle), settings.pop("skip_periods", None)
     given = {"config": _absolute(config), **settings}
+
+    def rows(found: Mapping[int, Outcome]) -> Rows:
+        parts = [(found[i], part) for i in sorted(found) for part in found[i].value or [{"error": found[i].error}]]
+        return Rows(Row(bundle=place.given, seconds=outcome.seconds, **part) for outcome, part in parts)
+
     with _cluster(client) as client:
         (_, places) = _value(each(_tasks.places, [place.path], client=client)[0])
         task = functools.partial(_tasks.fit, place.path, skip_periods=skip_periods, settings=given)
-        outcomes = each(task, places, client=client, progress=progress, step="places")
-    parts = [(outcome, part) for outcome in outcomes for part in outcome.value or [{"error": outcome.error}]]
-    return Rows(Row(bundle=place.given, seconds=outcome.seconds, **part) for outcome, part in parts)
+        return _rows(rows, task, places, client, progress, "places")
 
 
 def each(
@@ -221,20 +248,28 @@ def each(
             they end when the task is cancelled.
         items: what travels to the workers: names and numbers, not data.
         client, progress: as in `diagnose_many`; ``step`` names the tasks.
+
+    Raises:
+        Interrupted: on Ctrl-C, a KeyboardInterrupt with the outcomes that are there.
     """
     given = list(items)
+    found: dict[int, Outcome] = {}
     with _cluster(client) as client, listener(progress) as tell:
-        found = dict(_gather(client, task, dict(enumerate(given)), step, tell))
-        # Dask blames a worker's death on all that was assigned to it: by itself a task is blamed for what it does.
-        lost = [i for i, outcome in found.items() if type(outcome.error).__name__ == "KilledWorker"]
-        if len(lost) > 1:
-            for i in lost:
-                found.update(_gather(client, task, {i: given[i]}, step, None))
+        try:
+            _gather(client, task, dict(enumerate(given)), found, step, tell)
+            # Dask blames a worker's death on all that was assigned to it: by itself a task is blamed for what it does.
+            lost = [i for i, outcome in found.items() if type(outcome.error).__name__ == "KilledWorker"]
+            for i in lost if len(lost) > 1 else ():
+                _gather(client, task, {i: given[i]}, found, step, None)
+        except KeyboardInterrupt:
+            stopped = Interrupted(f"{len(found)} of {len(given)} {step} are done")
+            stopped.outcomes = found
+            raise stopped from None
     return [found[i] for i in range(len(given))]
 
 
-def _gather(client: Client, task: Any, items: dict[int, Any], step: str, tell: Any) -> Iterator[tuple[int, Outcome]]:
-    """What the tasks give, by the numbers of their items, as soon as it is there."""
+def _gather(client: Client, task: Any, items: dict[int, Any], found: dict[int, Outcome], step: str, tell: Any) -> None:
+    """Puts what the tasks give into ``found``, by the numbers of their items, as soon as it is there."""
     from distributed import as_completed
 
     if not items:
@@ -248,7 +283,7 @@ def _gather(client: Client, task: Any, items: dict[int, Any], step: str, tell: A
         for done, (future, result) in enumerate(waiting, start=1):
             has_result = future.status == "finished"
             future.release()
-            yield numbers[future.key], result if has_result else Outcome(None, _lost(result), 0.0)
+            found[numbers[future.key]] = result if has_result else Outcome(None, _lost(result), 0.0)
             if tell is not None:
                 tell(step, done, len(items))
     except BaseException:
@@ -276,12 +311,21 @@ def _results(folder: str | os.PathLike[str] | None, number: int, path: str) -> s
     return None if folder is None else os.path.join(os.path.abspath(os.fspath(folder)), f"{number:04}-{Path(path).name}")
 
 
-def _rows(task: Any, items: Sequence[Any], places: Sequence[_Place], client: Any, progress: Progress, step: str) -> Rows:
-    outcomes = each(task, items, client=client, progress=progress, step=step)
-    return Rows(
-        Row(bundle=place.given, seed=place.seed, error=found.error, seconds=found.seconds, **(found.value or {}))
-        for place, found in zip(places, outcomes)
-    )
+def _rows(
+    rows: Callable[[Mapping[int, Outcome]], Rows], task: Any, items: Sequence[Any], client: Any, progress: Progress, step: str
+) -> Rows:
+    try:
+        return rows(dict(enumerate(each(task, items, client=client, progress=progress, step=step))))
+    except Interrupted as stopped:
+        stopped.rows = rows(stopped.outcomes)
+        raise
+
+
+def _by_place(places: Sequence[_Place]) -> Callable[[Mapping[int, Outcome]], Rows]:
+    def row(place: _Place, found: Outcome) -> Row:
+        return Row(bundle=place.given, seed=place.seed, error=found.error, seconds=found.seconds, **(found.value or {}))
+
+    return lambda found: Rows(row(places[i], found[i]) for i in sorted(found))
 
 
 def _value(outcome: Outcome) -> Any:
@@ -294,6 +338,11 @@ def _lost(problem: Any) -> Exception:
     """What as_completed gives of a task that has no result: the three parts of an exception, or the exception."""
     found = problem[1] if isinstance(problem, tuple) else problem
     return found if isinstance(found, Exception) else RuntimeError(f"the task was lost: {found!r}")
+
+
+async def _end(cluster: Any) -> None:
+    """Ends the workers of a cluster at once: closing it waits for the calls that they are at."""
+    await asyncio.gather(*(worker.close(timeout=END_S) for worker in cluster.workers.values()), return_exceptions=True)
 
 
 @contextmanager
@@ -312,6 +361,10 @@ def _cluster(client: Client | None) -> Iterator[Client]:
                 LocalCluster(threads_per_worker=1, memory_limit=None, dashboard_address=":0") as cluster,
                 Client(cluster) as local,
             ):
-                yield local
+                try:
+                    yield local
+                except BaseException:
+                    local.sync(_end, cluster)
+                    raise
             return
     yield client

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import pickle
 from pathlib import Path
@@ -57,6 +58,25 @@ def test_bundles_travel_between_processes(tmp_path: Path) -> None:
     assert again.path == kept.path and (again.record(0).y == kept.record(0).y).all()
     with pytest.raises(TypeError, match="give from_arrays or from_frames a folder"):
         pickle.dumps(lpvident.Bundle.from_arrays([{"y": signal, "u": -signal}], sample_rate=100))
+
+
+def test_a_temporary_folder_goes_with_the_last_copy() -> None:
+    bundle = lpvident.Bundle.from_arrays(signals(1), sample_rate=10)
+    place, again = bundle.path, copy.deepcopy(bundle)
+    assert again is not bundle and again.description == bundle.description
+    del bundle
+    assert again.record(0).y.shape == (N, 2)
+    with pytest.raises(TypeError, match="does not travel"):
+        pickle.dumps(again)
+    del again
+    assert not place.exists()
+
+
+def test_a_folder_that_cannot_be_written_is_an_error_of_the_tree(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(lpvident.WriteError) as refused:
+        lpvident.Bundle.from_arrays(signals(1), sample_rate=10, folder=tmp_path / "file/bundle")
+    assert refused.value.path == str(tmp_path / "file/bundle")
 
 
 def test_frames(tmp_path: Path) -> None:

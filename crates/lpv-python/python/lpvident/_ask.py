@@ -141,11 +141,11 @@ def _real(given: ArrayLike, what: str) -> Any:
 
 
 def verdict_html(sentence: str, worth: str, rows: Mapping[str, Any]) -> str:
-    """A short table with the verdict first."""
+    """A short table with the verdict, or else the first fact, above it; coloured by what the verdict is worth, if there is one."""
     from html import escape
 
     good, bad = ("good", "good-up-to", "good-at-rest", "nothing-missing", "explained"), ("not-a-model", "contradictory-data")
-    colour = "#2e7d32" if worth in good else "#c62828" if worth in bad else "#b26a00"
+    colour = "inherit" if not worth else "#2e7d32" if worth in good else "#c62828" if worth in bad else "#b26a00"
     cells = "".join(
         f"<tr><th style='text-align:left'>{escape(name)}</th><td style='text-align:left'>{escape(str(value))}</td></tr>"
         for name, value in rows.items()

@@ -76,8 +76,7 @@ def diagnose_one(item: tuple[str, str | None], *, model: Model | str | None, eff
     found = diagnose(path, known, effects=effects, progress=heed)
     if results is not None:
         found.save(results)
-    worth = "contradictory-data" if found.data.get("contradictions") else str(found.data["verdict"])
-    return {"verdict": found.verdict, "worth": worth, "effects": found.effects, "model": found.model}
+    return {"verdict": found.verdict, "worth": found.worth, "effects": found.effects, "model": found.model}
 
 
 def identify_one(item: tuple[str, int | None, str | None], *, settings: dict[str, Any]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import BundleError
+from .errors import BundleError, WriteError
 
 #: Options of a record beside its signals.
 OPTIONS = ("period", "use", "position", "injection", "name")
@@ -71,13 +71,13 @@ def write_bundle(
             if value is not None and (isinstance(value, bool) or not isinstance(value, types)):
                 raise BundleError(f"record {number}: {option} = {value!r}: give {meaning}", record=number)
         files.append(file)
-    (folder / "records").mkdir(parents=True, exist_ok=True)
-    for file, (signals, options) in zip(files, records):
-        with zipfile.ZipFile(file, "w") as out:
-            # Not by savez, whose own arguments are names of columns too.
-            for column, samples in signals.items():
-                with out.open(f"{column}.npy", "w", force_zip64=True) as array:
-                    np.lib.format.write_array(array, samples, allow_pickle=False)
+    try:
+        (folder / "records").mkdir(parents=True, exist_ok=True)
+        for file, (signals, _) in zip(files, records):
+            _write_arrays(file, signals)
+    except OSError as problem:
+        raise WriteError(f"{folder}: the bundle cannot be written: {problem}", path=folder) from None
+    for file, (_, options) in zip(files, records):
         period = options.get("period")
         entry = {
             "file": f"records/{file.name}",
@@ -88,6 +88,26 @@ def write_bundle(
             "injection": options.get("injection"),
         }
         lines += ["", "[[records]]", *(f"{key} = {toml(value)}" for key, value in entry.items() if value is not None)]
-    part = folder / ".experiment.toml.part"
-    part.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    os.replace(part, description)
+    write_texts({description: "\n".join(lines) + "\n"})
+
+
+def _write_arrays(file: Path, arrays: Mapping[str, NDArray[np.float64]]) -> None:
+    """NPZ; not by savez, whose own arguments are names of columns too."""
+    with zipfile.ZipFile(file, "w") as out:
+        for name, samples in arrays.items():
+            with out.open(f"{name}.npy", "w", force_zip64=True) as array:
+                np.lib.format.write_array(array, samples, allow_pickle=False)
+
+
+def write_texts(texts: Mapping[Path, str]) -> None:
+    """Writes files in UTF-8 that take their places once all of them are written."""
+    parts = {file: file.with_name(f".{file.name}.part") for file in texts}
+    try:
+        for file, text in texts.items():
+            parts[file].write_bytes(text.encode())
+        for file, part in parts.items():
+            os.replace(part, file)
+    except OSError as problem:
+        for part in parts.values():
+            part.unlink(missing_ok=True)
+        raise WriteError(f"{file}: cannot be written: {problem}", path=file) from None

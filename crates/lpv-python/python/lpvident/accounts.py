@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._ask import verdict_html
+from ._write import write_texts
+from .errors import WriteError
 
 if TYPE_CHECKING:
     import pandas
@@ -54,7 +57,7 @@ class Inspection:
 
     def _repr_html_(self) -> str:
         first = self.warnings[0] if self.warnings else "nothing is wrong with these data"
-        worth = "" if self.warnings else "good"
+        worth = "unjudged" if self.warnings else "good"
         rows = {
             "bundle": self.data["name"],
             "rate": f"{self.data['sample_rate_hz']:g} Hz",
@@ -122,9 +125,12 @@ class Validation:
 
 
 class Diagnosis:
-    """What a model lacks. ``data`` is the content of diagnosis.json, ``text`` what `lpv diagnose` says, ``html`` its page."""
+    """What a model lacks. ``data`` is the content of diagnosis.json, ``text`` what `lpv diagnose` says, ``html`` its page.
 
-    def __init__(self, native: _lpvident.Diagnosis) -> None:
+    A copy, and one that comes from another process, saves to a folder that has no such files, unless ``overwrite``.
+    """
+
+    def __init__(self, native: _lpvident.Diagnosis | _Kept) -> None:
         self._native = native
         json_text, text = native.account()
         self.data: dict[str, Any] = json.loads(json_text)
@@ -134,6 +140,11 @@ class Diagnosis:
     def verdict(self) -> str:
         """What was found and what is left, in a sentence."""
         return str(self.data["verdict_in_words"])
+
+    @property
+    def worth(self) -> str:
+        """The same in a word: explained, partly-explained, unexplained, nothing-missing, contradictory-data."""
+        return "contradictory-data" if self.data.get("contradictions") else str(self.data["verdict"])
 
     @property
     def effects(self) -> list[dict[str, Any]]:
@@ -174,13 +185,43 @@ class Diagnosis:
         """Writes diagnosis.json, diagnosis.html and model.json, as the program does; all three take their places, or none."""
         self._native.save(os.fspath(folder), overwrite)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (_again, (type(self), self._native.account(), self.html, self.model))
+
     def __repr__(self) -> str:
         return self.text
 
     def _repr_html_(self) -> str:
-        worth = "contradictory-data" if self.data.get("contradictions") else str(self.data["verdict"])
         rows = {f"{e['effect']} at {e['channel']}": _parameters(e) for e in self.effects}
-        return verdict_html(self.verdict, worth, {"base": self.data["base_model"], **rows})
+        return verdict_html(self.verdict, self.worth, {"base": self.data["base_model"], **rows})
+
+
+class _Kept:
+    """What a diagnosis asks its native half for, of a copy: the texts of its files and its model."""
+
+    def __init__(self, account: tuple[str, str], html: str, model: Model) -> None:
+        self._account, self._html, self._model = account, html, model
+
+    def account(self) -> tuple[str, str]:
+        return self._account
+
+    def html(self) -> str:
+        return self._html
+
+    def model(self) -> _lpvident.Model:
+        return self._model._native
+
+    def save(self, folder: str, overwrite: bool) -> None:
+        place = Path(folder)
+        for name in ("diagnosis.json", "diagnosis.html", "model.json"):
+            if not overwrite and (place / name).exists():
+                raise WriteError(f"{place / name} exists: give another folder, or overwrite=True", path=place / name)
+        self._model.save(place / "model.json", overwrite=overwrite)
+        write_texts({place / "diagnosis.json": self._account[0], place / "diagnosis.html": self._html})
+
+
+def _again(kind: type[Diagnosis], account: tuple[str, str], html: str, model: Model) -> Diagnosis:
+    return kind(_Kept(account, html, model))
 
 
 def _parameters(effect: dict[str, Any]) -> str:

@@ -9,6 +9,7 @@ import os
 import shutil
 import tempfile
 import weakref
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Union
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _lpvident
-from ._ask import Progress, columns, listener
+from ._ask import Progress, columns, listener, verdict_html
 from ._settings import Settings, lists
 from ._write import write_bundle
 from .accounts import Diagnosis, Inspection
@@ -65,6 +66,7 @@ class Bundle:
     """
 
     _is_temporary = False
+    _whose: Bundle | None = None
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._native = _lpvident.Bundle(os.fspath(path))
@@ -279,6 +281,15 @@ class Bundle:
 
         return diagnose(self, model, effects=effects, progress=progress)
 
+    def __copy__(self) -> Bundle:
+        again = type(self)(self.path)
+        # A temporary folder stays as long as one of them.
+        again._is_temporary, again._whose = self._is_temporary, self
+        return again
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Bundle:
+        return self.__copy__()
+
     def __reduce__(self) -> tuple[Any, ...]:
         # One of arrays in a temporary folder goes with the object that has it.
         if self._is_temporary:
@@ -286,8 +297,27 @@ class Bundle:
         return (type(self), (str(self.path.absolute()),))
 
     def __repr__(self) -> str:
+        return f"Bundle({str(self.path)!r}): {self._first()}"
+
+    def _first(self) -> str:
         records = f"{len(self)} record" + ("" if len(self) == 1 else "s")
-        return f"Bundle({str(self.path)!r}): {self.name}, {records} at {self.sample_rate:g} Hz"
+        return f"{self.name}, {records} at {self.sample_rate:g} Hz"
+
+    def _repr_html_(self) -> str:
+        kinds = Counter(f"{r['kind']} for {r['use']}" for r in self.description["records"])
+        groups = self.description["channels"].items()
+        return verdict_html(self._first(), "", {
+            "records": ", ".join(f"{count} {kind}" for kind, count in kinds.items()),
+            **{role: ", ".join(_with_units(group)) for role, group in groups},
+            "controller": "known" if self.description.get("controller") else "",
+            "folder": self.path,
+        })
+
+
+def _with_units(group: Mapping[str, list[str]]) -> list[str]:
+    """Columns, each with its unit where it has one."""
+    units = group.get("units") or [""] * len(group["columns"])
+    return [f"{column} ({unit})" if unit else column for column, unit in zip(group["columns"], units)]
 
 
 def _place(which: int | str, names: list[str]) -> int:

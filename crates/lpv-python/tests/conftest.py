@@ -32,6 +32,17 @@ def model(bundle: lpvident.Bundle) -> lpvident.Model:
 
 
 @pytest.fixture(scope="session")
+def hidden(tmp_path_factory: pytest.TempPathFactory) -> lpvident.Bundle:
+    """The machine with a friction that nobody tells."""
+    return lpvident.simulate_machine(tmp_path_factory.mktemp("hidden") / "bundle", SMALL, seed=5, hide="coulomb-friction")
+
+
+@pytest.fixture(scope="session")
+def diagnosis(hidden: lpvident.Bundle) -> lpvident.Diagnosis:
+    return hidden.diagnose()
+
+
+@pytest.fixture(scope="session")
 def program() -> str:
     """The program `lpv`: LPV_PROGRAM, else that of the target folder or the path."""
     target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))

@@ -175,11 +175,8 @@ def test_accounts_show_the_verdict_first(bundle: lpvident.Bundle, model: lpviden
     assert len(inspection.lines()) > 0
 
 
-def test_a_diagnosis_names_the_effect(tmp_path: Path) -> None:
-    from conftest import SMALL
-
-    hidden = lpvident.simulate_machine(tmp_path / "bundle", SMALL, seed=5, hide="coulomb-friction")
-    found = hidden.diagnose()
+def test_a_diagnosis_names_the_effect(hidden: lpvident.Bundle, diagnosis: lpvident.Diagnosis, tmp_path: Path) -> None:
+    found = diagnosis
     assert "coulomb-friction" in [effect["effect"] for effect in found.effects]
     assert found.verdict in found.text
     found.save(tmp_path / "diagnosis")
@@ -192,6 +189,76 @@ def test_a_diagnosis_names_the_effect(tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     frame = found.to_frame()
     assert {"effect", "parameter", "value", "std", "unit"} <= set(frame.columns) and len(frame) >= 1
+
+
+def test_a_diagnosed_model_says_what_its_diagnosis_said(diagnosis: lpvident.Diagnosis, tmp_path: Path) -> None:
+    model = diagnosis.model
+    model.save(tmp_path / "model.json")
+    for found in (model, lpvident.load(tmp_path / "model.json")):
+        assert found.verdict == diagnosis.verdict and found.verdict in repr(found)
+        assert found._repr_html_().index(found.verdict[:9]) < found._repr_html_().index("<table")
+    assert diagnosis.worth in ("explained", "partly-explained")
+
+
+def test_a_state_that_was_known_comes_back(model: lpvident.Model) -> None:
+    draw, along = np.random.default_rng(4), 0.1 + 0.15 * np.sin(np.arange(400) / 30)
+    u, x0 = draw.normal(size=(400, 2)), draw.normal(size=model.states)
+    y = model.simulate(u, along, x0=x0)
+    found = model.first_state(u, y, along)
+    assert found.shape == (model.states,)
+    assert np.abs(model.simulate(u, along, x0=found) - y).max() < 1e-3 * np.abs(y - model.simulate(u, along)).max()
+    for wrong in (y[:-1], y[:, :1], np.full_like(y, np.nan)):
+        with pytest.raises(lpvident.LpvError):
+            model.first_state(u, wrong, along)
+
+
+def test_a_record_begins_where_validate_begins_it(bundle: lpvident.Bundle, model: lpvident.Model) -> None:
+    record = bundle.record("move0")
+    options = {"r": record.r[700:], "p": record.p[700:], "use": "validation"}
+    cut = lpvident.Bundle.from_arrays({"y": record.y[700:], "u": record.u[700:], **options}, sample_rate=bundle.sample_rate)
+    record, (run,) = cut.record(0), model.validate(cut).runs
+    x0 = model.first_state(record.u, record.y, record.p)
+    scale = np.abs(run.open_loop).max(axis=0)
+    assert (np.abs(model.simulate(record.u, record.p, x0=x0) - run.open_loop) / scale).max() < 1e-6
+    # From rest it is another run.
+    assert (np.abs(model.simulate(record.u, record.p) - run.open_loop) / scale).max() > 1e-2
+
+
+def test_a_start_of_a_model_with_offsets_or_without_bounds() -> None:
+    # With a working point: the start is that of what is left of it.
+    draw = np.random.default_rng(1)
+    u = draw.normal(size=3000) + 5.0
+    y = np.zeros(3000)
+    for k in range(1, 3000):
+        y[k] = 0.95 * y[k - 1] + 0.1 * u[k - 1]
+    y += 7.0 + 1e-4 * draw.normal(size=3000)
+    bundle = lpvident.Bundle.from_arrays([{"y": y, "u": u}, {"y": y, "u": u, "use": "validation"}], sample_rate=100.0)
+    model = bundle.identify(order=1)
+    x0 = model.first_state(u[1000:], y[1000:])
+    assert np.abs(model.simulate(u[1000:], x0=x0)[:, 0] - y[1000:]).max() < 0.05
+    lines = np.linspace(0.5, 40.0, 200)
+    grows = lpvident.fit_frf(lines, 0.1 / (np.exp(2j * np.pi * lines / 100.0) - 1e9), sample_rate=100.0, order=1, integrators=0)
+    assert grows.first_state(np.ones(60), np.ones(60)).tolist() == [0.0]
+
+
+def test_a_system_of_python_control_has_the_names_of_its_machine(bundle: lpvident.Bundle, model: lpvident.Model) -> None:
+    pytest.importorskip("control")
+    channels = bundle.description["channels"]
+    for system in (model.frozen(0.1), model.sampled(0.1)):
+        assert system.output_labels == channels["output"]["columns"] and system.input_labels == channels["input"]["columns"]
+        assert system.name == bundle.name.replace(".", "_")
+
+
+def test_names_that_python_control_refuses_are_changed() -> None:
+    control = pytest.importorskip("control")
+    pandas = pytest.importorskip("pandas")
+    draw = np.random.default_rng(0)
+    u = draw.normal(size=1500)
+    frame = pandas.DataFrame({"drive.force": u, "axis.x": np.convolve(u, 0.8 ** np.arange(40))[:1500] + 0.01 * draw.normal(size=1500)})
+    bundle = lpvident.Bundle.from_frames(frame, outputs=["axis.x"], inputs=["drive.force"], sample_rate=100.0, name="axis 1.5 kg")
+    system = bundle.identify(order=1).frozen()
+    assert isinstance(system, control.StateSpace)
+    assert (system.input_labels, system.output_labels, system.name) == (["drive_force"], ["axis_x"], "axis 1_5 kg")
 
 
 def test_bode_plot(model: lpvident.Model) -> None:

@@ -40,8 +40,9 @@ from .errors import (
     SettingError,
     WriteError,
 )
-from .model import FrozenDeviation, Model, StateSpace
+from .model import Model
 from .responses import Frf, Responses
+from .systems import FrozenDeviation, StateSpace
 
 load = Model.load
 

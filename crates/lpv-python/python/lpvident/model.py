@@ -6,7 +6,7 @@ import json
 import os
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,37 +15,10 @@ from . import _lpvident
 from ._ask import Progress, columns, numbers, position, verdict_html
 from .accounts import Validation
 from .errors import ModelError, SettingError
+from .systems import FrozenDeviation, StateSpace, system
 
 if TYPE_CHECKING:
     from .bundle import Bundle
-
-
-class StateSpace(NamedTuple):
-    """``x+ = A x + B u``, ``y = C x + D u``; ``dt`` is the sample time in s, 0 in continuous time. The form without python-control."""
-
-    A: NDArray[np.float64]
-    B: NDArray[np.float64]
-    C: NDArray[np.float64]
-    D: NDArray[np.float64]
-    dt: float
-
-
-class FrozenDeviation(NamedTuple):
-    """Standard deviation of the frozen response, from the covariance of the fit.
-
-    ``positions`` (n_p,) and ``frequencies`` (n_f,) in Hz; ``in_phase`` and ``quadrature``, both (n_p, n_f, n_y, n_u), are the
-    deviations of the error along the response and across it, in its unit. The deviation of an entry is the root of both squared.
-    """
-
-    positions: NDArray[np.float64]
-    frequencies: NDArray[np.float64]
-    in_phase: NDArray[np.float64]
-    quadrature: NDArray[np.float64]
-
-    @property
-    def total(self) -> NDArray[np.float64]:
-        """Root of E|dF|^2, shape (n_p, n_f, n_y, n_u)."""
-        return np.hypot(self.in_phase, self.quadrature)
 
 
 class Model:
@@ -76,7 +49,7 @@ class Model:
             return cls.load(file)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (Model.from_json, (self.to_json(),))
+        return (type(self).from_json, (self.to_json(),))
 
     # What it is.
 
@@ -125,12 +98,20 @@ class Model:
 
     @property
     def verdict(self) -> str:
-        """What the model is worth, in a sentence; empty where nobody judged it."""
-        return str((self.summary.get("verdict") or {}).get("sentence", ""))
+        """What the model is worth, in a sentence: of a diagnosed model that of its diagnosis; empty where nobody judged it."""
+        judged = self.summary.get("verdict")
+        if judged:
+            return str(judged["sentence"])
+        # The file of a diagnosed model has the sentence first among its reasons, and no word for it.
+        diagnosed = (self.identification or {}).get("written_by") == "lpv diagnose"
+        return self.reasons[0] if diagnosed and self.reasons else ""
 
     @property
     def worth(self) -> str:
-        """The judgement in a word: good, good-up-to, good-at-rest, approximate, unjudged, contradictory-data, not-a-model."""
+        """The judgement in a word: good, good-up-to, good-at-rest, approximate, unjudged, contradictory-data, not-a-model.
+
+        Empty where nobody judged the model, and of a diagnosed one, whose word is `Diagnosis.worth`.
+        """
         return str((self.summary.get("verdict") or {}).get("worth", ""))
 
     @property
@@ -153,13 +134,15 @@ class Model:
     def frozen(self, p: ArrayLike | None = None) -> Any:
         """The system at a constant p, in the time in which the model is written.
 
-        Returns a ``control.StateSpace`` where python-control is installed, else a `StateSpace` with the same A, B, C, D and dt.
+        Returns a ``control.StateSpace`` where python-control is installed, else a `StateSpace` with the same A, B, C, D and dt. That of
+        control has the names of the channels as inputs and outputs and that of the bundle as its name, with ``_`` in place of ``.``, which
+        control refuses.
         """
-        return _system(*self._native.frozen(position(p)))
+        return system(*self._native.frozen(position(p)), self.identification)
 
     def sampled(self, p: ArrayLike | None = None, sample_time: float | None = None) -> Any:
         """The same in discrete time, the input held over a sample; ``sample_time`` in s is that of the records unless given."""
-        return _system(*self._native.sampled(position(p), sample_time))
+        return system(*self._native.sampled(position(p), sample_time), self.identification)
 
     def matrices(self, p: ArrayLike | None = None) -> StateSpace:
         """A, B, C, D at a constant p as arrays, with or without python-control."""
@@ -190,7 +173,7 @@ class Model:
             sampled: as records show it, the input held over a sample; False for the response of `frozen`.
             sample_time: in s; that of the records unless given.
         """
-        lines = np.ascontiguousarray(np.atleast_1d(np.asarray(frequencies, dtype=np.float64)))
+        lines = np.array(numbers(frequencies, "frequencies"))
         return self._native.frequency_response(position(p), lines, sampled, sample_time)
 
     @property
@@ -215,7 +198,8 @@ class Model:
         Args:
             u: N x n_u, held between samples; a vector for one input.
             p: N x n_p, the scheduling at the samples, or one constant value; a model in continuous time follows it also between them.
-            x0: state at the first sample, shape (n,); zero unless given.
+            x0: state at the first sample, shape (n,); zero unless given. `first_state` finds that of a record.
+            sample_time: in s, of a model in continuous time; that of the records unless given.
             linear: the linear part of a diagnosed model, without its effects, which `validate` simulates.
 
         Raises:
@@ -243,13 +227,12 @@ class Model:
 
         Args:
             u, y: N x n_u and N x n_y.
+            p, x0, sample_time: as in `simulate`.
             noise: standard deviation of the noise of a sample, by output; without it a thousandth of the motion.
             linear: as in `simulate`.
         """
         self._refuse_effects(linear)
-        inputs, outputs = columns(u, "u"), columns(y, "y")
-        if len(outputs) != len(inputs):
-            raise ModelError(f"u has {len(inputs)} samples and y {len(outputs)}")
+        inputs, outputs = _record(u, y)
         known = None if noise is None else numbers(noise, "noise")
         if known is not None and len(known) != self.outputs:
             raise ModelError(f"noise has {len(known)} numbers, the model {self.outputs} outputs")
@@ -257,6 +240,49 @@ class Model:
             raise ModelError(f"noise = {min(known):g}: a standard deviation is above zero")
         along = self._along(p, len(inputs))
         return self._native.predict((inputs, outputs, along), self._state(x0), known, sample_time)
+
+    def first_state(
+        self,
+        u: ArrayLike,
+        y: ArrayLike,
+        p: ArrayLike | None = None,
+        *,
+        sample_time: float | None = None,
+        linear: bool = False,
+    ) -> NDArray[np.float64]:
+        """The state in which a record begins, shape (n,), as `validate` finds it where a record does not begin at rest.
+
+        Outputs are linear in it, ``y = y_0(u, p) + O(p) x0``: y_0 from rest, column i of O the free response from the unit state i. The
+        least squares solution of least size over the first max(50, 5 n) samples; singular values of O below 1e-4 of the largest count as
+        zero. All of it is zero where the model leaves the range of numbers within these samples.
+
+        Args:
+            u, y: N x n_u and N x n_y, from the first sample on.
+            p, sample_time, linear: as in `simulate`.
+
+        Raises:
+            ModelError: as in `simulate`.
+        """
+        self._refuse_effects(linear)
+        inputs, outputs = _record(u, y)
+        if outputs.shape[1] != self.outputs:
+            raise ModelError(f"y has {outputs.shape[1]} channels, the model {self.outputs} outputs")
+        if not np.isfinite(outputs).all():
+            raise ModelError("y has a number that is not finite")
+        along, n = self._along(p, len(inputs)), self.states
+        some = slice(0, max(50, 5 * n))
+        inputs, outputs, along = inputs[some], outputs[some], None if along is None else along[some]
+
+        def run(u: NDArray[np.float64], x0: list[float] | None) -> NDArray[np.float64]:
+            return self._native.simulate(u, along, x0, sample_time).ravel()
+
+        # Free of offsets, which the model may have.
+        still = np.zeros_like(inputs)
+        free = [run(still, unit) - run(still, None) for unit in np.eye(n).tolist()]
+        observed, left = np.array(free).reshape(n, outputs.size).T, outputs.ravel() - run(inputs, None)
+        if n == 0 or not (np.isfinite(observed).all() and np.isfinite(left).all()):
+            return np.zeros(n)
+        return np.asarray(np.linalg.lstsq(observed, left, rcond=1e-4)[0])
 
     def validate(self, bundle: Bundle, *, all: bool = False, progress: Progress = None) -> Validation:
         """Compares it with a bundle: `lpvident.validate`."""
@@ -350,11 +376,10 @@ class Model:
         return verdict_html(self.verdict or self._native.describe(), self.worth, rows)
 
 
-def _system(matrices: _lpvident.Matrices, dt: float) -> Any:
-    a, b, c, d = matrices
-    try:
-        import control
-    except ImportError:
-        return StateSpace(a, b, c, d, dt)
-    # States that nothing moves or sees stay: the matrices are those of the model.
-    return control.StateSpace(a, b, c, d, dt, remove_useless_states=False)
+
+def _record(u: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Inputs and outputs of as many samples."""
+    inputs, outputs = columns(u, "u"), columns(y, "y")
+    if len(outputs) != len(inputs):
+        raise ModelError(f"u has {len(inputs)} samples and y {len(outputs)}")
+    return inputs, outputs

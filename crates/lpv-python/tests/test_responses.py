@@ -135,3 +135,85 @@ def test_xarray(bundle: lpvident.Bundle) -> None:
     dataset = found.to_xarray()
     assert dataset.response.sizes == {"place": 5, "frequency": 153, "output": 2, "input": 2}
     assert np.array_equal(dataset.position, found.positions[:, 0])
+    again = lpvident.Responses.from_xarray(dataset.transpose("input", "output", "place", "frequency"))
+    assert again.sample_rate == found.sample_rate and np.array_equal(again.positions, found.positions)
+    assert np.array_equal(again.response, found.response) and np.array_equal(again.frequencies, found.frequencies)
+    # Variances of entries are written, and make a product of outputs and inputs again.
+    assert np.allclose(again.deviation, found.deviation, rtol=1e-12)
+
+
+def test_fits_of_xarrays() -> None:
+    xarray = pytest.importorskip("xarray")
+    rate, lines = 200.0, np.linspace(0.5, 95.0, 190)
+    f = response(two_modes(0.0, rate)[0], lines, rate)
+    given = {"integrators": 0, "order": 4}
+    known = lpvident.fit_frf(lines, f, sample_rate=rate, deviation=1e-3, **given).to_json()
+    place = lpvident.Responses([lpvident.Frf.from_arrays(lines, f, deviation=1e-3)], rate)
+    dataset = place.to_xarray()
+    # Axes in any order; a place and a channel that are selected; an array of its own.
+    for layout in (dataset, dataset.transpose("output", "frequency", "input", "place"), dataset.isel(place=0)):
+        assert lpvident.fit_frf(layout, **given).to_json() == known
+    one = lpvident.fit_frf(dataset.isel(place=0, output=1, input=0), **given)
+    assert one.to_json() == lpvident.fit_frf(lines, f[:, 1, 0], sample_rate=rate, deviation=1e-3, **given).to_json()
+    plain = lpvident.fit_frf(lines, f, sample_rate=rate, **given).to_json()
+    assert lpvident.fit_frf(dataset.response, sample_rate=rate, **given).to_json() == plain
+    angular = dataset.assign_coords(frequency=("frequency", lines, {"units": "rad/s"}))
+    for wrong, message in [
+        (angular, "frequencies in rad/s"),
+        (dataset.rename(frequency="f"), "over frequency|over place, f"),
+        (dataset.drop_vars("frequency"), "response over"),
+        (dataset.drop_vars("response"), "over nothing"),
+        (dataset.drop_attrs() if hasattr(dataset, "drop_attrs") else xarray.Dataset(dataset, attrs={}), "give sample_rate"),
+    ]:
+        with pytest.raises(lpvident.ModelError, match=message):
+            lpvident.fit_frf(wrong, **given)
+
+
+def test_fits_of_responses_of_python_control() -> None:
+    control = pytest.importorskip("control")
+    rate, lines = 200.0, np.linspace(0.5, 95.0, 190)
+    # Other numbers of outputs and inputs, so that no axis stands for another one.
+    f = response(two_modes(0.0, rate)[0], lines, rate)[:, :, :1]
+    given = {"integrators": 0, "order": 4}
+    omega, data = 2 * np.pi * lines, np.moveaxis(f, 0, -1)
+    for frd, more in (
+        (control.FRD(data, omega, dt=1 / rate), {}),
+        (control.FRD(data, omega, dt=1 / rate), {"sample_rate": rate, "deviation": 1e-3}),
+        (control.FRD(data, omega), {"sample_rate": rate}),
+        (control.FRD(data, omega, dt=True), {"sample_rate": rate}),
+    ):
+        model = lpvident.fit_frf(frd, **given, **more)
+        assert (model.outputs, model.inputs, model.sample_time) == (2, 1, 1 / rate)
+        assert np.abs(model.frequency_response(None, lines) - f).max() < 1e-6 * np.abs(f).max()
+    positions = np.linspace(0.0, 1.0, 6)
+    several = [control.FRD(np.moveaxis(response(two_modes(p, rate)[0], lines, rate), 0, -1), omega, dt=1 / rate) for p in positions]
+    model = lpvident.fit_frf(several, positions=positions, lfr="exact", integrators=0)
+    assert model.range.tolist() == [[0.0, 1.0]]
+    for call, message in [
+        (lambda: lpvident.fit_frf(control.FRD(data, omega)), "give sample_rate"),
+        (lambda: lpvident.fit_frf(control.FRD(data, omega, dt=True)), "give sample_rate"),
+        (lambda: lpvident.fit_frf(control.FRD(data, omega, dt=0.01), sample_rate=rate), "0.01 s, 100 Hz, not of 200 Hz"),
+        (lambda: lpvident.fit_frf([several[0], control.FRD(data, omega, dt=0.01)], positions=[0, 1]), "0.01 s"),
+        (lambda: lpvident.fit_frf(several, positions=[0.0]), "6 responses and 1 positions"),
+        (lambda: lpvident.fit_frf(control.FRD(data, omega, dt=0.01)), "twice the highest"),
+    ]:
+        with pytest.raises(lpvident.ModelError, match=message):
+            call()
+
+
+def test_what_is_no_response_is_refused_in_the_tree_of_errors() -> None:
+    frf = lpvident.Frf.from_arrays([1.0, 2.0], [1.0, 2.0])
+    for call in (
+        lambda: lpvident.fit_frf(3.0, sample_rate=50.0),
+        lambda: lpvident.fit_frf([1.0, 2.0], sample_rate=50.0),
+        lambda: lpvident.fit_frf(["a"], ["b"], sample_rate=50.0),
+        lambda: lpvident.fit_frf([1.0], ["b"], sample_rate=50.0),
+        lambda: lpvident.fit_frf([1.0], [1.0], sample_rate="fast"),
+        lambda: lpvident.fit_frf([1.0], [1.0], sample_rate=50.0, deviation="small"),
+        lambda: lpvident.fit_frf([1.0], [[1.0]], sample_rate=50.0, positions="here"),
+        lambda: lpvident.fit_frf(frf),
+        # That of the array is not for responses that have their own.
+        lambda: lpvident.fit_frf(frf, sample_rate=50.0, deviation=1.0),
+    ):
+        with pytest.raises(lpvident.ModelError):
+            call()

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _lpvident
-from ._ask import Progress, as_json, as_settings, listener, with_dashes
+from ._ask import Progress, as_json, as_settings, listener, numbers, with_dashes
 from ._settings import MachineSettings, Settings, lists
 from .accounts import Diagnosis, Inspection, Validation
 from .bundle import Bundle
@@ -20,6 +20,8 @@ from .model import Model
 from .responses import Frf, Responses
 
 if TYPE_CHECKING:
+    import control
+    import xarray
     from typing_extensions import Unpack
 
 #: A bundle, or its folder.
@@ -84,7 +86,7 @@ def identify(
 
 @lists(Settings)
 def fit_frf(
-    frequencies: ArrayLike | Responses | Frf | Sequence[Frf],
+    frequencies: ArrayLike | Responses | Frf | Sequence[Frf] | xarray.Dataset | xarray.DataArray | control.FrequencyResponseData,
     response: ArrayLike | Sequence[ArrayLike] | None = None,
     *,
     sample_rate: float | None = None,
@@ -97,13 +99,20 @@ def fit_frf(
     """A state space, or with several positions an LFR, from frequency responses.
 
     Args:
-        frequencies: increasing, Hz, shape (n_f,); or `Responses`, or one or several `Frf`, and no ``response``.
+        frequencies: increasing, Hz, shape (n_f,). Or, without ``response``: `Responses`, one or several `Frf`, an xarray in the layout of
+            `Responses.to_xarray`, or a ``control.FrequencyResponseData`` or several with ``positions``.
         response: complex, shape (n_f,), (n_f, n_y, n_u), or with ``positions`` (n_p, n_f, n_y, n_u).
-        sample_rate: of the discrete model, Hz, above twice the highest frequency: that at which the input was held.
+        sample_rate: of the discrete model, Hz, above twice the highest frequency: that at which the input was held. Known of `Responses`,
+            of an xarray with that attribute, and of a response of python-control in discrete time, of which another one is refused.
         positions: constant scheduling values of the responses, increasing, shape (n_p,).
-        deviation: standard deviation of the error of an entry: a number, (n_f,), (n_f, n_y) or (n_f, n_y, n_u). Without it 0.1 % of the row of the
-            output, the accuracy to which the response is described.
+        deviation: standard deviation of the error of an entry: a number, (n_f,), (n_f, n_y) or (n_f, n_y, n_u). Without it 0.1 % of the
+            row of the output, the accuracy to which the response is described.
+        config, progress: as in `identify`.
         settings: order, integrators, functions, ...: those of `identify` that concern responses.
+
+    Raises:
+        ModelError: for responses, shapes and rates that do not fit.
+        SettingError, IdentifyError, KeyboardInterrupt: as in `identify`.
     """
     places, rate = _places(frequencies, response, positions, deviation, sample_rate)
     highest = max((p.frequencies[-1] for p in places if len(p.frequencies)), default=0.0)
@@ -118,21 +127,46 @@ def fit_frf(
 def _places(
     frequencies: Any, response: Any, positions: Any, deviation: Any, sample_rate: float | None
 ) -> tuple[list[Frf], float]:
-    if isinstance(frequencies, Responses):
-        return frequencies.places, float(frequencies.sample_rate if sample_rate is None else sample_rate)
-    if sample_rate is None:
-        raise ModelError("give sample_rate in Hz, that at which the input is held")
-    if isinstance(frequencies, Frf):
-        return [frequencies], float(sample_rate)
-    if response is None:
-        return list(frequencies), float(sample_rate)
-    if positions is None:
-        return [Frf.from_arrays(frequencies, response, deviation=deviation)], float(sample_rate)
-    values, at = list(response), np.atleast_1d(np.asarray(positions, dtype=np.float64))
+    """Responses with their sample rate, of all that `fit_frf` takes."""
+    rate = None if sample_rate is None else numbers(sample_rate, "sample_rate")[0]
+    given = Responses.from_xarray(frequencies, sample_rate=rate) if hasattr(frequencies, "coords") else frequencies
+    if isinstance(given, Responses):
+        rate, given = given.sample_rate if rate is None else rate, given.places
+    if response is not None:
+        values = [response] if positions is None else list(response)
+        make = functools.partial(Frf.from_arrays, frequencies, deviation=deviation)
+    else:
+        values = list(given) if isinstance(given, Iterable) and not hasattr(given, "omega") else [given]
+        if all(isinstance(value, Frf) for value in values):
+            if positions is not None or deviation is not None:
+                raise ModelError("positions and deviation go with arrays: these responses have their own")
+            return values, _known(rate)
+        if not all(hasattr(value, "omega") for value in values):
+            raise ModelError("give frequencies with a response, or Responses, Frf, control.FrequencyResponseData or xarray alone")
+        for value in values:
+            rate = _rate_of(value, rate)
+        make = functools.partial(Frf.from_control, deviation=deviation)
+    at = [None] * len(values) if positions is None else numbers(positions, "positions")
     if len(values) != len(at):
         raise ModelError(f"{len(values)} responses and {len(at)} positions")
-    pairs = zip(values, at)
-    return [Frf.from_arrays(frequencies, r, deviation=deviation, position=p) for r, p in pairs], float(sample_rate)
+    return [make(value, position=p) for value, p in zip(values, at)], _known(rate)
+
+
+def _known(rate: float | None) -> float:
+    if rate is None:
+        raise ModelError("give sample_rate in Hz, that at which the input is held")
+    return rate
+
+
+def _rate_of(frd: Any, rate: float | None) -> float | None:
+    """The sample rate of a response of python-control, which is that of the others."""
+    step = getattr(frd, "dt", None)
+    # True stands for a sample time that nobody knows, 0 for continuous time.
+    if step is None or step is True or step == 0:
+        return rate
+    if rate is not None and abs(rate * step - 1.0) > 1e-9:
+        raise ModelError(f"the response is of a sample time of {step:g} s, {1.0 / step:g} Hz, not of {rate:g} Hz")
+    return 1.0 / float(step)
 
 
 def validate(
@@ -155,8 +189,8 @@ def diagnose(
     """Finds the effects that a model lacks on the moves of a bundle, fits them and judges them on held-out moves.
 
     Args:
-        model: the model that effects are added to, or its file; without it one from the bundle: an xy-table where there is its [geometry], a
-            small LFR where p is scheduled, else a servo axis.
+        model: the model that effects are added to, or its file; without it one from the bundle: an xy-table where there is its
+            [geometry], a small LFR where p is scheduled, else a servo axis.
         effects: effects of your own beside those of the catalogue, or the TOML file of some.
 
     Raises:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._ask import Progress
+from ._ask import Progress, numbers, verdict_html
 from ._settings import Settings, lists
 from .errors import ModelError
 
@@ -59,7 +59,7 @@ class Frf:
         response: ArrayLike,
         *,
         deviation: ArrayLike | None = None,
-        position: float | Iterable[float] | None = None,
+        position: float | Sequence[float] | None = None,
     ) -> Frf:
         """A response that was measured elsewhere.
 
@@ -70,21 +70,24 @@ class Frf:
                 row of the output: the accuracy to which a model is to describe the response. Of each line, the variances of the
                 entries are taken for a product of one by output and one by input, as those of measured responses are.
         """
-        lines = np.ascontiguousarray(np.atleast_1d(np.asarray(frequencies, dtype=np.float64)))
-        values = np.asarray(response, dtype=np.complex128)
+        lines = np.array(numbers(frequencies, "frequencies"))
+        try:
+            values = np.asarray(response, dtype=np.complex128)
+            known = None if deviation is None else np.asarray(deviation, dtype=np.float64)
+        except (TypeError, ValueError) as problem:
+            raise ModelError(f"a response or its deviation is no array of numbers: {problem}") from None
         if values.ndim == 1:
             values = values[:, None, None]
-        if values.ndim != 3 or lines.ndim != 1 or len(values) != len(lines) or 0 in values.shape:
+        if values.ndim != 3 or len(values) != len(lines) or 0 in values.shape:
             raise ModelError(
                 f"a response of shape {values.shape} at {lines.size} frequencies: give n_f x outputs x inputs, or a vector for one channel"
             )
         n_f, n_y, n_u = values.shape
         by_input = np.ones((n_f, n_u))
-        if deviation is None:
+        if known is None:
             rows = np.linalg.norm(values, axis=2)
             known = RELATIVE_ERROR * np.maximum(rows, 1e-9 * rows.max(initial=np.finfo(float).tiny)) / np.sqrt(n_u)
         else:
-            known = np.asarray(deviation, dtype=np.float64)
             shapes = ((), (n_f,), (n_f, n_y), (n_f, n_y, n_u))
             if known.shape not in shapes or not (np.isfinite(known) & (known >= 0.0)).all():
                 raise ModelError(
@@ -99,8 +102,20 @@ class Frf:
         covariance[:, range(n_y), range(n_y)] = known**2
         factor = np.zeros((n_f, n_u, n_u), dtype=np.complex128)
         factor[:, range(n_u), range(n_u)] = by_input
-        place = None if position is None else np.atleast_1d(np.asarray(position, dtype=np.float64)).tolist()
+        place = None if position is None else numbers(position, "position")
         return cls(lines, np.ascontiguousarray(values), covariance, factor, float("inf"), place)
+
+    @classmethod
+    def from_control(cls, frd: Any, *, deviation: ArrayLike | None = None, position: float | Sequence[float] | None = None) -> Frf:
+        """A ``control.FrequencyResponseData``, whose frequencies are in rad/s and whose data are outputs x inputs x lines.
+
+        Args:
+            deviation, position: as in `from_arrays`.
+        """
+        # Its name of python-control before 0.10.1.
+        values = frd.frdata if hasattr(frd, "frdata") else frd.fresp
+        lines = np.asarray(frd.omega, dtype=np.float64) / (2.0 * np.pi)
+        return cls.from_arrays(lines, np.moveaxis(np.asarray(values), -1, 0), deviation=deviation, position=position)
 
     def _native(self) -> tuple[Any, ...]:
         return (
@@ -116,6 +131,18 @@ class Frf:
         n_f, n_y, n_u = self.response.shape
         where = "" if self.position is None else f" at p = {', '.join(f'{p:g}' for p in self.position)}"
         return f"Frf({n_f} lines, {n_y} outputs, {n_u} inputs{where})"
+
+    def _facts(self) -> dict[str, str]:
+        """What is said of it first."""
+        n_f, n_y, n_u = self.response.shape
+        lines = f"{n_f}, {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz" if n_f else "none"
+        size, deviation = np.linalg.norm(self.response), np.linalg.norm(self.deviation)
+        off = f"{100.0 * deviation / size:.2g} % of the response" if size > 0.0 else ""
+        return {"lines": lines, "outputs x inputs": f"{n_y} x {n_u}", "deviation": off}
+
+    def _repr_html_(self) -> str:
+        where = "" if self.position is None else f" at p = {', '.join(f'{p:g}' for p in self.position)}"
+        return verdict_html(f"Frequency response{where}", "", self._facts())
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,18 +196,58 @@ class Responses:
         return np.stack([p.deviation for p in self.places])
 
     def to_xarray(self) -> xarray.Dataset:
-        """``response`` and ``deviation`` over place, frequency (Hz), output and input; needs xarray."""
+        """``response`` and ``deviation`` over place, frequency (Hz), output and input, the attribute ``sample_rate`` (Hz) and, where there
+        are positions, the coordinate ``position``; needs xarray."""
         import xarray
 
         dims = ("place", "frequency", "output", "input")
         dataset = xarray.Dataset(
             {"response": (dims, self.response), "deviation": (dims, self.deviation)},
             coords={"frequency": ("frequency", self.frequencies, {"units": "Hz"})},
+            attrs={"sample_rate": self.sample_rate},
         )
         p = self.positions
         if p.shape[1] == 1:
             return dataset.assign_coords(position=("place", p[:, 0]))
         return dataset.assign_coords(position=(("place", "signal"), p)) if p.shape[1] else dataset
+
+    @classmethod
+    def from_xarray(cls, data: xarray.Dataset | xarray.DataArray, *, sample_rate: float | None = None) -> Responses:
+        """Responses in the layout of `to_xarray`, or its ``response`` alone; of covariances the deviations are there.
+
+        Args:
+            data: ``response`` over ``frequency`` in Hz and, in any order, ``place``, ``output`` and ``input``; a dimension that is missing
+                has one entry. ``deviation``, ``position`` and the attribute ``sample_rate`` where they are known.
+            sample_rate: Hz; the attribute unless given.
+
+        Raises:
+            ModelError: for another layout or unit, and where nothing tells a sample rate.
+        """
+        dataset: Any = data if hasattr(data, "data_vars") else data.to_dataset(name="response", promote_attrs=True)
+        dims = ("place", "frequency", "output", "input")
+        found = tuple(dataset["response"].dims) if "response" in dataset else ()
+        if "frequency" not in found or "frequency" not in dataset.coords or set(found) - set(dims):
+            told = ", ".join(map(str, found)) or "nothing"
+            raise ModelError(f"a response over {told}: give `response` over {', '.join(dims)}, as to_xarray does")
+        unit = dataset["frequency"].attrs.get("units", "Hz")
+        if str(unit).lower() not in ("hz", "hertz"):
+            raise ModelError(f"frequencies in {unit}: give them in Hz")
+        rate = dataset.attrs.get("sample_rate") if sample_rate is None else sample_rate
+        if rate is None:
+            raise ModelError("give sample_rate in Hz, that at which the input is held")
+
+        def part(name: str) -> NDArray[Any]:
+            whole = dataset[name].broadcast_like(dataset["response"])
+            return np.asarray(whole.expand_dims([d for d in dims if d not in found]).transpose(*dims))
+
+        values = part("response")
+        deviations = part("deviation") if "deviation" in dataset else [None] * len(values)
+        at: Any = [None] * len(values)
+        if "position" in dataset.coords:
+            at = np.asarray(dataset["position"].transpose("place", ..., missing_dims="ignore")).reshape(len(values), -1)
+        lines = dataset["frequency"].to_numpy()
+        places = [Frf.from_arrays(lines, r, deviation=d, position=p) for r, d, p in zip(values, deviations, at)]
+        return cls(places, numbers(rate, "sample_rate")[0])
 
     @lists(Settings)
     def fit(
@@ -198,3 +265,12 @@ class Responses:
 
     def __repr__(self) -> str:
         return f"Responses({len(self)} places, first {self.places[0]!r})" if self.places else "Responses(none)"
+
+    def _repr_html_(self) -> str:
+        if not self.places:
+            return verdict_html("No frequency responses", "", {})
+        at = [", ".join(f"{p:g}" for p in place.position) for place in self.places if place.position]
+        rows = {"positions": "; ".join(at), **self.places[0]._facts(), "sample rate": f"{self.sample_rate:g} Hz"}
+        one = len(self) == 1
+        first = "Frequency response at one place" if one else f"Frequency responses at {len(self)} places; of the first of them:"
+        return verdict_html(first, "", {**rows, "made": "; ".join(self.reasons)})

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import lpvident
 
 #: Longest import beside that of numpy and the interpreter, s.
@@ -36,6 +38,22 @@ def test_every_name_has_a_page_and_a_type() -> None:
             assert all(pages), name
         elif callable(found):
             assert found.__doc__, name
+
+
+def test_types_are_checked_and_refuse_a_setting_that_does_not_exist(tmp_path: Path) -> None:
+    api = pytest.importorskip("mypy.api")
+    settings = Path(__file__).parents[1] / "pyproject.toml"
+    user = tmp_path / "user.py"
+    user.write_text(
+        "import lpvident\n"
+        "lpvident.identify('folder', order=4, lfr='exact', interpolation='spline')\n"
+        "lpvident.identify('folder', ordr=4)\n"
+        "lpvident.Bundle('folder').identify(lfr='large')\n"
+        "lpvident.simulate_machine('folder', sed=1)\n"
+    )
+    said, trouble, _ = api.run(["--config-file", str(settings), "--cache-dir", str(tmp_path / "cache"), str(FOLDER), str(user)])
+    wrong = [line.partition(" error: ")[0].rpartition("/")[2] for line in said.splitlines() if " error: " in line]
+    assert trouble == "" and wrong == ["user.py:3:", "user.py:4:", "user.py:5:"], said
 
 
 def test_the_stub_names_what_the_native_half_has() -> None:

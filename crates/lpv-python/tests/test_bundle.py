@@ -168,13 +168,18 @@ def test_wrong_settings_are_refused_before_anything_is_written(tmp_path: Path) -
         (lambda: lpvident.Bundle.from_arrays(signals(1), sample_rate=10, folder=folder, units={"y3": "m"}), "no column `y3`; there are y1"),
         (lambda: lpvident.Bundle.from_arrays(signals(1), sample_rate=10, folder=folder, units={"y1": 1}), "no text: 1"),
         (lambda: lpvident.Bundle.from_arrays(signals(1), sample_rate=-10, folder=folder), "samples a second"),
+        (lambda: lpvident.Bundle.from_arrays(signals(1), sample_rate="fast", folder=folder), "is no number"),
         (lambda: lpvident.Bundle.from_arrays(signals(1), sample_rate=math.nan, folder=folder), "samples a second"),
-        (lambda: lpvident.Bundle.from_arrays([signals(1), {**signals(2), "period": "5"}], sample_rate=10, folder=folder), "record 1: period"),
+        (lambda: lpvident.Bundle.from_arrays([{**signals(2), "period": "5"}], sample_rate=10, folder=folder), "record 0: period"),
         (lambda: lpvident.Bundle.from_frames(frame, outputs=["x"], inputs="x", folder=folder), "`x` is given twice"),
     ]:
         with pytest.raises(lpvident.BundleError, match=message):
             call()
         assert not folder.exists()
+    for periods in (-1, 1.5, "two", True):
+        with pytest.raises(lpvident.SettingError, match="skip_periods") as wrong:
+            lpvident.Bundle.from_arrays(signals(1), sample_rate=10).frf(skip_periods=periods)
+        assert wrong.value.name == "skip_periods"
     with pytest.raises(lpvident.SettingError, match="progress = 'yes'"):
         lpvident.Bundle.from_arrays(signals(1), sample_rate=10).inspect(progress="yes")  # type: ignore[arg-type]
 

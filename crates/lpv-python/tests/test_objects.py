@@ -84,7 +84,8 @@ def test_errors_come_back_as_they_are(way: str) -> None:
 def test_rows_come_back_as_they_are(way: str, model: lpvident.Model) -> None:
     from lpvident import distributed
 
-    rows = distributed.Rows([distributed.Row("a", seed=1, position=[0.1], model=model), distributed.Row("b", error=lpvident.BundleError("no"))])
+    refused = distributed.Row("b", error=lpvident.BundleError("no"))
+    rows = distributed.Rows([distributed.Row("a", seed=1, position=[0.1], model=model), refused])
     stopped = distributed.Interrupted("1 of 2")
     stopped.rows, stopped.outcomes = rows, {0: distributed.Outcome(1.0, None, 0.5)}
     for found in (rows, stopped, stopped.outcomes[0]):
@@ -150,7 +151,7 @@ def test_what_a_notebook_shows_begins_with_the_first_fact(objects: dict[str, Any
 
 
 def test_names_are_no_markup() -> None:
-    name, signal = "<script src='http://x'>&", np.sin(np.arange(100.0))
+    name, signal = "<script src='x.js'>&", np.sin(np.arange(100.0))
     bundle = lpvident.Bundle.from_arrays({"y": signal, "u": signal}, sample_rate=10, name=name, units={"y1": "<b>m</b>"})
     page = Page(bundle._repr_html_())
     assert page.texts[0].startswith(name) and "y1 (<b>m</b>)" in page.texts and "script" not in page.tags and "b" not in page.tags

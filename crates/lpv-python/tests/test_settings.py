@@ -52,6 +52,12 @@ def test_the_typed_tables_of_a_machine_are_those_of_its_file() -> None:
     assert {*MachineSettings.__annotations__, "machine"} == {k.replace("-", "_") for k in tomllib.loads(lpvident.machine_template())}
 
 
+def test_a_setting_that_is_no_number_is_named() -> None:
+    for value in (float("nan"), np.float64("inf")):
+        assert "`fuzziness`" in refused(fuzziness=value)
+    assert "not finite" in refused(interpolation={"kind": "gaussian-process", "length-scale": float("nan")})
+
+
 def test_every_call_with_settings_lists_them() -> None:
     identify = (lpvident.identify, lpvident.fit_frf, lpvident.Bundle.identify, lpvident.Responses.fit)
     for call in (*identify, distributed.identify_many, distributed.fit_places):

@@ -67,6 +67,9 @@ class _Bar:
 def as_settings(settings: Mapping[str, Any]) -> str:
     """Settings that were given, as JSON; None leaves the choice to the data."""
     given = {name: value for name, value in settings.items() if value is not None}
+    for name, value in given.items():
+        if isinstance(value, (float, np.floating)) and not np.isfinite(value):
+            raise SettingError(f"`{name}` = {value}: give a finite number", name=name, value=value)
     if isinstance(given.get("interpolation"), str):
         given["interpolation"] = {"kind": given["interpolation"]}
     return as_json(given)
@@ -82,7 +85,20 @@ def as_json(value: Any) -> str:
             return found.tolist()
         raise SettingError(f"{type(found).__name__} is no number, text, list or dictionary")
 
-    return json.dumps(value, default=plain)
+    try:
+        return json.dumps(value, default=plain, allow_nan=False)
+    except ValueError as problem:
+        if isinstance(problem, SettingError):
+            raise
+        raise SettingError("a number that is not finite, or a list that holds itself") from None
+
+
+def count(given: int | None, name: str) -> int | None:
+    """A whole number from zero on, or None."""
+    whole = isinstance(given, (int, np.integer)) and not isinstance(given, bool)
+    if given is not None and not (whole and given >= 0):
+        raise SettingError(f"`{name}` = {given!r}: give a whole number from 0 on", name=name)
+    return None if given is None else int(given)
 
 
 def with_dashes(value: Any) -> Any:

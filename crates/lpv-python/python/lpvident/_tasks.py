@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ._ask import count
 from .bundle import Bundle
 from .commands import diagnose, fit_frf, identify
 from .effects import Effects
@@ -93,7 +94,7 @@ def places(path: str) -> tuple[float, list[list[int]]]:
 
 
 def frf(path: str, records: list[int], *, skip_periods: int | None) -> tuple[list[tuple[Any, ...]], list[str]]:
-    return Bundle(path)._native.frf(set(records), skip_periods, heed)
+    return Bundle(path)._native.frf(set(records), count(skip_periods, "skip_periods"), heed)
 
 
 def fit(path: str, records: list[int], *, skip_periods: int | None, settings: dict[str, Any]) -> list[dict[str, Any]]:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _lpvident
-from ._ask import Progress, columns, listener, verdict_html
+from ._ask import Progress, columns, count, listener, verdict_html
 from ._settings import Settings, lists
 from ._write import write_bundle
 from .accounts import Diagnosis, Inspection
@@ -128,7 +128,7 @@ class Bundle:
                 raise BundleError(f"record {number} has no `{missing[0]}`, which other records have", record=number)
         options = [{k: v for k, v in record.items() if k not in _ROLES} for record in given]
         roles = {_ROLES[letter]: names[letter] for letter in _ROLES if letter in names}
-        head = {"name": name, "sample_rate": float(sample_rate), "controller": controller, "geometry": geometry}
+        head = {"name": name, "sample_rate": sample_rate, "controller": controller, "geometry": geometry}
         return cls._written(folder, head, roles, units, list(zip(signals, options)))
 
     @classmethod
@@ -177,14 +177,18 @@ class Bundle:
                     raise BundleError(f"record {number}: several columns are called `{column}`", record=number, column=column)
                 found[str(column)] = columns(frame[column].to_numpy(), f"record {number}: {column}")[:, 0]
             records.append((found, options))
-        rate = float(sample_rate) if sample_rate is not None else _common_rate([frame.index for frame, _ in pairs])
+        rate = _common_rate([frame.index for frame, _ in pairs]) if sample_rate is None else sample_rate
         head = {"name": name, "sample_rate": rate, "controller": controller, "geometry": geometry}
         return cls._written(folder, head, roles, units, records)
 
     @classmethod
     def _written(cls, folder: Any, head: Any, roles: Any, units: Any, records: Any) -> Bundle:
         rate = head["sample_rate"]
-        if not (math.isfinite(rate) and rate > 0.0):
+        try:
+            head["sample_rate"] = float(rate)
+        except (TypeError, ValueError):
+            raise BundleError(f"sample_rate = {rate!r} is no number: give the samples a second") from None
+        if not (math.isfinite(head["sample_rate"]) and rate > 0.0):
             raise BundleError(f"sample_rate = {rate:g}: give the samples a second, finite and above zero")
         known = [c for own in roles.values() for c in own]
         twice = [c for k, c in enumerate(known) if c in known[:k]]
@@ -261,7 +265,7 @@ class Bundle:
             skip_periods: periods dropped as transient; without it from the decay between periods.
         """
         with listener(progress) as tell:
-            places, reasons = self._native.frf(None, skip_periods, tell)
+            places, reasons = self._native.frf(None, count(skip_periods, "skip_periods"), tell)
         return Responses.of(places, sample_rate=self.sample_rate, reasons=reasons)
 
     @lists(Settings)

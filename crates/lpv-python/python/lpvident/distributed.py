@@ -259,7 +259,10 @@ def each(
             _gather(client, task, dict(enumerate(given)), found, step, tell)
             # Dask blames a worker's death on all that was assigned to it: by itself a task is blamed for what it does.
             lost = [i for i, outcome in found.items() if type(outcome.error).__name__ == "KilledWorker"]
-            for i in lost if len(lost) > 1 else ():
+            again = lost if len(lost) > 1 else []
+            for i in again:
+                del found[i]
+            for i in again:
                 _gather(client, task, {i: given[i]}, found, step, None)
         except KeyboardInterrupt:
             stopped = Interrupted(f"{len(found)} of {len(given)} {step} are done")

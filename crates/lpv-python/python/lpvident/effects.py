@@ -49,11 +49,11 @@ class Effect:
             "width": lpvident.Parameter("m", starts=[0.01], positive=True),
         })
 
-    A formula has ``+ - * /``, ``^`` or ``**``, ``abs signum min max sin cos tan asin acos atan sinh cosh tanh exp ln log10 sqrt cbrt floor``
-    and ``pi``, and knows time ``t`` of the record (s), position ``x`` and speed ``v`` at the channel, those of a load (``x_load``, ``v_load``),
-    scheduling ``p`` and ``p_rate``, the input ``u`` (not in a reading), the reading ``y`` (in a reading alone), further signals of
-    the bundle by their names, and its own parameters and states. All are in the units of the bundle. A force that jumps, such as that of ``signum(v)``,
-    is hard to fit: ``tanh(v/0.001)`` is not.
+    A formula has ``+ - * /``, ``^`` or ``**``, ``abs signum min max sin cos tan asin acos atan sinh cosh tanh exp ln log10 sqrt cbrt
+    floor`` and ``pi``, and knows time ``t`` of the record (s), position ``x`` and speed ``v`` at the channel, those of a load (``x_load``,
+    ``v_load``), scheduling ``p`` and ``p_rate``, the input ``u`` (not in a reading), the reading ``y`` (in a reading alone), further
+    signals of the bundle by their names, and its own parameters and states. All are in the units of the bundle. A force that jumps, such
+    as that of ``signum(v)``, is hard to fit: ``tanh(v/0.001)`` is not.
 
     Attributes:
         name: small letters, digits and hyphens; not one of the catalogue.

@@ -177,7 +177,9 @@ class Responses:
 
     @property
     def frequencies(self) -> NDArray[np.float64]:
-        """The lines of all places, Hz; an error where they differ."""
+        """The lines of all places, Hz, shape (n_f,); a ModelError where they differ, or there is no place."""
+        if not self.places:
+            raise ModelError("there are no places, and so no lines")
         first = self.places[0].frequencies
         if any(not np.array_equal(first, p.frequencies) for p in self.places):
             raise ModelError("the places have different lines: take them one by one, places[i].frequencies")
@@ -200,16 +202,12 @@ class Responses:
         are positions, the coordinate ``position``; needs xarray."""
         import xarray
 
-        dims = ("place", "frequency", "output", "input")
-        dataset = xarray.Dataset(
-            {"response": (dims, self.response), "deviation": (dims, self.deviation)},
-            coords={"frequency": ("frequency", self.frequencies, {"units": "Hz"})},
-            attrs={"sample_rate": self.sample_rate},
-        )
-        p = self.positions
-        if p.shape[1] == 1:
-            return dataset.assign_coords(position=("place", p[:, 0]))
-        return dataset.assign_coords(position=(("place", "signal"), p)) if p.shape[1] else dataset
+        dims, p = ("place", "frequency", "output", "input"), self.positions
+        coords: dict[str, Any] = {"frequency": ("frequency", self.frequencies, {"units": "Hz"})}
+        if p.shape[1:] != (0,):
+            coords["position"] = ("place", p[:, 0]) if p.shape[1] == 1 else (("place", "signal"), p)
+        parts = {"response": (dims, self.response), "deviation": (dims, self.deviation)}
+        return xarray.Dataset(parts, coords=coords, attrs={"sample_rate": self.sample_rate})
 
     @classmethod
     def from_xarray(cls, data: xarray.Dataset | xarray.DataArray, *, sample_rate: float | None = None) -> Responses:

@@ -41,7 +41,7 @@ class Inspection:
 
     @property
     def noise(self) -> NDArray[np.float64]:
-        """Standard deviation of the noise of one sample, by output; empty without periodic records."""
+        """Standard deviation of the noise of one sample, in the units of the outputs, shape (n_y,); empty without periodic records."""
         return np.array(self.data["noise"], dtype=np.float64)
 
     def lines(self) -> pandas.DataFrame:

@@ -263,6 +263,9 @@ class Bundle:
 
         Args:
             skip_periods: periods dropped as transient; without it from the decay between periods.
+
+        Raises:
+            BundleError, IdentifyError: where a record cannot be read, or no record tells a response.
         """
         with listener(progress) as tell:
             places, reasons = self._native.frf(None, count(skip_periods, "skip_periods"), tell)

@@ -172,7 +172,12 @@ def _rate_of(frd: Any, rate: float | None) -> float | None:
 def validate(
     model: Model | str | os.PathLike[str], bundle: Source, *, all: bool = False, progress: Progress = None
 ) -> Validation:
-    """Compares a model, or the file of one, with the records that a bundle holds out; with ``all`` also with those for estimation."""
+    """Compares a model, or the file of one, with the records that a bundle holds out; with ``all`` also with those for estimation.
+
+    Raises:
+        BundleError, ModelError: for a bundle or a file that cannot be read, and channels that do not fit.
+        KeyboardInterrupt: on Ctrl-C.
+    """
     known, opened = _model(model), _open(bundle)
     with listener(progress) as tell:
         (json_text, text), runs = _lpvident.validate(known._native, opened._native, all, tell)
@@ -195,6 +200,8 @@ def diagnose(
 
     Raises:
         SettingError, DiagnoseError: for an effect of your own with what is wrong with it.
+        BundleError, ModelError: as in `validate`.
+        KeyboardInterrupt: on Ctrl-C; nothing is written.
     """
     opened, known = _open(bundle), None if model is None else _model(model)
     with listener(progress) as tell:

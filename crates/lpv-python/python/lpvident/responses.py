@@ -118,6 +118,9 @@ class Frf:
         return cls.from_arrays(lines, np.moveaxis(np.asarray(values), -1, 0), deviation=deviation, position=position)
 
     def _native(self) -> tuple[Any, ...]:
+        tables = (self.response, self.output_covariance, self.input_factor)
+        if np.ndim(self.frequencies) != 1 or any(np.ndim(table) != 3 for table in tables):
+            raise ModelError("a response, its covariance and its factor have three dimensions, the lines first: use Frf.from_arrays")
         return (
             self.position,
             np.ascontiguousarray(self.frequencies, dtype=np.float64),

@@ -176,6 +176,7 @@ def test_wrong_settings_are_refused_before_anything_is_written(tmp_path: Path) -
         with pytest.raises(lpvident.BundleError, match=message):
             call()
         assert not folder.exists()
+    assert lpvident.Bundle.from_arrays(signals(1), sample_rate="10").sample_rate == 10.0  # type: ignore[arg-type]
     for periods in (-1, 1.5, "two", True):
         with pytest.raises(lpvident.SettingError, match="skip_periods") as wrong:
             lpvident.Bundle.from_arrays(signals(1), sample_rate=10).frf(skip_periods=periods)

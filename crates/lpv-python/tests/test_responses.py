@@ -157,6 +157,8 @@ def test_fits_of_xarrays() -> None:
     assert one.to_json() == lpvident.fit_frf(lines, f[:, 1, 0], sample_rate=rate, deviation=1e-3, **given).to_json()
     plain = lpvident.fit_frf(lines, f, sample_rate=rate, **given).to_json()
     assert lpvident.fit_frf(dataset.response, sample_rate=rate, **given).to_json() == plain
+    arrays = lpvident.fit_frf(dataset.frequency, dataset.response[0], sample_rate=rate, deviation=1e-3, **given)
+    assert arrays.to_json() == known
     angular = dataset.assign_coords(frequency=("frequency", lines, {"units": "rad/s"}))
     for wrong, message in [
         (angular, "frequencies in rad/s"),

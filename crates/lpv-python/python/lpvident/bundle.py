@@ -183,12 +183,11 @@ class Bundle:
 
     @classmethod
     def _written(cls, folder: Any, head: Any, roles: Any, units: Any, records: Any) -> Bundle:
-        rate = head["sample_rate"]
         try:
-            head["sample_rate"] = float(rate)
+            rate = head["sample_rate"] = float(head["sample_rate"])
         except (TypeError, ValueError):
-            raise BundleError(f"sample_rate = {rate!r} is no number: give the samples a second") from None
-        if not (math.isfinite(head["sample_rate"]) and rate > 0.0):
+            raise BundleError(f"sample_rate = {head['sample_rate']!r} is no number: give the samples a second") from None
+        if not (math.isfinite(rate) and rate > 0.0):
             raise BundleError(f"sample_rate = {rate:g}: give the samples a second, finite and above zero")
         known = [c for own in roles.values() for c in own]
         twice = [c for k, c in enumerate(known) if c in known[:k]]

@@ -129,7 +129,8 @@ def _places(
 ) -> tuple[list[Frf], float]:
     """Responses with their sample rate, of all that `fit_frf` takes."""
     rate = None if sample_rate is None else numbers(sample_rate, "sample_rate")[0]
-    given = Responses.from_xarray(frequencies, sample_rate=rate) if hasattr(frequencies, "coords") else frequencies
+    alone = response is None and hasattr(frequencies, "coords")
+    given = Responses.from_xarray(frequencies, sample_rate=rate) if alone else frequencies
     if isinstance(given, Responses):
         rate, given = given.sample_rate if rate is None else rate, given.places
     if response is not None:

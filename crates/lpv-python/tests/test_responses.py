@@ -216,7 +216,7 @@ def test_what_is_no_response_is_refused_in_the_tree_of_errors() -> None:
         lambda: lpvident.fit_frf(frf),
         lambda: lpvident.Responses([], 50.0).response,
         lambda: lpvident.fit_frf(lpvident.Frf(frf.frequencies, frf.response[0], frf.response, frf.response), sample_rate=50.0),
-        lambda: lpvident.Responses([], 50.0).to_xarray(),
+        lambda: lpvident.Responses([], 50.0).deviation,
         # That of the array is not for responses that have their own.
         lambda: lpvident.fit_frf(frf, sample_rate=50.0, deviation=1.0),
     ):

@@ -6,7 +6,7 @@ use crate::effect::{Block, Effect, Family, Moment, Needs, Place, Scale};
 use std::f64::consts::TAU;
 
 /// Least part of a turn that is travelled: over few degrees gravity is a slope and a square, and so is much else.
-pub(crate) const LEAST_TURN: f64 = 1.0 / 12.0;
+pub(crate) const LEAST_TURN: f64 = 1.0 / 18.0;
 
 /// Of outputs that are angles by their unit.
 pub(super) static EFFECT: Effect = Effect {

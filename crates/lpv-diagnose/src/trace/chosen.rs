@@ -138,8 +138,9 @@ impl Chosen {
         let worth = finals.into_iter().filter_map(|(effect, fit)| {
             let (fit, judged) = self.in_place(bench, i, &fit)?;
             let falls = self.judged.cost - judged.cost >= self.least;
-            let is_better =
-                falls && may_be_named(effect, judged.cost) && is_worth(&judged, &self.judged, without.cost);
+            let is_better = falls
+                && may_be_named(effect, judged.cost, self.judged.cost)
+                && is_worth(&judged, &self.judged, without.cost);
             let (at, values) = (&fit.model.effects[i].0, &fit.model.effects[i].1);
             let exists =
                 at.allows(values) && catalogue::is_itself(at, values, bench.case.base, bench.case.fitted);

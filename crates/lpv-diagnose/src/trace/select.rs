@@ -85,7 +85,12 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
             (e, f, judged)
         })
         .collect();
-    finals.retain(|(effect, _, judged)| takes_enough(effect, judged.cost, cost));
+    let rough: Vec<f64> = finals.iter().map(|(e, ..)| cost_of_rougher(&finals, e)).collect();
+    let mut rough = rough.into_iter();
+    finals.retain(|(effect, _, judged)| {
+        let rough = rough.next().unwrap_or(f64::INFINITY);
+        may_be_named(effect, judged.cost, rough) && takes_enough(effect, judged.cost, cost)
+    });
     match bench.aim {
         Aim::Noise => {
             finals.sort_by(|a, b| a.1.length().total_cmp(&b.1.length()));
@@ -179,13 +184,21 @@ fn takes_enough(effect: &Effect, with: f64, without: f64) -> bool {
         _ => false,
     };
     let is_of_motion = !effect.parameters.iter().any(is_of_time);
-    let is_enough = is_of_motion || with <= NOISE || without - with >= MOST * (without - 1.0).max(0.0);
-    may_be_named(effect, with) && is_enough
+    is_of_motion || with <= NOISE || without - with >= MOST * (without - 1.0).max(0.0)
 }
 
-/// Whether an effect is one to be named beside what it leaves on the judged records.
-pub(super) fn may_be_named(effect: &Effect, cost: f64) -> bool {
-    cost <= NOISE || !catalogue::is_only_beside_noise(effect)
+/// Least cost on the judged records of the effects that one refines; zero where none was fitted.
+fn cost_of_rougher(finals: &[Final], effect: &Effect) -> f64 {
+    let rougher = finals.iter().filter(|(e, ..)| effect.refines(e));
+    rougher.map(|(.., j)| j.cost).reduce(f64::min).unwrap_or(0.0)
+}
+
+/// Whether an effect is one to be named beside what it leaves on the judged records, of which the effect that it refines leaves `rough`: much that
+/// a machine may do looks like some of what friction does in time or with the load, but little of it looks like most.
+pub(super) fn may_be_named(effect: &Effect, cost: f64, rough: f64) -> bool {
+    /// Part of the cost.
+    const LITTLE: f64 = 0.1;
+    cost <= NOISE || cost <= LITTLE * rough || !catalogue::is_only_beside_noise(effect)
 }
 
 /// Whether the last effect is one with the values that were found, and repeats along a record: less of a wave passes for any force

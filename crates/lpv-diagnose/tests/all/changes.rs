@@ -18,6 +18,8 @@ struct Change {
     force: Option<(f64, f64, usize)>,
     /// Force over the square of the speed.
     quadratic: f64,
+    /// Dry friction in which the axis sticks: at the start, its change, and the time constant of that.
+    dry: Option<[f64; 3]>,
 }
 
 /// Everything in samples: what one rate does, every rate does.
@@ -48,10 +50,19 @@ fn record(number: usize, (mass, rate): (f64, f64), change: Change, step: f64) ->
         for part in 0..FINE {
             let t = (k * FINE + part) as f64 * h;
             let body = 1.0 + payload + begun(change.jump, t);
-            let rate = |_: f64, v: f64| {
-                (u - 1e-6 - 2e-3 * v + begun(force, t) - change.quadratic * v * v.abs()) / body
-            };
+            let dry = change.dry.map_or(0.0, |[level, more, time]| {
+                level + more * (1.0 - (-t / time).exp())
+            });
+            let driven = |v: f64| u - 1e-6 - 2e-3 * v + begun(force, t) - change.quadratic * v * v.abs();
+            if v == 0.0 && driven(v).abs() <= dry {
+                continue;
+            }
+            let way = if v == 0.0 { driven(v).signum() } else { v.signum() };
+            let rate = |_: f64, v: f64| (driven(v) - dry * way) / body;
             common::middle_step(&mut x, &mut v, h, rate);
+            if dry > 0.0 && v * way < 0.0 {
+                v = 0.0;
+            }
         }
     }
     observer::followed(common::record(&number.to_string(), vec![outputs], vec![inputs]))
@@ -79,6 +90,29 @@ fn only(found: &Trace) -> Option<(&'static str, Vec<(f64, f64)>)> {
     all.next()
         .is_none()
         .then(|| (first.effect.name, first.values.clone()))
+}
+
+/// Dry friction that grows or falls along a record, of an axis that sticks at each reversal, which no smooth friction tells down to the noise.
+#[test]
+fn friction_that_changes_in_time() -> Result<(), Box<dyn std::error::Error>> {
+    for ((mass, rate), [level, more, time]) in [
+        ((2e-3, 4000.0), [3e-6, 3e-6, 500.0]),
+        ((60.0, 250.0), [6e-6, -4e-6, 900.0]),
+    ] {
+        let change = Change {
+            dry: Some([level, more, time]),
+            ..Change::default()
+        };
+        let found = find((mass, rate), change, 1e-6)?;
+        let own = found.added.iter().find(|a| a.effect.name == "friction-drift");
+        let own = own.ok_or_else(|| format!("{mass}: {:?}", only(&found)))?;
+        let force = mass * rate * rate;
+        for (i, wanted) in [(0, level * force), (1, more * force), (3, time / rate)] {
+            let (value, _) = own.values[i];
+            assert!((value / wanted - 1.0).abs() < 0.05, "{value}, not {wanted}");
+        }
+    }
+    Ok(())
 }
 
 /// Masses over six decades, rates over two; each machine with its change, and what is to be named with which values.

@@ -57,12 +57,12 @@ pub(crate) fn write(folder: &Path) -> Result<(), TaskError> {
                 .map(|p| format!("`{}`", p.name))
                 .collect::<Vec<_>>()
         };
-        let mut told = vec![names(effect)];
+        let mut told = vec![(names(effect), effect.meaning)];
         for other in others {
-            if told.contains(&names(other)) {
+            if told.contains(&(names(other), other.meaning)) {
                 continue;
             }
-            told.push(names(other));
+            told.push((names(other), other.meaning));
             let when =
                 if other.extends.is_some() && effect.extends.is_none() || other.fitted() > effect.fitted() {
                     format!("As a refinement, {}", other.meaning)

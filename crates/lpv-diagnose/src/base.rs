@@ -184,7 +184,15 @@ impl Base {
     pub(crate) fn coupling_stiffness(&self) -> Pair {
         match self {
             Self::XyTable(b) => b.stiffness,
-            Self::Axis(_) | Self::Lpv(_) => [0.0; 2],
+            Self::Axis(axis) => [axis.spring_of_load()[0], 0.0],
+            Self::Lpv(_) => [0.0; 2],
+        }
+    }
+    /// Stiffness and damping of the spring between the motor of an axis and its load; none without.
+    pub(crate) fn spring_of_load(&self) -> Pair {
+        match self {
+            Self::Axis(axis) => axis.spring_of_load(),
+            Self::XyTable(_) | Self::Lpv(_) => [0.0; 2],
         }
     }
     /// A, B and C of `x' = A x + B u`, `y = C x` at a constant p.

@@ -73,7 +73,7 @@ pub static KINDS: [&[Effect]; 34] = [
     from_ref(&mass_jump::EFFECT),
     &cubic_stiffness::EFFECTS,
     from_ref(&stiffness_drift::EFFECT),
-    from_ref(&backlash::EFFECT),
+    &backlash::EFFECTS,
     from_ref(&scheduling_rate::EFFECT),
     from_ref(&second_scheduling::EFFECT),
     &constant_force::EFFECTS,
@@ -105,8 +105,8 @@ pub(crate) fn is_refined(effect: &Effect) -> bool {
     all().any(|e| effect.refines(e))
 }
 
-/// Whether an effect is named only where nothing but noise is left beside it: as long as more is missing, what friction does in time or
-/// with the load looks like much that a machine may do.
+/// Whether an effect is named only where nothing but noise is left beside it, or little of what there was: as long as more is missing, what
+/// friction does in time or with the load looks like much that a machine may do.
 pub(crate) fn is_only_beside_noise(effect: &Effect) -> bool {
     friction_drift::EFFECT.is(effect) || load_dependent_friction::EFFECT.is(effect)
 }

@@ -177,7 +177,9 @@ pub enum Needs {
     FreeAxis,
     /// A servo axis with a load on a spring.
     Load,
-    /// The masses and couplings of the xy-table from first principles.
+    /// The same, or the masses and couplings of the xy-table from first principles.
+    Coupling,
+    /// The latter alone.
     Table,
 }
 
@@ -195,6 +197,7 @@ impl Needs {
             Self::Load => matches!(base, Base::Axis(axis) if axis.load().is_some()),
             Self::FreeAxis => Self::Axis.are_met(base) && !base.is_on_spring(),
             Self::Axis => matches!(base, Base::Axis(_)),
+            Self::Coupling => Self::Load.are_met(base) || Self::Table.are_met(base),
             Self::Table => base.is_table(),
         }
     }

@@ -20,7 +20,7 @@ use xytable_plant::servo_axis::{AxisEffect, AxisRun, Known, deviation};
 use xytable_plant::split_seed;
 
 /// Effects that `lpv diagnose` should name on axes, or find in the parameters of the axis.
-pub(super) const CATALOGUE: [&str; 30] = [
+pub(super) const CATALOGUE: [&str; 31] = [
     "coulomb-friction",
     "stribeck-friction",
     "viscous-friction",
@@ -48,6 +48,7 @@ pub(super) const CATALOGUE: [&str; 30] = [
     "stiffness-drift",
     "input-gain",
     "backlash",
+    "backlash-of-the-load",
     "friction-drift",
     "load-dependent-friction",
     "temperature",

@@ -134,6 +134,12 @@ impl Axis {
         self.load.map(|(load, _)| load)
     }
 
+    /// Stiffness and damping of the spring that joins it; none without.
+    pub(super) fn spring_of_load(&self) -> Pair {
+        self.load
+            .map_or([0.0; 2], |(_, bodies)| [bodies.stiffness, bodies.damping])
+    }
+
     /// Stiffness of the spring to ground; none for a free axis.
     pub fn stiffness(&self) -> Option<f64> {
         self.stiffness

@@ -1,11 +1,13 @@
-//! Play between a motor and the sensor of what it moves.
+//! Play between a motor and the sensor of what it moves, or between a motor and its load.
 
 use super::parameter;
 use crate::base::{Forces, Pair};
 use crate::effect::{Block, Effect, Family, Moment, Needs, Place, Scale};
 
+pub(super) static EFFECTS: [Effect; 2] = [BEFORE_A_SENSOR, IN_A_COUPLING];
+
 /// At the first sensor, which tells the motor of an axis.
-pub(super) static EFFECT: Effect = Effect {
+const BEFORE_A_SENSOR: Effect = Effect {
     name: "backlash",
     family: Family::Structure,
     place: Place::Output(0),
@@ -21,6 +23,53 @@ pub(super) static EFFECT: Effect = Effect {
     on_response: None,
     block: &|v, _, _| Box::new(Play(v[0])),
 };
+
+/// In the coupling of a motor and a load that swings on it.
+const IN_A_COUPLING: Effect = Effect {
+    place: Place::Motor(0),
+    needs: Needs::Load,
+    meaning: "play between a motor and its load: the spring between them pulls beyond it alone",
+    starts: &|screen, _| {
+        /// Gaps over the deflection.
+        const PARTS: [f64; 3] = [0.1, 0.6, 3.0];
+        PARTS.map(|part| vec![part * screen.deflection(0)]).to_vec()
+    },
+    block: &|v, machine, _| {
+        let [stiffness, damping] = machine.spring_of_load();
+        Box::new(Loose {
+            half: 0.5 * v[0],
+            stiffness,
+            damping,
+        })
+    },
+    ..BEFORE_A_SENSOR
+};
+
+/// `k (e - gap / 2) + d e'` beyond a deflection e of half the gap, where motor and load press on each other, as on the other side; nothing within.
+#[derive(Debug)]
+struct Loose {
+    half: f64,
+    stiffness: f64,
+    damping: f64,
+}
+
+impl Block for Loose {
+    fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
+        let deflection = at.motion.deflection[0];
+        let damped = self.damping * (at.motion.motor_speed[0] - at.motion.load_speed[0]);
+        // A fit may ask about less than no play.
+        let beyond = deflection - deflection.signum() * deflection.abs().min(self.half);
+        let pull = self.stiffness * beyond + damped;
+        let pressed = if beyond > 0.0 {
+            pull.max(0.0)
+        } else if beyond < 0.0 {
+            pull.min(0.0)
+        } else {
+            0.0
+        };
+        forces.coupling[0] += pressed - (self.stiffness * deflection + damped);
+    }
+}
 
 /// Where the motor is within its play, from -1 to 1: `z' = 2 v / gap` between its ends, which it reaches in the manner of Bouc and Wen.
 #[derive(Debug)]

@@ -8,8 +8,8 @@ pub(super) static EFFECTS: [Effect; 2] = [
         name: "cubic-stiffness",
         family: Family::Structure,
         place: Place::Motor(0),
-        needs: Needs::Table,
-        meaning: "coupling between beam and carriage that stiffens with its deflection",
+        needs: Needs::Coupling,
+        meaning: "coupling between beam and carriage, or motor and load, that stiffens with its deflection",
         parameters: &[EffectParameter {
             name: "cubic",
             unit: "1/y^2",

@@ -18,6 +18,9 @@ struct Machine {
     friction: f64,
     /// Viscous friction of the load, per unit of mass.
     load_viscous: f64,
+    /// Play between motor and load, and by how much their spring hardens over the square of its deflection.
+    gap: f64,
+    cubic: f64,
     step: f64,
 }
 
@@ -47,7 +50,15 @@ fn record(number: usize, machine: Machine) -> Record {
             let [a, load_a] = match machine.load {
                 None => [own; 2],
                 Some(_) => {
-                    let pull = reduced * (w * w * (q - load) + 2.0 * ratio * w * (v - load_speed));
+                    let bent = q - load;
+                    let loose = bent.signum() * bent.abs().min(0.5 * machine.gap);
+                    let pull = reduced
+                        * (w * w * (bent - loose) * (1.0 + machine.cubic * bent * bent)
+                            + 2.0 * ratio * w * (v - load_speed));
+                    let pull = match machine.gap > 0.0 && pull * (bent - loose) <= 0.0 {
+                        true => 0.0,
+                        false => pull,
+                    };
                     [
                         (own - pull) / (1.0 - part),
                         (pull - machine.load_viscous * load_speed) / part,
@@ -66,6 +77,20 @@ fn record(number: usize, machine: Machine) -> Record {
         }
     }
     observer::followed(common::record(&number.to_string(), vec![outputs], vec![inputs]))
+}
+
+/// With nothing but the load.
+fn clean(mass: f64, load: Option<[f64; 3]>) -> Machine {
+    Machine {
+        mass,
+        load,
+        on_load: false,
+        friction: 0.0,
+        load_viscous: 0.0,
+        gap: 0.0,
+        cubic: 0.0,
+        step: 1e-6,
+    }
 }
 
 fn find(machine: Machine) -> Result<Trace, Box<dyn std::error::Error>> {
@@ -96,6 +121,12 @@ fn named(found: &Trace) -> Vec<&'static str> {
     all.filter(|name| *name != "quantization").collect()
 }
 
+/// The same without a drift of the sensor: a load that swings where a record begins leaves what dies out, which passes for one here.
+fn named_beside_drift(found: &Trace) -> Vec<&'static str> {
+    let all = named(found).into_iter();
+    all.filter(|name| *name != "sensor-drift").collect()
+}
+
 /// Masses over five decades, soft and stiff springs, either end of the spring measured.
 #[test]
 fn the_load_is_the_base() -> Result<(), Box<dyn std::error::Error>> {
@@ -105,12 +136,8 @@ fn the_load_is_the_base() -> Result<(), Box<dyn std::error::Error>> {
         (1.0, [0.25, 60.0, 0.1], true),
     ] {
         let found = find(Machine {
-            mass,
-            load: Some(load_is),
             on_load,
-            friction: 0.0,
-            load_viscous: 0.0,
-            step: 1e-6,
+            ..clean(mass, Some(load_is))
         })?;
         let load = load(&found).ok_or("no load")?;
         assert_eq!(named(&found), Vec::<&str>::new(), "{load_is:?}");
@@ -131,27 +158,17 @@ fn the_load_is_the_base() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Dry friction and a load hide each other.
 /// The guide of the load has viscous friction of its own, as that of any gear; without it none is named.
 #[test]
 fn viscous_friction_of_the_load() -> Result<(), Box<dyn std::error::Error>> {
     let (mass, load_is, viscous) = (3.0, [0.6, 35.0, 0.02], 0.8);
     let found = find(Machine {
-        mass,
-        load: Some(load_is),
-        on_load: false,
-        friction: 0.0,
         load_viscous: viscous,
-        step: 1e-6,
+        ..clean(mass, Some(load_is))
     })?;
     let load = load(&found).ok_or("no load")?;
     assert!((load.hz / load_is[1] - 1.0).abs() < 0.02, "{load:?}");
-    // A load that swings where a record begins leaves what dies out, which passes for a drift here.
-    let others: Vec<&str> = named(&found)
-        .into_iter()
-        .filter(|n| *n != "sensor-drift")
-        .collect();
-    assert_eq!(others, ["viscous-friction"], "{load_is:?}");
+    assert_eq!(named_beside_drift(&found), ["viscous-friction"], "{load_is:?}");
     let own = found
         .added
         .iter()
@@ -166,15 +183,53 @@ fn viscous_friction_of_the_load() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
+/// Play in the coupling, of half of the deflection and of a tenth of it, along moves that rest nowhere: a load that rests within the play may be
+/// anywhere there.
+#[test]
+fn play_between_motor_and_load() -> Result<(), Box<dyn std::error::Error>> {
+    for (mass, hz, gap) in [(2e-2, 30.0, 2e-4), (4e2, 40.0, 2e-5)] {
+        let found = find(Machine {
+            gap,
+            step: 1e-7,
+            ..clean(mass, Some([0.5, hz, 0.03]))
+        })?;
+        let own = found.added.iter().find(|a| a.effect.name == "backlash");
+        let own = own.ok_or_else(|| format!("{mass}: {:?}", named(&found)))?;
+        assert_eq!(named(&found), ["backlash"], "{mass}");
+        assert!(
+            (own.values[0].0 / gap - 1.0).abs() < 0.05,
+            "{:?}, not {gap}",
+            own.values[0]
+        );
+        let load = load(&found).ok_or("no load")?;
+        assert!((load.hz / hz - 1.0).abs() < 0.05, "{load:?}");
+    }
+    Ok(())
+}
+
+/// A coupling that hardens, by a quarter at a deflection of 0.3 mm.
+#[test]
+fn a_coupling_that_hardens() -> Result<(), Box<dyn std::error::Error>> {
+    let cubic = 3e6;
+    let found = find(Machine {
+        cubic,
+        step: 1e-7,
+        ..clean(3e-3, Some([0.5, 30.0, 0.03]))
+    })?;
+    assert_eq!(named_beside_drift(&found), ["cubic-stiffness"]);
+    let own = found.added.iter().find(|a| a.effect.name == "cubic-stiffness");
+    let (value, _) = own.ok_or("none")?.values[0];
+    assert!((value / cubic - 1.0).abs() < 0.05, "{value}, not {cubic}");
+    Ok(())
+}
+
+/// Dry friction and a load hide each other.
 #[test]
 fn dry_friction_beside_the_load() -> Result<(), Box<dyn std::error::Error>> {
     let found = find(Machine {
-        mass: 0.2,
-        load: Some([0.45, 24.0, 0.04]),
-        on_load: false,
         friction: 1.5,
-        load_viscous: 0.0,
         step: 1e-4,
+        ..clean(0.2, Some([0.45, 24.0, 0.04]))
     })?;
     let load = load(&found).ok_or("no load")?;
     assert!((load.hz / 24.0 - 1.0).abs() < 0.02, "{load:?}");
@@ -196,12 +251,9 @@ fn dry_friction_beside_the_load() -> Result<(), Box<dyn std::error::Error>> {
 fn no_load_where_there_is_none() -> Result<(), Box<dyn std::error::Error>> {
     for friction in [0.0, 1.5] {
         let found = find(Machine {
-            mass: 3.0,
-            load: None,
-            on_load: false,
             friction,
-            load_viscous: 0.0,
             step: 1e-5,
+            ..clean(3.0, None)
         })?;
         assert_eq!(load(&found), None, "friction {friction}: {:?}", named(&found));
     }

@@ -141,6 +141,22 @@ impl AxisEffect {
         }
     }
 
+    /// What a coupling with this stiffness and damping pulls with at a deflection and its rate, where that is no spring alone.
+    pub(super) fn pull(&self, [stiffness, damping]: [f64; 2], [bent, rate]: [f64; 2]) -> Option<f64> {
+        let Self::CouplingBacklash { gap } = *self else {
+            return None;
+        };
+        // Two faces on either side of a tooth: each pushes, none pulls.
+        let [ahead, behind] = [bent - 0.5 * gap, -bent - 0.5 * gap];
+        Some(if ahead > 0.0 {
+            (stiffness * ahead + damping * rate).max(0.0)
+        } else if behind > 0.0 {
+            -(stiffness * behind - damping * rate).max(0.0)
+        } else {
+            0.0
+        })
+    }
+
     /// Mass more on the load, kg.
     pub(super) fn mass(&self, time: f64, record: usize) -> f64 {
         match *self {

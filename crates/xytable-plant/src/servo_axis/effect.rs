@@ -73,6 +73,8 @@ pub enum AxisEffect {
     Payload { mass: f64, record: usize },
     /// Play between motor and encoder, m.
     Backlash { gap: f64 },
+    /// Play between motor and load, m: their spring pulls beyond half of it to either side alone, and never draws them together.
+    CouplingBacklash { gap: f64 },
     /// Force from a time of each record on.
     ForceStep { force: f64, time: f64 },
     /// The same from a time of each record on, added without a change of speed.
@@ -122,6 +124,7 @@ impl AxisEffect {
             Self::PeriodicDisturbance { .. } => "periodic-disturbance",
             Self::Payload { .. } => "payload",
             Self::Backlash { .. } => "backlash",
+            Self::CouplingBacklash { .. } => "backlash-of-the-load",
             Self::ForceStep { .. } => "force-step",
             Self::MassJump { .. } => "mass-jump",
             Self::FrictionZone { .. } => "friction-zone",
@@ -164,7 +167,7 @@ impl AxisEffect {
                 time_constant,
             } => vec![("change", change), ("time_constant", time_constant)],
             Self::InputGain { gain, .. } => vec![("gain", gain)],
-            Self::Backlash { gap } => vec![("gap", gap)],
+            Self::Backlash { gap } | Self::CouplingBacklash { gap } => vec![("gap", gap)],
             Self::DirectionDependentFriction { more } => vec![("viscous_forward_more", more)],
             Self::QuadraticDrag { factor } => vec![("coefficient", factor)],
             Self::Temperature { per_degree, .. } => vec![("viscous_per_degree", per_degree)],
@@ -254,6 +257,7 @@ impl AxisEffect {
             | Self::Quantization { step: a }
             | Self::Payload { mass: a, .. }
             | Self::Backlash { gap: a }
+            | Self::CouplingBacklash { gap: a }
             | Self::StiffnessDrift { change: a, .. }
             | Self::InputGain { gain: a, .. }
             | Self::ForceStep { force: a, .. }

@@ -305,7 +305,12 @@ impl<'a> Axis<'a> {
         let hidden: f64 = self.effects.iter().map(|e| e.force(&at)).sum();
         let force = hidden - m.viscous_n_s_per_m * v - m.stiffness_n_per_m * q - m.offset_n;
         let [_, _, stiffness, damping] = self.bodies;
-        let pull = stiffness * (q - load) + damping * (v - load_speed);
+        let bent = [q - load, v - load_speed];
+        let coupled = self
+            .effects
+            .iter()
+            .find_map(|e| e.pull([stiffness, damping], bent));
+        let pull = coupled.unwrap_or(stiffness * bent[0] + damping * bent[1]);
         [drive + force - pull, pull]
     }
 

@@ -249,3 +249,26 @@ fn what_a_mass_explains_does_not_show_where_the_mass_is_not_known() -> Result<()
     assert!(shown > 0.05 * scale && shown < 3.0 * scale, "{shown} {scale}");
     Ok(())
 }
+
+#[test]
+fn a_coupling_with_play_pushes_beyond_it_and_never_pulls() {
+    let play = AxisEffect::CouplingBacklash { gap: 0.2 };
+    let pull = |bent: f64, rate: f64| play.pull([50.0, 2.0], [bent, rate]);
+    for (bent, rate, wanted) in [
+        (0.09, 3.0, 0.0),
+        (-0.1, -3.0, 0.0),
+        (0.3, 0.0, 10.0),
+        (-0.3, 0.0, -10.0),
+        (0.3, 1.0, 12.0),
+        (-0.3, 1.0, -8.0),
+        (0.11, -5.0, 0.0),
+        (-0.11, 5.0, 0.0),
+    ] {
+        let found = pull(bent, rate).unwrap_or(f64::NAN);
+        assert!((found - wanted).abs() < 1e-12, "{bent} {rate}: {found}");
+    }
+    assert_eq!(
+        AxisEffect::Backlash { gap: 0.2 }.pull([50.0, 2.0], [0.3, 0.0]),
+        None
+    );
+}

@@ -69,12 +69,13 @@ const KINDS: [&str; 8] = [
 
 pub(super) fn machine(seed: u64, hidden: Option<&str>) -> Machine {
     let mut draw = Draw::new(seed, "machine");
-    // A cable beside a flexure is a flexure, and there alone a stiffness may change.
+    // A cable beside a flexure is a flexure, and there alone a stiffness may change; a coupling joins a motor to a load.
     let kinds: Vec<&str> = KINDS
         .into_iter()
         .filter(|k| match hidden {
             Some("cable-stiffness") => !k.starts_with("flexure"),
             Some("stiffness-drift") => k.starts_with("flexure"),
+            Some("backlash-of-the-load") => k.starts_with("motor and load"),
             _ => true,
         })
         .collect();
@@ -333,6 +334,9 @@ pub(super) fn effect(name: &str, seed: u64, on: &Drawn, samples: usize) -> Optio
             record: draw.one_of(&[0, 1, 2]),
         },
         "backlash" => AxisEffect::Backlash {
+            gap: axis.resolution_m,
+        },
+        "backlash-of-the-load" => AxisEffect::CouplingBacklash {
             gap: axis.resolution_m,
         },
         "force-step" => AxisEffect::ForceStep {

@@ -91,6 +91,7 @@ fn tells_of(hidden: &str, name: &str) -> bool {
         "position-force" => &["cogging", "cable-stiffness", "cubic-stiffness"],
         "force-step" => &["constant-force"],
         "cogging-two-orders" => &["cogging"],
+        "backlash-of-the-load" => &["backlash"],
         "cable-stiffness" => &["position-force"],
         "cubic-stiffness" => &["cable-stiffness", "position-force"],
         _ => &[],

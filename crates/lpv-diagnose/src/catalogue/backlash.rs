@@ -32,7 +32,9 @@ const IN_A_COUPLING: Effect = Effect {
     starts: &|screen, _| {
         /// Gaps over the deflection.
         const PARTS: [f64; 3] = [0.1, 0.6, 3.0];
-        PARTS.map(|part| vec![part * screen.deflection(0)]).to_vec()
+        let deflection = screen.deflection(0);
+        let of = |part: f64| vec![part * deflection];
+        PARTS.into_iter().map(of).filter(|_| deflection > 0.0).collect()
     },
     block: &|v, machine, _| {
         let [stiffness, damping] = machine.spring_of_load();

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import zipfile
@@ -109,5 +110,6 @@ def write_texts(texts: Mapping[Path, str]) -> None:
             os.replace(part, file)
     except OSError as problem:
         for part in parts.values():
-            part.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                part.unlink(missing_ok=True)
         raise WriteError(f"{file}: cannot be written: {problem}", path=file) from None

@@ -127,7 +127,7 @@ class Validation:
 class Diagnosis:
     """What a model lacks. ``data`` is the content of diagnosis.json, ``text`` what `lpv diagnose` says, ``html`` its page.
 
-    A copy, and one that comes from another process, saves to a folder that has no such files, unless ``overwrite``.
+    A copy, and one that comes from another process, saves to a folder that has no such files, unless ``overwrite``; its model first, then the rest.
     """
 
     def __init__(self, native: _lpvident.Diagnosis | _Kept) -> None:

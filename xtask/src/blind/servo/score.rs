@@ -99,6 +99,24 @@ fn tells_of(hidden: &str, name: &str) -> bool {
     name == hidden && CATALOGUE.contains(&hidden) || other_forms.contains(&name)
 }
 
+/// Name of a hidden effect in the catalogue of the program.
+fn in_catalogue(hidden: &str) -> &str {
+    match hidden {
+        "backlash-of-the-load" => "backlash",
+        _ => hidden,
+    }
+}
+
+/// Whether an effect that the catalogue has at a motor and at a sensor was found where it was hidden.
+fn is_there(hidden: &str, found: &FoundEffect) -> bool {
+    let kind = match hidden {
+        "backlash" => "output",
+        "backlash-of-the-load" => "motor",
+        _ => return true,
+    };
+    found.place.as_ref().is_none_or(|p| p.kind == kind)
+}
+
 /// Whether a name tells of the machine and not of what was hidden: readings are rounded on every machine, a load on a spring is a mode
 /// that a rigid axis lacks, and a flexure that was not taken for the base is a force of position.
 fn is_of_the_machine(o: &Outcome, d: &Diagnosis, e: &FoundEffect) -> bool {
@@ -118,7 +136,7 @@ fn named<'a>(o: &'a Outcome, d: &'a Diagnosis) -> Vec<(&'a FoundEffect, bool)> {
     let all = d
         .effects
         .iter()
-        .map(|e| (e, tells_of(hidden, &e.effect) && here(e)));
+        .map(|e| (e, tells_of(hidden, &e.effect) && is_there(hidden, e) && here(e)));
     all.filter(|(e, right)| *right || !is_of_the_machine(o, d, e))
         .collect()
 }
@@ -161,7 +179,7 @@ fn parameters(o: &Outcome) -> Vec<(String, f64, f64, f64)> {
     let hidden = o.hidden.as_deref().unwrap_or("");
     let mut all = Vec::new();
     for (e, right) in named(o, d) {
-        if !right || e.effect != hidden {
+        if !right || e.effect != in_catalogue(hidden) {
             continue;
         }
         for (name, v) in &e.parameters {

@@ -6,7 +6,7 @@ use crate::worker;
 use lpv::convert::{self, Target};
 use lpv::lpv_core::nalgebra::{DMatrix, DVector};
 use lpv::lpv_core::{Clock, Discrete, FrozenModel, Lfr, Purpose, Record, RecordKind, Signals, StateSpace};
-use lpv::lpv_simulate::{Machine, disturbance, open_loop, predictor};
+use lpv::lpv_simulate::{Machine, disturbance, first_state, open_loop, predictor};
 use lpv::output::{Inputs, Overwrite, Place, write_all};
 use lpv::{ChannelTable, FrozenDeviation, ModelFile, PipelineError, lpv_core, relative_folder};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
@@ -47,6 +47,19 @@ impl Model {
             identification.folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         }
         Self { file: Arc::new(file) }
+    }
+
+    /// The model along measured signals.
+    fn measured(
+        &self,
+        (u, y, p): &Measured<'_>,
+        sample_time: Option<f64>,
+    ) -> Result<(Machine, Record), PipelineError> {
+        let machine = self.machine(sample_time)?;
+        Ok((
+            machine,
+            record(u, Some(y), p.as_ref(), self.file.model.outputs())?,
+        ))
     }
 
     /// The file as it is written to a place.
@@ -278,10 +291,9 @@ impl Model {
         noise: Option<Vec<f64>>,
         sample_time: Option<f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let machine = self.machine(sample_time).map_err(|e| to_python(py, &e))?;
-        let (u, y, p) = signals;
-        let record =
-            record(&u, Some(&y), p.as_ref(), self.file.model.outputs()).map_err(|e| to_python(py, &e))?;
+        let (machine, record) = self
+            .measured(&signals, sample_time)
+            .map_err(|e| to_python(py, &e))?;
         let start = x0.map(DVector::from_vec);
         let predicted = worker::run(py, None, move |_| {
             let noise = noise.as_deref();
@@ -294,6 +306,20 @@ impl Model {
             Ok(y - errors)
         })?;
         samples(py, &predicted)
+    }
+
+    /// The state in which a record begins, by least squares.
+    fn first_state<'py>(
+        &self,
+        py: Python<'py>,
+        signals: Measured<'py>,
+        sample_time: Option<f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (machine, record) = self
+            .measured(&signals, sample_time)
+            .map_err(|e| to_python(py, &e))?;
+        let found = worker::run(py, None, move |_| Ok(first_state(&machine, &record)?))?;
+        Ok(PyArray1::from_slice(py, found.as_slice()))
     }
 
     /// How well the frozen response is known; none where that is not known itself.

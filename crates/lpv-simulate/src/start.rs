@@ -59,7 +59,7 @@ pub fn first_state(machine: &Machine, record: &Record) -> Result<DVector<f64>, S
         return Ok(DVector::zeros(n));
     };
     let largest = svd.singular_values.max();
-    Ok(svd
-        .solve(&right, TOLERANCE * largest)
-        .unwrap_or_else(|_| DVector::zeros(n)))
+    let found = svd.solve(&right, TOLERANCE * largest).ok();
+    let is_one = |x: &DVector<f64>| x.iter().all(|v| v.is_finite());
+    Ok(found.filter(is_one).unwrap_or_else(|| DVector::zeros(n)))
 }

@@ -269,20 +269,7 @@ class Model:
             raise ModelError(f"y has {outputs.shape[1]} channels, the model {self.outputs} outputs")
         if not np.isfinite(outputs).all():
             raise ModelError("y has a number that is not finite")
-        along, n = self._along(p, len(inputs)), self.states
-        some = slice(0, max(50, 5 * n))
-        inputs, outputs, along = inputs[some], outputs[some], None if along is None else along[some]
-
-        def run(u: NDArray[np.float64], x0: list[float] | None) -> NDArray[np.float64]:
-            return self._native.simulate(u, along, x0, sample_time).ravel()
-
-        # Free of offsets, which the model may have.
-        still = np.zeros_like(inputs)
-        free = [run(still, unit) - run(still, None) for unit in np.eye(n).tolist()]
-        observed, left = np.array(free).reshape(n, outputs.size).T, outputs.ravel() - run(inputs, None)
-        if n == 0 or not (np.isfinite(observed).all() and np.isfinite(left).all()):
-            return np.zeros(n)
-        return np.asarray(np.linalg.lstsq(observed, left, rcond=1e-4)[0])
+        return self._native.first_state((inputs, outputs, self._along(p, len(inputs))), sample_time)
 
     def validate(self, bundle: Bundle, *, all: bool = False, progress: Progress = None) -> Validation:
         """Compares it with a bundle: `lpvident.validate`."""

@@ -130,10 +130,12 @@ class Frf:
             float(self.degrees_of_freedom),
         )
 
+    def _where(self) -> str:
+        return "" if self.position is None else f" at p = {', '.join(f'{p:g}' for p in self.position)}"
+
     def __repr__(self) -> str:
         n_f, n_y, n_u = self.response.shape
-        where = "" if self.position is None else f" at p = {', '.join(f'{p:g}' for p in self.position)}"
-        return f"Frf({n_f} lines, {n_y} outputs, {n_u} inputs{where})"
+        return f"Frf({n_f} lines, {n_y} outputs, {n_u} inputs{self._where()})"
 
     def _facts(self) -> dict[str, str]:
         """What is said of it first."""
@@ -144,8 +146,7 @@ class Frf:
         return {"lines": lines, "outputs x inputs": f"{n_y} x {n_u}", "deviation": off}
 
     def _repr_html_(self) -> str:
-        where = "" if self.position is None else f" at p = {', '.join(f'{p:g}' for p in self.position)}"
-        return verdict_html(f"Frequency response{where}", "", self._facts())
+        return verdict_html(f"Frequency response{self._where()}", "", self._facts())
 
 
 @dataclass(frozen=True, eq=False)

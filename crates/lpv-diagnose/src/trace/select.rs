@@ -85,12 +85,13 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
             (e, f, judged)
         })
         .collect();
-    let rough: Vec<f64> = finals.iter().map(|(e, ..)| cost_of_rougher(&finals, e)).collect();
-    let mut rough = rough.into_iter();
-    finals.retain(|(effect, _, judged)| {
-        let rough = rough.next().unwrap_or(f64::INFINITY);
+    let stays = |(effect, _, judged): &Final| {
+        let rough = cost_of_rougher(&finals, effect);
         may_be_named(effect, judged.cost, rough) && takes_enough(effect, judged.cost, cost)
-    });
+    };
+    let stay: Vec<bool> = finals.iter().map(stays).collect();
+    let mut stay = stay.into_iter();
+    finals.retain(|_| stay.next() == Some(true));
     match bench.aim {
         Aim::Noise => {
             finals.sort_by(|a, b| a.1.length().total_cmp(&b.1.length()));

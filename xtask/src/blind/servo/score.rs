@@ -91,12 +91,11 @@ fn tells_of(hidden: &str, name: &str) -> bool {
         "position-force" => &["cogging", "cable-stiffness", "cubic-stiffness"],
         "force-step" => &["constant-force"],
         "cogging-two-orders" => &["cogging"],
-        "backlash-of-the-load" => &["backlash"],
         "cable-stiffness" => &["position-force"],
         "cubic-stiffness" => &["cable-stiffness", "position-force"],
         _ => &[],
     };
-    name == hidden && CATALOGUE.contains(&hidden) || other_forms.contains(&name)
+    name == in_catalogue(hidden) && CATALOGUE.contains(&hidden) || other_forms.contains(&name)
 }
 
 /// Name of a hidden effect in the catalogue of the program.

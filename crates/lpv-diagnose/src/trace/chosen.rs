@@ -158,10 +158,13 @@ impl Chosen {
         let before = self.added.len();
         for i in (0..before).rev() {
             let lasts = bench.lasts(&self.now.model, i);
-            // What a smooth force leaves of a stroke looks like a wave, in some parts of the records and not in others.
+            // What a smooth force leaves of a stroke looks like a wave, in some parts of the records and not in others; and beside other effects
+            // anything may stand for some of what these leave, if that is more than noise.
             let stays = || {
                 let is_wave = catalogue::is_wave(self.added[i].effect);
-                !is_wave || self.now.shows_by(i, bench.stated(&self.now, false).into_iter())
+                let may_be_anything = self.added.len() > 1 && self.judged.cost > NOISE;
+                !(is_wave || may_be_anything)
+                    || self.now.shows_by(i, bench.stated(&self.now, false).into_iter())
             };
             let shows = lasts && self.now.shows(i) && stays();
             if shows && !has_changed {

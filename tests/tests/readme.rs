@@ -37,11 +37,22 @@ fn cargo(arguments: &[&str]) -> Output {
     output
 }
 
+/// The profile of the tests.
+const PROFILE: &str = if cfg!(debug_assertions) { "dev" } else { "release" };
+
 /// The programs of the workspace by name.
 fn programs() -> &'static BTreeMap<String, PathBuf> {
     static PROGRAMS: OnceLock<BTreeMap<String, PathBuf>> = OnceLock::new();
     PROGRAMS.get_or_init(|| {
-        let built = cargo(&["build", "--workspace", "--bins", "--message-format", "json"]);
+        let built = cargo(&[
+            "build",
+            "--workspace",
+            "--profile",
+            PROFILE,
+            "--bins",
+            "--message-format",
+            "json",
+        ]);
         Message::parse_stream(Cursor::new(built.stdout))
             .filter_map(|message| match message.unwrap() {
                 Message::CompilerArtifact(artifact) => Some((
@@ -210,7 +221,7 @@ fn cargo_bench_runs_the_regression_core_first_and_then_the_other_kernels() {
         "bench",
         "--workspace",
         "--profile",
-        "dev",
+        PROFILE,
         "--bench",
         "kernels",
         "--",

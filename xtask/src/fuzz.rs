@@ -15,6 +15,9 @@ pub(crate) struct Fuzz {
     /// These targets only.
     #[arg(long, value_delimiter = ',')]
     only: Vec<String>,
+    /// The readers of records alone, without the files that the program reads beside them: much less has to be built.
+    #[arg(long)]
+    records: bool,
     /// Targets that run at a time; as many as there are cores without.
     #[arg(long)]
     jobs: Option<usize>,
@@ -46,13 +49,16 @@ struct Account {
     limits: BTreeMap<String, u64>,
 }
 
+/// Targets behind the feature `program` of the package.
+const OF_THE_PROGRAM: [&str; 5] = ["model", "model-mat", "model-csv", "settings", "machine"];
+
 /// Whether no target found anything.
 pub(crate) fn run(options: &Fuzz) -> Result<bool, TaskError> {
     let Some(target) = triple()? else {
         println!("skipped: the coverage counters are for Linux and need a C++ compiler (c++)");
         return Ok(true);
     };
-    let Some(program) = build(&target)? else {
+    let Some(program) = build(&target, options.records)? else {
         println!("skipped: what the package `fuzz` needs cannot be had from the registry");
         return Ok(true);
     };
@@ -64,6 +70,7 @@ pub(crate) fn run(options: &Fuzz) -> Result<bool, TaskError> {
     }
     names.sort();
     names.retain(|name| options.only.is_empty() || options.only.contains(name));
+    names.retain(|name| !(options.records && OF_THE_PROGRAM.contains(&name.as_str())));
     if names.is_empty() {
         return Err(format!("no such target: {}", options.only.join(", ")).into());
     }
@@ -118,7 +125,10 @@ fn triple() -> Result<Option<String>, TaskError> {
 }
 
 /// The program with all targets; none if its dependencies cannot be had.
-fn build(target: &str) -> Result<Option<PathBuf>, TaskError> {
+///
+/// # Errors
+/// An old lock file: without this, what nobody can build would count as skipped.
+fn build(target: &str, only_records: bool) -> Result<Option<PathBuf>, TaskError> {
     let cargo = |words: &[&str]| {
         let mut command = Command::new("cargo");
         command
@@ -127,21 +137,32 @@ fn build(target: &str) -> Result<Option<PathBuf>, TaskError> {
         command.current_dir(root());
         command
     };
-    let fetch = cargo(&["fetch", "--quiet", "--target", target]).status()?;
-    if !fetch.success() {
+    let fetch = cargo(&["fetch", "--quiet", "--target", target]).output()?;
+    if !fetch.status.success() {
+        let why = String::from_utf8_lossy(&fetch.stderr);
+        eprint!("{why}");
+        if why.contains("lock file") {
+            return Err("fuzz/Cargo.lock is old: `cargo update --workspace --manifest-path fuzz/Cargo.toml` renews it".into());
+        }
         return Ok(None);
     }
     // With a target given, build scripts and macros are built without counters.
-    let built = cargo(&[
+    let features: &[&str] = if only_records {
+        &["--no-default-features"]
+    } else {
+        &[]
+    };
+    let words = [
         "build",
         "--quiet",
         "--target",
         target,
         "--target-dir",
         "target/fuzz",
-    ])
-    .env("RUSTFLAGS", COUNTERS)
-    .status()?;
+    ];
+    let built = cargo(&[&words, features].concat())
+        .env("RUSTFLAGS", COUNTERS)
+        .status()?;
     if !built.success() {
         return Err("the package `fuzz` does not build".into());
     }

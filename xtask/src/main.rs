@@ -315,7 +315,11 @@ fn run_small(options: &Small) -> Result<(), TaskError> {
 }
 
 fn run_instructions(options: &Bench) -> Result<bool, TaskError> {
-    let profile = if options.growth { "test" } else { "bench" };
+    // The growth is the same without optimisation: what has been built with this program serves.
+    let profile = match options.growth && cfg!(debug_assertions) {
+        true => "test",
+        false => "bench",
+    };
     let Some(counts) = bench::count(profile)? else {
         return Ok(true);
     };

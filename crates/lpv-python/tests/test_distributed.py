@@ -272,6 +272,29 @@ def test_ctrl_c_returns_within_a_second_with_what_is_done(clients: dict[int, Cli
     assert [found.name for found in out.iterdir()] == ["0000-short"]
 
 
+def test_ctrl_c_while_workers_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stops(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("distributed.LocalCluster", stops)
+    with pytest.raises(distributed.Interrupted, match="workers were starting") as stopped:
+        distributed.identify_many(["nowhere"])
+    assert stopped.value.outcomes == {} and stopped.value.rows == []
+
+
+def test_workers_that_do_not_end_lose_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def fails(_: object) -> None:
+        raise OSError("no such worker")
+
+    def stop(step: str, done: int, of: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(distributed, "_end", fails)
+    with pytest.raises(distributed.Interrupted, match="1 of 2") as stopped:
+        distributed.each(abs, [-1, -1], progress=stop)
+    assert [outcome.value for outcome in stopped.value.outcomes.values()] == [1]
+
+
 def threads(item: int) -> str | None:
     return os.environ.get("RAYON_NUM_THREADS")
 

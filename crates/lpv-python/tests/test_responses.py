@@ -166,9 +166,14 @@ def test_fits_of_xarrays() -> None:
         (dataset.drop_vars("frequency"), "response over"),
         (dataset.drop_vars("response"), "over nothing"),
         (dataset.drop_attrs() if hasattr(dataset, "drop_attrs") else xarray.Dataset(dataset, attrs={}), "give sample_rate"),
+        (dataset.assign(deviation=(("frequency", "signal"), np.ones((190, 3)))), "a deviation over frequency, signal"),
+        (dataset.assign_coords(position=("frequency", lines)), "a position over frequency"),
+        (xarray.concat([dataset, dataset], "place").assign_coords(position=3.0), "a position over nothing"),
     ]:
         with pytest.raises(lpvident.ModelError, match=message):
             lpvident.fit_frf(wrong, **given)
+    with pytest.raises(lpvident.ModelError, match="no xarray"):
+        lpvident.Responses.from_xarray(f)  # type: ignore[arg-type]
 
 
 def test_fits_of_responses_of_python_control() -> None:

@@ -27,7 +27,7 @@ import functools
 import os
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -359,15 +359,19 @@ def _cluster(client: Client | None) -> Iterator[Client]:
         try:
             client = default_client()
         except ValueError:
-            # One thread a worker: two calls in one process would share its threads. What memory a bundle needs, it says itself.
-            with (
-                LocalCluster(threads_per_worker=1, memory_limit=None, dashboard_address=":0") as cluster,
-                Client(cluster) as local,
-            ):
+            with ExitStack() as own:
+                try:
+                    # One thread a worker: two calls in one process would share its threads. What memory a bundle needs, it says itself.
+                    cluster = own.enter_context(LocalCluster(threads_per_worker=1, memory_limit=None, dashboard_address=":0"))
+                    local = own.enter_context(Client(cluster))
+                except KeyboardInterrupt:
+                    raise Interrupted("nothing is done: the workers were starting") from None
                 try:
                     yield local
                 except BaseException:
-                    local.sync(_end, cluster)
+                    # Workers that do not end well are no reason to lose what is done.
+                    with suppress(Exception):
+                        local.sync(_end, cluster)
                     raise
             return
     yield client

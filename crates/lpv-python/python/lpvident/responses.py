@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -149,6 +149,10 @@ class Frf:
         return verdict_html(f"Frequency response{self._where()}", "", self._facts())
 
 
+def _words(dimensions: Iterable[Hashable]) -> str:
+    return ", ".join(map(str, dimensions)) or "nothing"
+
+
 @dataclass(frozen=True, eq=False)
 class Responses:
     """Frequency responses at one place or several, in order of position.
@@ -225,12 +229,19 @@ class Responses:
         Raises:
             ModelError: for another layout or unit, and where nothing tells a sample rate.
         """
+        if not hasattr(data, "to_dataset") and not hasattr(data, "data_vars"):
+            raise ModelError(f"a {type(data).__name__} is no xarray: give a Dataset or a DataArray")
         dataset: Any = data if hasattr(data, "data_vars") else data.to_dataset(name="response", promote_attrs=True)
         dims = ("place", "frequency", "output", "input")
         found = tuple(dataset["response"].dims) if "response" in dataset else ()
         if "frequency" not in found or "frequency" not in dataset.coords or set(found) - set(dims):
-            told = ", ".join(map(str, found)) or "nothing"
-            raise ModelError(f"a response over {told}: give `response` over {', '.join(dims)}, as to_xarray does")
+            raise ModelError(f"a response over {_words(found)}: give `response` over {', '.join(dims)}, as to_xarray does")
+        over = {"deviation": set(found), "position": {"place"} & set(found)}
+        for name in over.keys() & set(dataset.variables):
+            there = set(dataset[name].dims)
+            is_alone = name == "position" and not over[name] <= there and dataset.sizes["place"] > 1
+            if is_alone or len(there - over[name]) > (name == "position") or (there - over[name]) & set(dims):
+                raise ModelError(f"a {name} over {_words(dataset[name].dims)} beside a response over {_words(found)}: see to_xarray")
         unit = dataset["frequency"].attrs.get("units", "Hz")
         if str(unit).lower() not in ("hz", "hertz"):
             raise ModelError(f"frequencies in {unit}: give them in Hz")

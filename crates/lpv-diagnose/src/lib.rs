@@ -161,7 +161,7 @@ pub use simulate::Response;
 pub use skew::{Compared, Skew, compare, skew};
 pub use steady::steady_forces;
 pub use trace::{
-    Added, Begun, Case, Judged, MISSING_SHARE, Slower, Trace, Tried, Verdict, begun, sensor_noise, trace,
+    Added, Case, Judged, MISSING_SHARE, Slower, Trace, Tried, Verdict, begun, sensor_noise, trace,
     trace_in_band, trace_slower,
 };
 pub use track::{Track, roughness};

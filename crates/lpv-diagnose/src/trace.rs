@@ -20,7 +20,7 @@ use crate::fit::{Explained, Fitted, Prior};
 use crate::track::Track;
 use crate::whiten::{SHORT, Whitening};
 pub use account::{Added, Judged, Trace, Tried, Verdict};
-pub use begun::{Begun, begun};
+pub use begun::begun;
 use bench::{Aim, Bench};
 use chosen::Chosen;
 pub use conclude::MISSING_SHARE;

@@ -8,40 +8,20 @@ use crate::observer;
 use crate::track::Track;
 use crate::whiten::{SHORT, Whitening};
 
-/// Records as a model lets them begin.
-pub struct Begun {
-    /// Fitted and judged records.
-    pub tracks: [Vec<Track>; 2],
-    /// Whether the model, fitted along them, leaves clearly less than along the records as they began before.
-    pub tells_more: bool,
-}
-
-/// Fitted and judged records that an observer holds, as a model that was found along them (`now`) lets them begin (`told` by their first samples).
-/// Where more than noise is left, the model is fitted along them and tells again, as long as that leaves far less: axes that start abruptly are
-/// told by none of their samples.
-pub fn begun(case: &Case<'_>, model: &Explained, now: &[Vec<Track>; 2], told: &[Vec<Track>; 2]) -> Begun {
+/// Fitted and judged records that an observer holds, as a model lets them begin (`told` by their first samples). Where more than noise is left, the model is fitted
+/// along them and tells again, as long as that leaves far less: axes that start abruptly are told by none of their samples.
+pub fn begun(case: &Case<'_>, model: &Explained, told: &[Vec<Track>; 2]) -> [Vec<Track>; 2] {
     const MOST_FITS: usize = 8;
-    /// Part of the squared error that is far less, and one that is clearly less.
+    /// Part of the squared error that is far less.
     const FAR_LESS: f64 = 0.25;
-    const LESS: f64 = 0.8;
     let mut tracks = settled(case, model, told);
-    let whitening = match model.base.has_load() {
-        true => None,
-        false => noise_of(case, model, &tracks),
-    };
-    let Some(whitening) = whitening else {
-        return Begun {
-            tracks,
-            tells_more: true,
-        };
+    if model.base.has_load() {
+        return tracks;
+    }
+    let Some(whitening) = noise_of(case, model, &tracks) else {
+        return tracks;
     };
     let mut cost = on(case, &whitening, &tracks, |bench| bench.judge(model).cost);
-    let mut least = cost;
-    let before = on(case, &whitening, now, |bench| {
-        let fit = bench.problem().fit(model, ITERATIONS, None);
-        let fitted = fit.map_or(f64::INFINITY, |fit| bench.judge(&fit.model).cost);
-        fitted.min(bench.judge(model).cost)
-    });
     let mut model = model.clone();
     for _ in 0..MOST_FITS {
         if cost <= NOISE {
@@ -50,16 +30,12 @@ pub fn begun(case: &Case<'_>, model: &Explained, now: &[Vec<Track>; 2], told: &[
         let Some(next) = step(case, &whitening, (&model, &tracks), told) else {
             break;
         };
-        least = least.min(next.cost);
         if next.cost > FAR_LESS * cost {
             break;
         }
         (model, tracks, cost) = (next.model, next.tracks, next.cost);
     }
-    Begun {
-        tracks,
-        tells_more: least <= LESS * before,
-    }
+    tracks
 }
 
 /// The records as a model lets them begin once it is fitted along them, and its cost on the judged ones then.

@@ -54,9 +54,8 @@ impl Held {
 
     /// The same from where a model lets the records begin that is fitted along them.
     pub(crate) fn look_again(&self, model: &Explained, step: f64) -> Result<Trace, TraceError> {
-        let case = self.case(&self.observer, step);
-        let begun = begun(&case, model, &self.settled(model), &self.tracks);
-        self.trace(&begun.tracks, step, false)
+        let tracks = begun(&self.case(&self.observer, step), model, &self.tracks);
+        self.trace(&tracks, step, false)
     }
 
     fn trace(

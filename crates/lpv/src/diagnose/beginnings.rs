@@ -23,8 +23,8 @@ pub(super) struct Seen {
     pub(super) noise: [f64; 2],
 }
 
-/// Looks again from where the model that was found lets the records begin, and with the noise that it sees: where something was missing and other
-/// beginnings tell more of it, or where the noise is clearly smaller than was thought, behind which something may be missing.
+/// Looks again from where the model that was found lets the records begin, and with the noise that it sees: where something was missing, or where
+/// the noise is clearly smaller than was thought, behind which something may be missing.
 pub(super) fn by_the_model(
     case: &Case<'_>,
     (tracks, found): ([Vec<Track>; 2], Trace),
@@ -41,22 +41,9 @@ pub(super) fn by_the_model(
             noise: case.noise,
         });
     }
-    let begun = begun(case, &found.model, &tracks, told);
-    let seen = roughness(&found.model, case.controller, &begun.tracks[0]);
+    let tracks = begun(case, &found.model, told);
+    let seen = roughness(&found.model, case.controller, &tracks[0]);
     let noise = std::array::from_fn(|i| case.noise[i].min(seen[i]));
-    let is_quieter = noise
-        .iter()
-        .zip(case.noise)
-        .any(|(seen, thought)| *seen < CLEARLY * thought);
-    let is_explained = found.verdict == Verdict::Explained;
-    if !(begun.tells_more || is_explained || is_quieter) {
-        return Ok(Seen {
-            found,
-            tracks,
-            noise: case.noise,
-        });
-    }
-    let tracks = begun.tracks;
     let found = trace(&Case {
         noise,
         fitted: &tracks[0],

@@ -58,10 +58,6 @@ pub(crate) fn run(options: &Fuzz) -> Result<bool, TaskError> {
         println!("skipped: the coverage counters are for Linux and need a C++ compiler (c++)");
         return Ok(true);
     };
-    let Some(program) = build(&target, options.records)? else {
-        println!("skipped: what the package `fuzz` needs cannot be had from the registry");
-        return Ok(true);
-    };
     let work = root().join("target/fuzz/work");
     let seeds = root().join("fuzz/corpus");
     let mut names = Vec::new();
@@ -69,11 +65,19 @@ pub(crate) fn run(options: &Fuzz) -> Result<bool, TaskError> {
         names.push(entry?.file_name().to_string_lossy().into_owned());
     }
     names.sort();
+    if let Some(unknown) = options.only.iter().find(|name| !names.contains(name)) {
+        return Err(format!("no such target: {unknown}; there are {}", names.join(", ")).into());
+    }
     names.retain(|name| options.only.is_empty() || options.only.contains(name));
     names.retain(|name| !(options.records && OF_THE_PROGRAM.contains(&name.as_str())));
     if names.is_empty() {
-        return Err(format!("no such target: {}", options.only.join(", ")).into());
+        let of = options.only.join(", ");
+        return Err(format!("{of}: no reader of records; ask for it without --records").into());
     }
+    let Some(program) = build(&target, options.records)? else {
+        println!("skipped: what the package `fuzz` needs cannot be had from the registry");
+        return Ok(true);
+    };
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let jobs = options.jobs.unwrap_or(cores).clamp(1, names.len());
     let rounds = names.len().div_ceil(jobs);

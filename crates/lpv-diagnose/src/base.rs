@@ -28,6 +28,10 @@ pub(crate) trait Body {
     fn rates(&self, x: &[f64], p: f64, forces: &Forces, rates: &mut [f64]);
     /// What its sensors tell.
     fn outputs(&self, x: &[f64], p: f64) -> Pair;
+    /// What is stiff in its rates under these forces; none where their rule copes with it.
+    fn stiff(&self, _forces: &Forces) -> Option<Stiff> {
+        None
+    }
 }
 
 /// A number for each motor, or for each channel; axes with one leave the second zero.
@@ -94,6 +98,34 @@ pub struct Forces {
     pub coupling: Pair,
     /// Mass that an axis has more: at its load, where that is not rigidly joined to the motor.
     pub mass: f64,
+    /// Dry friction in them, by motor.
+    pub(crate) dry: [Dry; 2],
+}
+
+/// Dry friction at a motor.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Dry {
+    /// The force that it takes, and the largest one.
+    pub(crate) force: f64,
+    pub(crate) level: f64,
+    /// By how much it grows with the speed: here, and at rest.
+    pub(crate) slope: f64,
+    pub(crate) slope_at_rest: f64,
+}
+
+/// A speed that dry friction takes away, and the position whose rate it is.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Stiff {
+    /// Number of the state.
+    pub(crate) position: usize,
+    /// Number of the state.
+    pub(crate) speed: usize,
+    /// How much speed it takes away in a time: here, and at most.
+    pub(crate) taken: f64,
+    pub(crate) level: f64,
+    /// How fast the speed dies out, here and at rest, 1/s.
+    pub(crate) rate: f64,
+    pub(crate) rate_at_rest: f64,
 }
 
 macro_rules! each {

@@ -41,8 +41,8 @@ mod viscous_friction;
 
 pub(crate) use gravity::LEAST_TURN;
 
-use crate::base::{Base, Pair};
-use crate::effect::{Effect, EffectParameter, Moment, Place, Scale};
+use crate::base::{Base, Forces, Pair};
+use crate::effect::{Effect, EffectParameter, Place, Scale};
 use crate::screen::{Screen, Trial};
 use crate::track::Track;
 use std::slice::from_ref;
@@ -119,7 +119,7 @@ pub(crate) fn is_rough(effect: &Effect) -> bool {
 /// Whether an effect of a machine is itself with these values along records: a peak of friction that has fallen before the sign of the speed
 /// has reached its value is a form of that sign, by which dry friction that creeps passes for one that sticks. No cable
 /// pushes, two waves that the travel does not tell apart are one, and a drive that clips most of its commands drives nothing.
-pub(crate) fn is_itself(effect: &Effect, values: &[f64], machine: &Base, tracks: &[Track]) -> bool {
+pub(crate) fn is_itself(effect: &Effect, values: &[f64], tracks: &[Track]) -> bool {
     /// Times the speed that creeps at which the sign is reached: its hyperbolic tangent is 0.96.
     const REACHED: f64 = 2.0;
     if let (true, [linear, cubic]) = (cable_stiffness::EFFECTS.iter().any(|e| e.is(effect)), values) {
@@ -136,17 +136,10 @@ pub(crate) fn is_itself(effect: &Effect, values: &[f64], machine: &Base, tracks:
     if let (true, [value]) = (actuator_saturation::EFFECTS.iter().any(|e| e.is(effect)), values) {
         return actuator_saturation::is_seldom(effect, *value, tracks);
     }
-    let [level, breakaway, creep, fall] = *values else {
+    let [_, _, creep, fall] = *values else {
         return true;
     };
     let is_peak = stribeck_friction::EFFECTS.iter().any(|e| e.is(effect));
-    let part = |t: &Track| t.step / t.fine() as f64;
-    let creep = match (machine, tracks.first()) {
-        (Base::Axis(axis), Some(t)) if t.follows => {
-            creep.max(least_creep(level + breakaway, part(t), axis.motor_mass()))
-        }
-        _ => creep,
-    };
     !is_peak || fall >= REACHED * creep
 }
 
@@ -218,21 +211,16 @@ fn smooth_sign(over_creep: f64) -> f64 {
     1.0 - 2.0 / ((2.0 * over_creep).exp() + 1.0)
 }
 
-/// The speed that creeps under a friction, no less than a part of the integration resolves.
-fn resolved(creep: f64, friction: f64, at: &Moment<'_>) -> f64 {
-    match at.machine {
-        // Where the controller is known the integration is refined instead.
-        Base::Axis(axis) if at.track.follows => creep.max(least_creep(friction, at.step, axis.motor_mass())),
-        Base::Axis(_) | Base::XyTable(_) | Base::Lpv(_) => creep,
-    }
-}
-
-/// Of an axis whose friction takes a lower speed away in less than a part of the integration, the rule of Runge and Kutta makes one that
-/// grows.
-fn least_creep(friction: f64, part: f64, mass: f64) -> f64 {
-    /// The rule is stable where a part is at most 2.78 times the time in which a speed dies out.
-    const STABLE: f64 = 0.4;
-    STABLE * friction.abs() * part / mass
+/// Dry friction at a motor: `-level tanh(v / creep)`.
+fn rub(motor: usize, level: f64, (v, creep): (f64, f64), forces: &mut Forces) {
+    let sign = smooth_sign(v / creep);
+    let (force, slope) = (level * sign, level / creep);
+    forces.motors[motor] -= force;
+    let dry = &mut forces.dry[motor];
+    dry.force += force;
+    dry.level += level;
+    dry.slope += slope * (1.0 - sign * sign);
+    dry.slope_at_rest += slope;
 }
 
 /// Forces of the motors that together do what this input of a channel does in the middle of the range.
@@ -272,19 +260,12 @@ fn pitches(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::base::Axis;
 
     #[test]
     fn a_peak_of_friction_lies_beyond_the_speed_that_creeps() {
-        let machine = Base::Axis(Axis::new(1.0, 0.0, 0.0));
         let peak = &stribeck_friction::EFFECTS[0];
-        let is = |creep, fall| is_itself(peak, &[1.0, 0.5, creep, fall], &machine, &[]);
+        let is = |creep, fall| is_itself(peak, &[1.0, 0.5, creep, fall], &[]);
         assert!(is(1e-3, 1e-2) && !is(1e-3, 1.9e-3) && !is(1e-3, 1e-4));
-        assert!(is_itself(
-            &coulomb_friction::EFFECTS[0],
-            &[1.0, 1e-3],
-            &machine,
-            &[]
-        ));
+        assert!(is_itself(&coulomb_friction::EFFECTS[0], &[1.0, 1e-3], &[]));
     }
 }

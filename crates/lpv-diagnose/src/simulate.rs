@@ -1,5 +1,6 @@
 //! A base model with effects in the loop of the experiment.
 
+mod exponential;
 mod lane;
 mod late;
 mod run;

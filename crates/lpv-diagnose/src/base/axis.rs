@@ -1,6 +1,6 @@
 //! A mass on a guide with one motor, free or held by a spring to ground, or a motor with a load on a spring.
 
-use super::{BaseParameter, Body, Forces, Motion, Pair, Start};
+use super::{BaseParameter, Body, Forces, Motion, Pair, Start, Stiff};
 use crate::track::cubic;
 use nalgebra::{DMatrix, dmatrix};
 use num_complex::Complex64 as C64;
@@ -333,6 +333,22 @@ impl Body for Axis {
         rates[1] = (own - pull) / bodies.motor;
         rates[2] = x[3];
         rates[3] = (pull + forces.load[0]) / (bodies.load + forces.mass);
+    }
+
+    fn stiff(&self, forces: &Forces) -> Option<Stiff> {
+        let mass = match self.load {
+            Some((_, bodies)) => bodies.motor,
+            None => self.mass + forces.mass,
+        };
+        let [dry, _] = forces.dry;
+        (dry.level > 0.0).then(|| Stiff {
+            position: 0,
+            speed: 1,
+            taken: dry.force / mass,
+            level: dry.level / mass,
+            rate: dry.slope / mass,
+            rate_at_rest: dry.slope_at_rest / mass,
+        })
     }
 
     fn outputs(&self, x: &[f64], _p: f64) -> Pair {

@@ -80,8 +80,7 @@ struct Coulomb {
 impl Block for Coulomb {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
         for i in at.motors() {
-            let creep = super::resolved(self.creep, self.force[i], at);
-            forces.motors[i] -= self.force[i] * super::smooth_sign(at.motion.motor_speed[i] / creep);
+            super::rub(i, self.force[i], (at.motion.motor_speed[i], self.creep), forces);
         }
     }
 }

@@ -55,7 +55,6 @@ struct Drifting {
 impl Block for Drifting {
     fn act(&self, at: &Moment<'_>, _own: &[f64], _rates: &mut [f64], forces: &mut Forces) {
         let level = (self.level - self.change * (-at.time * self.rate).exp_m1()).max(0.0);
-        let creep = super::resolved(self.creep, level, at);
-        forces.motors[0] -= level * super::smooth_sign(at.motion.motor_speed[0] / creep);
+        super::rub(0, level, (at.motion.motor_speed[0], self.creep), forces);
     }
 }

@@ -58,8 +58,7 @@ impl Block for Loaded {
         let speed = at.motion.motor_speed[0];
         let drive = at.machine.commanded(at.p, at.track.inputs[at.sample])[0];
         let level = self.level(drive, speed.signum());
-        let creep = super::resolved(self.creep, level, at);
-        forces.motors[0] -= level * super::smooth_sign(speed / creep);
+        super::rub(0, level, (speed, self.creep), forces);
     }
 }
 

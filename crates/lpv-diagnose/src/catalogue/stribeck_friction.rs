@@ -87,8 +87,7 @@ impl Block for Stribeck {
             let far = (v / self.fall).powi(2);
             let peak = if far < FAR { (-far).exp() } else { 0.0 };
             let level = self.level[i] + self.more[i] * peak;
-            let creep = super::resolved(self.creep, level, at);
-            forces.motors[i] -= level * super::smooth_sign(v / creep);
+            super::rub(i, level, (v, self.creep), forces);
         }
     }
 }

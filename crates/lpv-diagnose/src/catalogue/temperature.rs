@@ -183,8 +183,7 @@ impl Block for Warm {
             Part::Viscous(c) => forces.motors[0] -= c * self.degrees(at) * speed,
             Part::Dry { level, change, creep } => {
                 let level = (level + change * self.degrees(at)).max(0.0);
-                let creep = super::resolved(creep, level, at);
-                forces.motors[0] -= level * super::smooth_sign(speed / creep);
+                super::rub(0, level, (speed, creep), forces);
             }
             Part::Gain(k) => forces.motors[0] *= 1.0 + k * self.degrees(at),
             Part::Stiffness(k) => {

@@ -1,8 +1,9 @@
 //! One simulation on its way, stage by stage.
 
+use super::exponential::{self, is_stiff};
 use super::late::{Lag, delayed};
 use super::{Response, Run};
-use crate::base::{Body, Forces, Pair};
+use crate::base::{Body, Forces, Pair, Stiff};
 use crate::effect::Moment;
 use crate::track::smooth;
 use lpv_core::ControllerState;
@@ -30,6 +31,10 @@ pub(super) struct Lane<'a, B, const N: usize> {
     motors: [Pair; 3],
     /// At the four stages.
     rates: [[f64; N]; 4],
+    /// Dry friction where it is stiff in the part.
+    stiff: Option<Stiff>,
+    /// Steps that such parts may still take.
+    budget: usize,
 }
 
 impl<'a, B: Body, const N: usize> Lane<'a, B, N> {
@@ -66,6 +71,8 @@ impl<'a, B: Body, const N: usize> Lane<'a, B, N> {
             points: [0; 3],
             motors: [[0.0; 2]; 3],
             rates: [[0.0; N]; 4],
+            stiff: None,
+            budget: exponential::budget(run.track.samples * run.parts),
         };
         lane.begin();
         let first = run.moment(body, &lane.x, (0, 0), true);
@@ -186,6 +193,9 @@ impl<'a, B: Body, const N: usize> Lane<'a, B, N> {
     /// Rates at one of the four stages of a part.
     #[inline(always)]
     pub(super) fn stage<const STAGE: usize>(&mut self, k: usize) {
+        if STAGE > 0 && self.stiff.is_some() {
+            return;
+        }
         let h = self.run.part;
         let along =
             |rates: &[f64; N], h: f64| -> [f64; N] { std::array::from_fn(|i| self.x[i] + h * rates[i]) };
@@ -195,11 +205,45 @@ impl<'a, B: Body, const N: usize> Lane<'a, B, N> {
             2 => (along(&self.rates[1], 0.5 * h), 1),
             _ => (along(&self.rates[2], h), 2),
         };
-        self.rates[STAGE] = self.rates_at(&x, (k, self.points[point]), self.motors[point]);
+        let (rates, forces) = self.rates_at(&x, (k, self.points[point]), self.motors[point]);
+        self.rates[STAGE] = rates;
+        if STAGE == 0 {
+            let here = self.body.stiff(&forces);
+            self.stiff = here.filter(|here| is_stiff(here, &self.x, &rates, h));
+        }
+    }
+
+    /// The end of a part in which dry friction is stiff, in steps of their own.
+    #[inline(never)]
+    fn rubbed(&mut self, k: usize, first: Stiff) -> [f64; N] {
+        let h = self.run.part;
+        let none = Stiff {
+            rate: 0.0,
+            rate_at_rest: 0.0,
+            ..first
+        };
+        // What acts changes little in a part beside the speed.
+        let told = |x: &[f64; N], time: f64| {
+            let [start, middle, end] = self.motors;
+            let motors = [0, 1].map(|i| {
+                let (slope, bend) = (
+                    4.0 * middle[i] - 3.0 * start[i] - end[i],
+                    2.0 * (start[i] - 2.0 * middle[i] + end[i]),
+                );
+                start[i] + time * (slope + time * bend)
+            });
+            let point = self.points[(2.0 * time).round() as usize];
+            let (rates, forces) = self.rates_at(x, (k, point), motors);
+            (rates, self.body.stiff(&forces).unwrap_or(none))
+        };
+        let mut budget = self.budget;
+        let end = exponential::part(self.x, (self.rates[0], first), h, &mut budget, told);
+        self.budget = budget;
+        end
     }
 
     #[inline(always)]
-    fn rates_at(&self, x: &[f64; N], at: (usize, usize), motors: Pair) -> [f64; N] {
+    fn rates_at(&self, x: &[f64; N], at: (usize, usize), motors: Pair) -> ([f64; N], Forces) {
         let (run, bodies) = (self.run, self.run.machine.states());
         let at = run.moment(self.body, x, at, !run.blocks.is_empty());
         let mut forces = Forces {
@@ -219,12 +263,19 @@ impl<'a, B: Body, const N: usize> Lane<'a, B, N> {
         forces.load[0] += to_load;
         let mut rates = [0.0; N];
         self.body.rates(x, at.p, &forces, &mut rates);
-        std::array::from_fn(|i| if i < bodies { rates[i] } else { own_rates[i] })
+        (
+            std::array::from_fn(|i| if i < bodies { rates[i] } else { own_rates[i] }),
+            forces,
+        )
     }
 
     /// To the end of the part.
     #[inline(always)]
-    pub(super) fn advance(&mut self) {
+    pub(super) fn advance(&mut self, k: usize) {
+        if let Some(stiff) = self.stiff {
+            self.x = self.rubbed(k, stiff);
+            return;
+        }
         let h = self.run.part;
         let [k1, k2, k3, k4] = &self.rates;
         // States that there are not stay zero.

@@ -100,7 +100,7 @@ fn together<B: Body, const N: usize>(
             lanes.iter_mut().for_each(|(_, lane)| lane.stage::<1>(k));
             lanes.iter_mut().for_each(|(_, lane)| lane.stage::<2>(k));
             lanes.iter_mut().for_each(|(_, lane)| lane.stage::<3>(k));
-            lanes.iter_mut().for_each(|(_, lane)| lane.advance());
+            lanes.iter_mut().for_each(|(_, lane)| lane.advance(k));
         }
         k += 1;
     }

@@ -4,6 +4,7 @@ use super::late::{Lag, delayed};
 use super::{Pair, Run, side_by_side};
 use crate::{Axis, Base, Explained, Track};
 use lpv_core::{Controller, Purpose, Record, RecordKind, Signals};
+use proptest::prelude::*;
 
 /// A move with these outputs, inputs and references.
 fn record(signals: [Vec<f64>; 3]) -> Record {
@@ -75,6 +76,97 @@ fn side_by_side_as_alone() -> Result<(), Box<dyn std::error::Error>> {
     let mixed: Vec<&Run<'_>> = runs.iter().collect();
     assert_eq!(side_by_side(&mixed), alone);
     Ok(())
+}
+
+/// An axis with dry friction driven by these forces, held over samples; its positions where a sample is simulated in `parts`.
+fn rubbing(
+    (mass, level, creep): (f64, f64, f64),
+    u: &[f64],
+    (step, parts): (f64, usize),
+) -> Result<(Track, Vec<f64>), TestCaseError> {
+    let fail = |what: &str| TestCaseError::fail(what.to_owned());
+    let friction = crate::catalogue::all().find(|e| e.name == "coulomb-friction");
+    let friction = friction.ok_or_else(|| fail("no friction"))?;
+    let record = record([vec![0.0; u.len()], u.to_vec(), vec![0.0; u.len()]]);
+    let track = Track::new(&record, step, parts, None).map_err(|e| fail(&e.to_string()))?;
+    let model = Explained {
+        base: Base::Axis(Axis::new(mass, 0.0, 0.0)),
+        effects: vec![(friction, vec![level, creep])],
+    };
+    let blocks = model.blocks();
+    let found = Run::new(&model.base, &blocks, &track).response();
+    let found = found.ok_or_else(|| fail("diverges"))?;
+    Ok((track, found.outputs.iter().map(|y| y[0]).collect()))
+}
+
+/// A number between powers of ten.
+fn decades(least: f64, most: f64) -> impl Strategy<Value = f64> {
+    (least..most).prop_map(|e| 10.0_f64.powf(e))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// An axis that starts, stops, stays and turns under dry friction, in two parts of a sample: as the classical rule has it in parts in which the speed at
+    /// rest dies out by a tenth.
+    #[test]
+    fn friction_that_creeps_in_few_parts(
+        (mass, level) in (decades(-1.5, 1.5), decades(-1.5, 1.5)),
+        creeps in decades(-2.0, 1.0),
+        drive in decades(0.05, 1.5),
+        pace in decades(-2.0, 0.0),
+    ) {
+        const STEP: f64 = 5e-4;
+        let u: Vec<f64> = (0..100).map(|k| drive * level * (pace * f64::from(k)).sin()).collect();
+        // In units of what friction does in a part.
+        let (speed, way) = (level / mass * STEP / 2.0, level / mass * (STEP / 2.0).powi(2));
+        let creep = creeps * speed;
+        let (track, found) = rubbing((mass, level, creep), &u, (STEP, 2))?;
+        let acceleration = |v: f64, u: f64| (u - level * (v / creep).tanh()) / mass;
+        let parts = (20.0 * drive / creeps).ceil().max(100.0);
+        let h = STEP / parts;
+        let (mut y, mut v, mut worst) = (track.start.position[0], track.start.speed[0], 0.0_f64);
+        for (told, u) in found.iter().zip(u) {
+            worst = worst.max((told - y).abs());
+            for _ in 0..parts as usize {
+                let a = acceleration(v, u);
+                let b = acceleration(v + h / 2.0 * a, u);
+                let c = acceleration(v + h / 2.0 * b, u);
+                let d = acceleration(v + h * c, u);
+                y += h * v + h * h / 6.0 * (a + b + c);
+                v += h / 6.0 * (a + 2.0 * b + 2.0 * c + d);
+            }
+        }
+        prop_assert!(worst < 0.1 * way, "{} of the way", worst / way);
+    }
+
+    /// One that hardly creeps, under forces that jump: between its stops and starts it is accelerated evenly, which is a sum.
+    #[test]
+    fn friction_that_sticks_in_few_parts(
+        (mass, level) in (decades(-1.5, 1.5), decades(-1.5, 1.5)),
+        creeps in decades(-12.0, -5.0),
+        drives in proptest::collection::vec((decades(-2.0, 2.0), proptest::bool::ANY), 100),
+    ) {
+        const STEP: f64 = 5e-4;
+        let u: Vec<f64> = drives.iter().map(|(u, back)| level * if *back { -u } else { *u }).collect();
+        let (speed, way) = (level / mass * STEP / 2.0, level / mass * (STEP / 2.0).powi(2));
+        let (track, found) = rubbing((mass, level, creeps * speed), &u, (STEP, 2))?;
+        let (mut y, mut v, mut worst) = (track.start.position[0], track.start.speed[0], 0.0_f64);
+        for (told, u) in found.iter().zip(u) {
+            worst = worst.max((told - y).abs());
+            let mut left = STEP;
+            while left > 0.0 {
+                let friction = if v == 0.0 { u.clamp(-level, level) } else { level * v.signum() };
+                let a = (u - friction) / mass;
+                let stops = if v * a < 0.0 { -v / a } else { f64::INFINITY };
+                let time = left.min(stops);
+                y += time * (v + 0.5 * time * a);
+                v = if stops <= left { 0.0 } else { v + time * a };
+                left -= time;
+            }
+        }
+        prop_assert!(worst < 0.1 * way, "{} of the way", worst / way);
+    }
 }
 
 /// The second part of a record, which begins in motion, is the second part of its simulation.

@@ -142,8 +142,7 @@ impl Chosen {
                 && may_be_named(effect, judged.cost, self.judged.cost)
                 && is_worth(&judged, &self.judged, without.cost);
             let (at, values) = (&fit.model.effects[i].0, &fit.model.effects[i].1);
-            let exists =
-                at.allows(values) && catalogue::is_itself(at, values, bench.case.base, bench.case.fitted);
+            let exists = at.allows(values) && catalogue::is_itself(at, values, bench.case.fitted);
             (is_better && exists && bench.lasts(&fit.model, i)).then_some((effect, fit, judged))
         });
         worth.min_by(|a, b| a.2.cost.total_cmp(&b.2.cost))

@@ -14,6 +14,7 @@ use crate::left::{Left, what_is_left};
 use crate::track::Track;
 use crate::whiten::{LONG, SHORT, Whitening};
 use rayon::prelude::*;
+use std::f64::consts::LN_10;
 
 /// Change of the errors by a finer integration, over the noise, that does not matter.
 const STILL: f64 = 0.1;
@@ -319,9 +320,12 @@ impl Fitted {
 
     /// Deviations of values from those of the coordinates.
     fn in_values(&self, coordinates: Vec<f64>) -> impl Iterator<Item = f64> {
+        /// Powers of ten within which one is known at least.
+        const KNOWN: f64 = 3.0;
         let spread = self.excess.sqrt();
         // Of a logarithm that is hardly known, one deviation above tells more than the slope.
         let one = move |((d, s), is_logarithm): ((f64, f64), bool)| match is_logarithm {
+            true if spread * d > KNOWN * LN_10 => f64::INFINITY,
             true => s * (spread * d).exp_m1(),
             false => s * spread * d,
         };

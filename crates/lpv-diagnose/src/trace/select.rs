@@ -220,7 +220,7 @@ fn is_possible(bench: &Bench<'_>, model: &Explained, screen: &Screen<'_>) -> boo
     };
     let is_trend = catalogue::changes_with_position(effect) && screen.grows_with_time(effect.place.first());
     effect.allows(values)
-        && catalogue::is_itself(effect, values, bench.case.base, bench.case.fitted)
+        && catalogue::is_itself(effect, values, bench.case.fitted)
         && catalogue::is_change(effect, values, screen)
         && !is_trend
         && values.iter().zip(effect.parameters).all(is_seen)

@@ -336,10 +336,8 @@ impl Body for Axis {
     }
 
     fn stiff(&self, forces: &Forces) -> Option<Stiff> {
-        let mass = match self.load {
-            Some((_, bodies)) => bodies.motor,
-            None => self.mass + forces.mass,
-        };
+        let carried = if self.load.is_none() { forces.mass } else { 0.0 };
+        let mass = self.motor_mass() + carried;
         let [dry, _] = forces.dry;
         (dry.level > 0.0).then(|| Stiff {
             position: 0,

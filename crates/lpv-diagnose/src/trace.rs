@@ -220,7 +220,12 @@ fn compete(case: &Case<'_>, aim: Aim, (whitening, bare): (Whitening, Fitted)) ->
         MOST_EFFECTS
     };
     for _ in 0..looks {
-        let Some(selection) = select(&bench, &bare.model.base, &chosen.now, chosen.judged.cost) else {
+        let Some(selection) = select(
+            &bench,
+            &bare.model.base,
+            (&chosen.now, chosen.judged.cost),
+            f64::INFINITY,
+        ) else {
             break;
         };
         candidates.extend(selection.tried(&bench, &chosen.now, chosen.judged.cost));

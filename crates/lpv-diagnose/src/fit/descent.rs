@@ -23,6 +23,9 @@ const MOST_STEP: f64 = 2.0;
 /// Decrease of the objective that counts as none.
 const SETTLED: f64 = 0.3;
 
+/// Iterations that tell how fast a fit goes on.
+const PACE: usize = 6;
+
 impl Problem<'_> {
     /// Levenberg-Marquardt from a model. The machine's columns that are `known` from a neighbouring model serve for
     /// the first step.
@@ -35,10 +38,25 @@ impl Problem<'_> {
         iterations: usize,
         known: Option<&Fitted>,
     ) -> Result<Fitted, TraceError> {
+        self.fit_towards(f64::INFINITY, start, iterations, known)
+    }
+
+    /// The same, which ends where it would not reach an objective in the iterations left at the pace of the last ones.
+    ///
+    /// # Errors
+    /// As [`fit`](Self::fit).
+    pub(crate) fn fit_towards(
+        &self,
+        goal: f64,
+        start: &Explained,
+        iterations: usize,
+        known: Option<&Fitted>,
+    ) -> Result<Fitted, TraceError> {
         let own = start.base.coordinates().len();
         let mut descent = Descent {
             problem: self,
             iterations,
+            goal,
             own,
             bounded: start.bounded(),
             steps: known.map_or(Vec::new(), |k| k.steps[..own].to_vec()),
@@ -87,6 +105,7 @@ impl Problem<'_> {
 struct Descent<'a> {
     problem: &'a Problem<'a>,
     iterations: usize,
+    goal: f64,
     /// Coordinates of the machine, which come before those of the effects.
     own: usize,
     bounded: Vec<bool>,
@@ -111,6 +130,15 @@ struct Linearised {
     excess: f64,
 }
 
+impl Descent<'_> {
+    /// Whether the goal is further off than the iterations left go.
+    fn is_out_of_reach(&self, history: &[f64], left: usize) -> bool {
+        let [.., now] = history else { return false };
+        let earlier = history.iter().rev().nth(PACE);
+        earlier.is_some_and(|earlier| now - self.goal > (earlier - now) / PACE as f64 * left as f64)
+    }
+}
+
 impl Search for Descent<'_> {
     type Point = Point;
     type Linear = Linearised;
@@ -124,7 +152,8 @@ impl Search for Descent<'_> {
         let [.., before, now] = history else {
             return None;
         };
-        if history.len() > self.iterations {
+        let left = (self.iterations + 1).saturating_sub(history.len());
+        if left == 0 || self.is_out_of_reach(history, left) {
             return Some(StopReason::IterationLimit);
         }
         if before - now < SETTLED {

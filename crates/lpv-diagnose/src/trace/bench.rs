@@ -198,8 +198,14 @@ impl<'a> Bench<'a> {
             .map_or(f64::INFINITY, |r| self.problem().objective(&r))
     }
 
-    /// Full fits: all for a few steps, those that lead for as many as they need.
-    pub(super) fn finals(&'a self, starts: &[&Explained], now: &Fitted) -> Vec<(&'static Effect, Fitted)> {
+    /// Full fits: all for a few steps, those that lead for as many as they need, as long as they may come to the best of them, and to the
+    /// objective of a rival.
+    pub(super) fn finals(
+        &'a self,
+        starts: &[&Explained],
+        now: &Fitted,
+        rival: f64,
+    ) -> Vec<(&'static Effect, Fitted)> {
         let of = starts.len() + (2 * LEADERS).min(starts.len());
         (self.case.on_fit)(0, of);
         let done = AtomicUsize::new(0);
@@ -227,7 +233,11 @@ impl<'a> Bench<'a> {
             .collect();
         done.store(starts.len(), Ordering::Relaxed);
         leaders.into_par_iter().for_each(|fit| {
-            if let Ok(better) = self.problem().fit(&fit.model, ITERATIONS, Some(&*fit)) {
+            let goal = best.min(rival);
+            if let Ok(better) = self
+                .problem()
+                .fit_towards(goal, &fit.model, ITERATIONS, Some(&*fit))
+            {
                 *fit = better;
             }
             one_more();

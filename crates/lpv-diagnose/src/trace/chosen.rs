@@ -48,7 +48,7 @@ impl Chosen {
         /// Effects that another one is sought beside.
         const BEAM: usize = 3;
         let pairs = selection.finals.iter().take(BEAM).filter_map(|first| {
-            let selection = select(bench, &bare.model.base, &first.1, first.2.cost)?;
+            let selection = select(bench, &bare.model.base, (&first.1, first.2.cost), f64::INFINITY)?;
             let ((second, fit, judged), runner_up) = selection.best()?;
             Some((first.0, *second, fit.clone(), judged.clone(), runner_up))
         });
@@ -93,7 +93,8 @@ impl Chosen {
                 changed = true;
                 continue;
             }
-            let selection = select(bench, &bare.model.base, &rest, without.cost);
+            let rival = self.now.length();
+            let selection = select(bench, &bare.model.base, (&rest, without.cost), rival);
             if let Some((best, runner_up)) = selection.as_ref().and_then(Selection::best)
                 && self.is_better(i, best, without.cost)
                 && let Some((fit, there)) = self.in_place(bench, i, &best.1)
@@ -134,7 +135,7 @@ impl Chosen {
         last.model.effects.push(own);
         let screen = bench.look(&bare.model.base, &rest)?;
         let starts = refined(bench, &[(self.added[i].effect, last)], &rest, &screen)?;
-        let finals = bench.finals(&starts.iter().collect::<Vec<_>>(), &rest);
+        let finals = bench.finals(&starts.iter().collect::<Vec<_>>(), &rest, f64::INFINITY);
         let worth = finals.into_iter().filter_map(|(effect, fit)| {
             let (fit, judged) = self.in_place(bench, i, &fit)?;
             let falls = self.judged.cost - judged.cost >= self.least;

@@ -40,6 +40,14 @@ pub(super) fn refined(
     Some(all)
 }
 
+/// Least objective.
+pub(super) fn least(finals: &[(&'static Effect, Fitted)]) -> f64 {
+    finals
+        .iter()
+        .map(|(_, fit)| fit.objective)
+        .fold(f64::INFINITY, f64::min)
+}
+
 /// The leading refinement shows its simpler effect the way: that one is fitted again from the values that the two share, since
 /// its own start may have led it astray.
 pub(super) fn simplified(bench: &Bench<'_>, finals: &mut Vec<(&'static Effect, Fitted)>, now: &Fitted) {
@@ -55,7 +63,7 @@ pub(super) fn simplified(bench: &Bench<'_>, finals: &mut Vec<(&'static Effect, F
         added.is_some_and(|(e, _)| now.model.effects.iter().any(|(t, _)| t.is_called(e)))
     };
     for start in simpler_forms(&fine.model, last).into_iter().filter(|s| !taken(s)) {
-        finals.extend(bench.finals(&[&start], now));
+        finals.extend(bench.finals(&[&start], now, f64::INFINITY));
     }
 }
 

@@ -31,8 +31,13 @@ pub(super) struct Selection {
 }
 
 /// Effects that might stand beside those of a fit, whose cost on the judged records is `cost`; none are fitted where none promises
-/// what its parameters cost.
-pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) -> Option<Selection> {
+/// what its parameters cost, or further than it takes to see that they stay above the objective of a rival.
+pub(super) fn select(
+    bench: &Bench<'_>,
+    base: &Base,
+    (now, cost): (&Fitted, f64),
+    rival: f64,
+) -> Option<Selection> {
     let screen = bench.look(base, now)?;
     let taken = |e: &Effect| now.model.effects.iter().any(|(t, _)| t.is_called(e));
     let own = bench.case.own.iter().copied();
@@ -71,10 +76,11 @@ pub(super) fn select(bench: &Bench<'_>, base: &Base, now: &Fitted, cost: f64) ->
         .collect();
     chosen.extend(actual.iter().map(|a| a.1).filter(|i| *i >= FINALISTS).take(2));
     let starts: Vec<&Explained> = chosen.iter().flat_map(|i| screened[*i].starts()).collect();
-    let mut finals = bench.finals(&starts, now);
+    let mut finals = bench.finals(&starts, now, rival);
     if bench.aim == Aim::Noise {
         let refined = refine::refined(bench, &finals, now, &screen)?;
-        finals.extend(bench.finals(&refined.iter().collect::<Vec<_>>(), now));
+        let rival = refine::least(&finals).min(rival);
+        finals.extend(bench.finals(&refined.iter().collect::<Vec<_>>(), now, rival));
         refine::simplified(bench, &mut finals, now);
     }
     finals.retain(|(_, fit)| is_possible(bench, &fit.model, &screen));

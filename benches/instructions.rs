@@ -17,7 +17,16 @@ use xytable_plant::{MovingExperiment, MovingSettings, Noise, PlantError, Setpoin
 
 const PERIOD: usize = 1 << 12;
 
+/// Threads would make the counts depend on who takes which work, and another thread than this one is not counted: all work is done here.
+fn alone() {
+    let _ = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .use_current_thread()
+        .build_global();
+}
+
 fn estimates(positions: usize, lines: usize) -> (Vec<FrfEstimate>, StateSpace<Discrete>) {
+    alone();
     let bench = Bench::new().unwrap();
     (
         bench.estimates(positions, lines).unwrap(),
@@ -72,6 +81,7 @@ fn frf_push((mut accumulator, signals): (PeriodicAccumulator, Vec<Vec<f64>>)) {
 }
 
 fn model(lines: usize) -> (StateSpace<Discrete>, Vec<f64>) {
+    alone();
     let bench = Bench::new().unwrap();
     (bench.large_model(24).unwrap(), bench.lines_hz(lines))
 }
@@ -95,6 +105,7 @@ fn simulation((model, lines): (StateSpace<Discrete>, Vec<f64>)) {
 }
 
 fn motion(samples: usize) -> (Bench, Setpoints) {
+    alone();
     let bench = Bench::new().unwrap();
     let moves = bench.sweep(samples).unwrap();
     (bench, moves)
@@ -117,7 +128,7 @@ fn moving_p((bench, moves): (Bench, Setpoints)) {
     experiment.stream(1, &mut sink).unwrap();
 }
 
-// An LFR of 8 states and 5 deltas on 21 positions: so many steps, each with its Jacobian.
+// An LFR of 8 states and 5 deltas on 5 positions: so many steps, each with its Jacobian.
 #[library_benchmark]
 #[bench::steps_2(args = (2), setup = refinement)]
 #[bench::steps_4(args = (4), setup = refinement)]
@@ -127,15 +138,17 @@ fn lfr_refinement((case, settings): (Case, RefineSettings)) {
 }
 
 fn refinement(steps: usize) -> (Case, RefineSettings) {
+    alone();
     let settings = RefineSettings {
         tolerance: 1e-12,
         max_iterations: steps,
         ..RefineSettings::default()
     };
-    (Case::new().unwrap(), settings)
+    (Case::with_positions(5).unwrap(), settings)
 }
 
 fn response(lines: usize) -> (FrfEstimate, Discrete) {
+    alone();
     let bench = Bench::new().unwrap();
     let frf = bench
         .large_model(14)
@@ -167,11 +180,10 @@ library_benchmark_group!(
     ]
 );
 
-// Threads would make the counts depend on who takes which work. Valgrind 3.19 computes some vector code wrongly when it optimises
+// Valgrind 3.19 computes some vector code wrongly when it optimises
 // (a response comes out otherwise than natively, in memcheck, or without optimisation); the counts are those of the program.
 main!(
     config = LibraryBenchmarkConfig::default()
-        .env("RAYON_NUM_THREADS", "1")
         .tool(Callgrind::with_args(["--cache-sim=no", "--vex-iropt-level=0"])),
     library_benchmark_groups = kernels
 );

@@ -356,6 +356,38 @@ fn the_python_package_has_a_front_door() {
     );
 }
 
+/// Packages with their version and features, by line, as cargo builds them for these arguments.
+fn features(of: &[&str]) -> BTreeSet<String> {
+    let listed = Command::new(env!("CARGO"))
+        .args(["tree", "--locked", "--prefix", "none", "--format", "{p} {f}"])
+        .args(of)
+        .current_dir(root())
+        .output()
+        .unwrap();
+    assert!(
+        listed.status.success(),
+        "{}",
+        String::from_utf8_lossy(&listed.stderr)
+    );
+    let text = String::from_utf8(listed.stdout).unwrap();
+    text.lines()
+        .map(|l| l.trim_end_matches(" (*)").to_owned())
+        .collect()
+}
+
+#[test]
+fn the_wheel_is_built_on_the_crates_of_the_tests() {
+    let (all, wheel) = (
+        features(&["--workspace"]),
+        features(&["-p", "lpv-python", "-e", "no-dev"]),
+    );
+    assert!(wheel.len() > 50, "{wheel:?}");
+    let said = |line: &String| {
+        format!("{line}: other features in the tests; crates/lpv-python/Cargo.toml may ask for the same")
+    };
+    none(&wheel.difference(&all).map(said).collect::<Vec<_>>());
+}
+
 #[test]
 fn files_are_small() {
     let mut wrong = Vec::new();

@@ -126,7 +126,7 @@ pub(crate) enum Groups {
 
 #[derive(Args)]
 pub(crate) struct New {
-    /// Record files: .npz, .csv and other text tables, .parquet, .mat, .h5, .tdms, .mf4, .uff.
+    /// Record files, or a folder of them: .npz, .csv and other text tables, .parquet, .mat, .h5, .tdms, .mf4, .uff.
     #[arg(required = true, value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
     /// Columns of the measured outputs.

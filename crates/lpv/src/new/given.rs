@@ -2,21 +2,30 @@
 
 use super::refuse;
 use crate::PipelineError;
+use experiment_data::RecordFormat;
 use std::path::{Path, PathBuf};
 
-/// The files as they were named and where they are: those that are held out belong to the bundle, named among the others or not.
+/// The files as they were named and where they are: those that are held out belong to the bundle, named among the others or not. A folder
+/// stands for the record files in it.
 pub(super) fn files(
     named: &[PathBuf],
     held_out: &[PathBuf],
 ) -> Result<(Vec<PathBuf>, Vec<PathBuf>), PipelineError> {
     let place = |file: &PathBuf| file.canonicalize().map_err(|e| refuse(file, e.to_string()));
     let (mut files, mut paths) = (Vec::new(), Vec::new());
+    let mut all = Vec::new();
     for file in named {
-        let path = place(file)?;
-        if paths.contains(&path) {
-            return Err(refuse(file, "this file is given twice".to_owned()));
+        match file.is_dir() {
+            true => all.extend(records_in(file)?),
+            false => all.push(file.clone()),
         }
-        files.push(file.clone());
+    }
+    for file in all {
+        let path = place(&file)?;
+        if paths.contains(&path) {
+            return Err(refuse(&file, "this file is given twice".to_owned()));
+        }
+        files.push(file);
         paths.push(path);
     }
     for file in held_out {
@@ -27,6 +36,25 @@ pub(super) fn files(
         }
     }
     Ok((files, paths))
+}
+
+/// The files of a folder that end as records do, by name, as a shell lists them.
+fn records_in(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
+    let read = |e: std::io::Error| refuse(folder, e.to_string());
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(read)? {
+        let path = entry.map_err(read)?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if path.is_file() && !name.starts_with('.') && RecordFormat::of(&name).is_ok() {
+            found.push(path);
+        }
+    }
+    if found.is_empty() {
+        let problem = "this folder has no record files; name those of the folders in it, as in `lpv new FOLDER/*.csv`";
+        return Err(refuse(folder, problem.to_owned()));
+    }
+    found.sort();
+    Ok(found)
 }
 
 /// Why a file cannot be a record.

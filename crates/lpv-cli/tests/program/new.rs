@@ -521,11 +521,19 @@ fn a_folder_stands_for_its_record_files() {
     desk.write("d/picture.png", "none");
     desk.done("new d");
     let bundle = Bundle::open(&desk.path("d")).unwrap();
-    let files: Vec<&str> = bundle.description().records.iter().map(|r| r.file.as_str()).collect();
+    let files: Vec<&str> = bundle
+        .description()
+        .records
+        .iter()
+        .map(|r| r.file.as_str())
+        .collect();
     assert_eq!(files, ["a.csv", "b.csv"]);
     desk.write("none/deeper/e.csv", "t,y\n0,1\n");
     let said = desk.refused("new none");
-    assert!(said.contains("no record files") && said.contains("none"), "{said}");
+    assert!(
+        said.contains("no record files") && said.contains("none"),
+        "{said}"
+    );
     let said = desk.refused("new d d/a.csv --force");
     assert!(said.contains("a.csv") && said.contains("twice"), "{said}");
 }

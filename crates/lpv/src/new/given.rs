@@ -50,7 +50,8 @@ fn records_in(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
         }
     }
     if found.is_empty() {
-        let problem = "this folder has no record files; name those of the folders in it, as in `lpv new FOLDER/*.csv`";
+        let problem =
+            "this folder has no record files; name those of the folders in it, as in `lpv new FOLDER/*.csv`";
         return Err(refuse(folder, problem.to_owned()));
     }
     found.sort();

@@ -19,10 +19,10 @@ const PERIOD: usize = 1 << 12;
 
 /// Threads would make the counts depend on who takes which work, and another thread than this one is not counted: all work is done here.
 fn alone() {
-    let _ = rayon::ThreadPoolBuilder::new()
+    let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
-        .use_current_thread()
-        .build_global();
+        .use_current_thread();
+    pool.build_global().unwrap();
 }
 
 fn estimates(positions: usize, lines: usize) -> (Vec<FrfEstimate>, StateSpace<Discrete>) {
@@ -180,8 +180,8 @@ library_benchmark_group!(
     ]
 );
 
-// Valgrind 3.19 computes some vector code wrongly when it optimises
-// (a response comes out otherwise than natively, in memcheck, or without optimisation); the counts are those of the program.
+// Valgrind 3.19 computes some vector code wrongly when it optimises (a response comes out otherwise than natively, in memcheck, or without
+// optimisation); the counts are those of the program.
 main!(
     config = LibraryBenchmarkConfig::default()
         .tool(Callgrind::with_args(["--cache-sim=no", "--vex-iropt-level=0"])),

@@ -6,10 +6,9 @@
     reason = "a check that cannot read the workspace must fail"
 )]
 
-use lpv_tests::root;
+use lpv_tests::{cargo, output_of, root};
 use std::fmt::Write as _;
 use std::path::Path;
-use std::process::Command;
 
 /// Rust of the first example on a page of documentation, as `cargo test --doc` completes it.
 fn first_example(page: &str) -> Option<String> {
@@ -61,21 +60,14 @@ fn write(folder: &Path, packages: &[(String, String, String)]) {
     std::fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
 }
 
-fn cargo(folder: &Path, arguments: &[&str]) -> String {
-    let out = Command::new(env!("CARGO"))
-        .arg("--offline")
-        .args(arguments)
-        .current_dir(folder)
-        .env("CARGO_TARGET_DIR", root().join("target/outside"))
-        .env_remove("RUSTFLAGS")
-        .output()
-        .unwrap();
-    assert!(
-        out.status.success(),
-        "cargo {arguments:?}:\n{}",
-        String::from_utf8_lossy(&out.stderr)
-    );
-    String::from_utf8(out.stdout).unwrap()
+/// What cargo writes in a folder, with what it builds kept apart from the workspace.
+fn cargo_in(folder: &Path, arguments: &[&str]) -> String {
+    output_of(
+        cargo(arguments)
+            .current_dir(folder)
+            .env("CARGO_TARGET_DIR", root().join("target/outside"))
+            .env_remove("RUSTFLAGS"),
+    )
 }
 
 #[test]
@@ -108,8 +100,8 @@ fn first_pages_and_the_library_compile_outside_the_workspace() {
     let dependency = format!("lpv = {{ path = {lpv:?}, default-features = false }}");
     packages.push(("library".to_owned(), dependency, library));
     write(folder.path(), &packages);
-    cargo(folder.path(), &["check", "--workspace"]);
-    let tree = cargo(
+    cargo_in(folder.path(), &["check", "--workspace"]);
+    let tree = cargo_in(
         folder.path(),
         &["tree", "-p", "library", "--prefix", "none", "-e", "normal"],
     );

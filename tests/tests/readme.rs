@@ -9,32 +9,16 @@
 )]
 
 use cargo_metadata::{Message, Metadata, MetadataCommand};
-use lpv_tests::root;
+use lpv_tests::{cargo, output_of, root};
 use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::process::Command;
 use std::sync::OnceLock;
 
 fn read(name: &str) -> String {
     let path = root().join(name);
     std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
-}
-
-/// Runs cargo as the tests were built: the whole workspace, the same profile, no network.
-fn cargo(arguments: &[&str]) -> Output {
-    let output = Command::new(env!("CARGO"))
-        .arg("--offline")
-        .args(arguments)
-        .current_dir(root())
-        .output()
-        .unwrap();
-    assert!(
-        output.status.success(),
-        "cargo {arguments:?}:\n{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    output
 }
 
 /// The profile of the tests.
@@ -44,7 +28,7 @@ const PROFILE: &str = if cfg!(debug_assertions) { "dev" } else { "release" };
 fn programs() -> &'static BTreeMap<String, PathBuf> {
     static PROGRAMS: OnceLock<BTreeMap<String, PathBuf>> = OnceLock::new();
     PROGRAMS.get_or_init(|| {
-        let built = cargo(&[
+        let built = output_of(&mut cargo(&[
             "build",
             "--workspace",
             "--profile",
@@ -52,8 +36,8 @@ fn programs() -> &'static BTreeMap<String, PathBuf> {
             "--bins",
             "--message-format",
             "json",
-        ]);
-        Message::parse_stream(Cursor::new(built.stdout))
+        ]));
+        Message::parse_stream(Cursor::new(built))
             .filter_map(|message| match message.unwrap() {
                 Message::CompilerArtifact(artifact) => Some((
                     artifact.target.name,
@@ -217,7 +201,7 @@ fn cargo_bench_runs_the_regression_core_first_and_then_the_other_kernels() {
         [("lpv-kernels".to_owned(), "kernels".to_owned())]
     );
     // As `cargo bench -- --list`, but not built for speed; by name, since the whole workspace has been built for the tests.
-    let listed = cargo(&[
+    let listed = output_of(&mut cargo(&[
         "bench",
         "--workspace",
         "--profile",
@@ -226,8 +210,7 @@ fn cargo_bench_runs_the_regression_core_first_and_then_the_other_kernels() {
         "kernels",
         "--",
         "--list",
-    ]);
-    let listed = String::from_utf8_lossy(&listed.stdout);
+    ]));
     let names: Vec<&str> = listed
         .lines()
         .filter_map(|l| l.strip_suffix(": benchmark"))

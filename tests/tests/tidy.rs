@@ -9,7 +9,7 @@
 )]
 
 use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
-use lpv_tests::root;
+use lpv_tests::{cargo, output_of, root};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -358,18 +358,8 @@ fn the_python_package_has_a_front_door() {
 
 /// Packages with their version and features, by line, as cargo builds them for these arguments.
 fn features(of: &[&str]) -> BTreeSet<String> {
-    let listed = Command::new(env!("CARGO"))
-        .args(["tree", "--locked", "--prefix", "none", "--format", "{p} {f}"])
-        .args(of)
-        .current_dir(root())
-        .output()
-        .unwrap();
-    assert!(
-        listed.status.success(),
-        "{}",
-        String::from_utf8_lossy(&listed.stderr)
-    );
-    let text = String::from_utf8(listed.stdout).unwrap();
+    let tree = ["tree", "--locked", "--prefix", "none", "--format", "{p} {f}"];
+    let text = output_of(cargo(&tree).args(of));
     text.lines()
         .map(|l| l.trim_end_matches(" (*)").to_owned())
         .collect()

@@ -177,10 +177,10 @@ struct Plan<'a> {
     places: Option<Places>,
 }
 
-/// Looks at the files and drafts their description.
+/// Looks at the files, of a folder at its record files, and drafts their description.
 ///
 /// # Errors
-/// A file that cannot be read, no file, files without a common folder or without a common column, a known column that
+/// A file that cannot be read, no file, a folder without record files, files without a common folder or without a common column, a known column that
 /// no file has, a rate that no clock has.
 pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
     let Some(first) = files.first() else {

@@ -130,15 +130,6 @@ struct Linearised {
     excess: f64,
 }
 
-impl Descent<'_> {
-    /// Whether the goal is further off than the iterations left go.
-    fn is_out_of_reach(&self, history: &[f64], left: usize) -> bool {
-        let [.., now] = history else { return false };
-        let earlier = history.iter().rev().nth(PACE);
-        earlier.is_some_and(|earlier| now - self.goal > (earlier - now) / PACE as f64 * left as f64)
-    }
-}
-
 impl Search for Descent<'_> {
     type Point = Point;
     type Linear = Linearised;
@@ -153,7 +144,7 @@ impl Search for Descent<'_> {
             return None;
         };
         let left = (self.iterations + 1).saturating_sub(history.len());
-        if left == 0 || self.is_out_of_reach(history, left) {
+        if left == 0 || is_out_of_reach(self.goal, history, left) {
             return Some(StopReason::IterationLimit);
         }
         if before - now < SETTLED {
@@ -235,5 +226,37 @@ impl Search for Descent<'_> {
     /// Columns of a neighbour may be the reason.
     fn stuck(&mut self) -> Option<StopReason> {
         None
+    }
+}
+
+/// Whether an objective lies below the last one of a history by more than the iterations left take at the pace of the last ones.
+fn is_out_of_reach(goal: f64, history: &[f64], left: usize) -> bool {
+    let [.., now] = history else { return false };
+    let earlier = history.iter().rev().nth(PACE);
+    earlier.is_some_and(|earlier| now - goal > (earlier - now) / PACE as f64 * left as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// A fit that falls by the same in every iteration reaches what lies above the line and nothing below it, in any unit; before it has a pace,
+        /// it may reach all.
+        #[test]
+        fn an_even_fall_reaches_what_its_line_does(
+            (start, exponent) in (-1e6..1e6_f64, -6.0..6.0_f64),
+            (done, left) in (0_usize..30, 1_usize..40),
+            part in 0.01..3.0_f64,
+        ) {
+            let fall = 10.0_f64.powf(exponent);
+            let start = start * fall;
+            let history: Vec<f64> = (0..=done).map(|k| start - k as f64 * fall).collect();
+            let goal = history[done] - part * left as f64 * fall;
+            prop_assume!((part - 1.0).abs() > 1e-3);
+            prop_assert_eq!(is_out_of_reach(goal, &history, left), done >= PACE && part > 1.0);
+            prop_assert!(!is_out_of_reach(f64::INFINITY, &history, left));
+        }
     }
 }

@@ -198,8 +198,8 @@ impl<'a> Bench<'a> {
             .map_or(f64::INFINITY, |r| self.problem().objective(&r))
     }
 
-    /// Full fits: all for a few steps, those that lead for as many as they need, as long as they may come to the best of them, and to the
-    /// objective of a rival.
+    /// Full fits: all for a few steps, those that lead for as many as they need, as long as their objectives may still fall to the best one
+    /// after those few steps, and to that of a `rival`.
     pub(super) fn finals(
         &'a self,
         starts: &[&Explained],

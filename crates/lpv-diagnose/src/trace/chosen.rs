@@ -93,6 +93,7 @@ impl Chosen {
                 changed = true;
                 continue;
             }
+            // One with fewer parameters may take the place with a larger objective, by no more than these cost.
             let rival = self.now.length();
             let selection = select(bench, &bare.model.base, (&rest, without.cost), rival);
             if let Some((best, runner_up)) = selection.as_ref().and_then(Selection::best)

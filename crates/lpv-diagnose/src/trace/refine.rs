@@ -40,21 +40,16 @@ pub(super) fn refined(
     Some(all)
 }
 
-/// Least objective.
-pub(super) fn least(finals: &[(&'static Effect, Fitted)]) -> f64 {
-    finals
-        .iter()
-        .map(|(_, fit)| fit.objective)
-        .fold(f64::INFINITY, f64::min)
+/// The fit with the least objective.
+pub(super) fn leading<'a>(finals: &'a [(&'static Effect, Fitted)]) -> Option<&'a Fitted> {
+    let fits = finals.iter().map(|(_, fit)| fit);
+    fits.min_by(|a, b| a.objective.total_cmp(&b.objective))
 }
 
 /// The leading refinement shows its simpler effect the way: that one is fitted again from the values that the two share, since
 /// its own start may have led it astray.
 pub(super) fn simplified(bench: &Bench<'_>, finals: &mut Vec<(&'static Effect, Fitted)>, now: &Fitted) {
-    let Some((_, fine)) = finals
-        .iter()
-        .min_by(|a, b| a.1.objective.total_cmp(&b.1.objective))
-    else {
+    let Some(fine) = leading(finals) else {
         return;
     };
     let last = fine.model.effects.len() - 1;

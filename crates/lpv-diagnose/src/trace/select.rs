@@ -31,7 +31,7 @@ pub(super) struct Selection {
 }
 
 /// Effects that might stand beside those of a fit, whose cost on the judged records is `cost`; none are fitted where none promises
-/// what its parameters cost, or further than it takes to see that they stay above the objective of a rival.
+/// what its parameters cost, or further than it takes to see that their objectives stay above a `rival`, that of what they would replace.
 pub(super) fn select(
     bench: &Bench<'_>,
     base: &Base,
@@ -79,7 +79,7 @@ pub(super) fn select(
     let mut finals = bench.finals(&starts, now, rival);
     if bench.aim == Aim::Noise {
         let refined = refine::refined(bench, &finals, now, &screen)?;
-        let rival = refine::least(&finals).min(rival);
+        let rival = refine::leading(&finals).map_or(rival, |best| best.objective.min(rival));
         finals.extend(bench.finals(&refined.iter().collect::<Vec<_>>(), now, rival));
         refine::simplified(bench, &mut finals, now);
     }

@@ -2,7 +2,7 @@
 
 use crate::TaskError;
 use crate::measured::open;
-use lpv::diagnose::{Diagnosis, Given, diagnose};
+use lpv::diagnose::{Diagnosed, Diagnosis, Given, diagnose};
 use lpv::silent;
 use lpv::validation::{AxisCheck, ClosedLoopAxis};
 use serde::Serialize;
@@ -12,9 +12,12 @@ use std::time::Instant;
 /// A bundle and what was found in it.
 #[derive(Serialize)]
 pub(crate) struct Found {
-    bundle: &'static str,
-    diagnosis: Diagnosis,
+    pub(crate) bundle: &'static str,
+    pub(crate) diagnosis: Diagnosis,
     seconds: f64,
+    /// With what its page shows.
+    #[serde(skip)]
+    pub(crate) whole: Diagnosed,
 }
 
 const BUNDLES: [&str; 9] = [
@@ -34,11 +37,12 @@ pub(crate) fn run() -> Result<Vec<Found>, TaskError> {
     for bundle in BUNDLES {
         if let Some(data) = open(bundle)? {
             let start = Instant::now();
-            let diagnosis = diagnose(&data, Given::default(), &silent)?.diagnosis;
+            let whole = diagnose(&data, Given::default(), &silent)?;
             all.push(Found {
                 bundle,
-                diagnosis,
+                diagnosis: whole.diagnosis.clone(),
                 seconds: start.elapsed().as_secs_f64(),
+                whole,
             });
         }
     }
@@ -48,7 +52,7 @@ pub(crate) fn run() -> Result<Vec<Found>, TaskError> {
 /// The section of the page.
 pub(crate) fn section(all: &[Found]) -> String {
     let mut out = String::from(
-        "\n## What the models lack\n\n```sh\nlpv diagnose ../shared/data/emps -o diagnosis\n```\n\n\
+        "\n## What the models lack\n\n```sh\nlpv diagnose ../shared/data/emps -o diagnosis\n```\n\nEach bundle has a page of its own, with pictures.\n\n\
          A first-principles base (a table from its geometry, a servo axis without), no hint; errors simulated in closed loop on records \
          that were not fitted, as multiples of the closed-loop output noise.\n\n\
          | bundle | verdict | effect and parameters (one standard deviation) | before | after | seconds |\n|---|---|---|---|---|---|\n",
@@ -80,7 +84,7 @@ pub(crate) fn section(all: &[Found]) -> String {
         };
         let _ = writeln!(
             out,
-            "| {} | {} | {} | {} | {} | {:.0} |",
+            "| [{0}](measured/{0}.md) | {1} | {2} | {3} | {4} | {5:.0} |",
             f.bundle,
             d.verdict,
             effects.join("; "),
@@ -94,48 +98,6 @@ pub(crate) fn section(all: &[Found]) -> String {
     }
     for f in all.iter().filter(|f| !f.diagnosis.responses.is_empty()) {
         out += &responses(f.bundle, &f.diagnosis);
-    }
-    for f in all.iter().filter(|f| !f.diagnosis.records.is_empty()) {
-        out += &moves(f.bundle, &f.diagnosis);
-    }
-    out
-}
-
-/// The moves of axes, record by record: the verdict in words, the force of the inverse dynamics, and the run of the model over the whole
-/// record from its measured start.
-fn moves(bundle: &str, d: &Diagnosis) -> String {
-    let mut out = format!(
-        "\n### {bundle}\n\n```sh\nlpv diagnose ../shared/data/{bundle} -o diagnosis\n```\n\n{}.\n\n\
-         | record | use | input | force, % | force, rms | output | free run over the record, rms | |\n|---|---|---|---|---|---|---|---|\n",
-        d.verdict_in_words
-    );
-    for record in &d.records {
-        let runs: Vec<_> = record
-            .free_run
-            .last()
-            .map(|run| run.outputs.iter().collect())
-            .unwrap_or_default();
-        for (i, (input, force)) in record.force.iter().enumerate() {
-            let (output, run) = match runs.get(i) {
-                Some((output, run)) => (
-                    output.as_str(),
-                    format!("{:.3e} -> {:.3e} {}", run.before, run.after, run.unit),
-                ),
-                None => ("-", "leaves all bounds".to_owned()),
-            };
-            let _ = writeln!(
-                out,
-                "| {} | {} | {input} | {:.1} -> {:.1} | {:.3e} -> {:.3e} {} | {output} | {run} | {} |",
-                record.record,
-                record.purpose,
-                force.before_percent,
-                force.after_percent,
-                force.before,
-                force.after,
-                force.unit,
-                if record.worse { "worse" } else { "" }
-            );
-        }
     }
     out
 }

@@ -2,6 +2,7 @@
 
 mod bench;
 mod blind;
+mod bundle_page;
 mod check;
 mod diagnosed;
 mod dist;
@@ -281,6 +282,9 @@ fn run_measured(options: &Pages) -> Result<(), TaskError> {
     let docs = root().join("docs");
     let folder = if options.bless { &docs } else { &options.output };
     std::fs::create_dir_all(folder.join("images"))?;
+    for one in &found.diagnosed {
+        bundle_page::write(one, folder)?;
+    }
     let page = folder.join("measured-data.md");
     std::fs::write(&page, measured_page::page(&found))?;
     if let Some(svg) = measured_page::distortion_figure(&found)? {

@@ -14,6 +14,7 @@ mod explanation;
 mod figures;
 mod files;
 mod found;
+mod free_run;
 mod in_band;
 mod left;
 mod noise;
@@ -27,12 +28,11 @@ mod user;
 mod value;
 mod words;
 
+use crate::PipelineError;
 use crate::finding::{self, Finding};
 use crate::progress::{Progress, begin};
 use crate::responses::places::one_signal;
 use crate::responses::{examine_records, load_records};
-use crate::summary::Summary;
-use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
 pub use account::{Diagnosis, ResponseErrors, Tested};
 pub use axis::{AxisErrors, AxisStage};
 use base::Start;
@@ -59,7 +59,6 @@ use records::{check_records, positions_alone, split, wrong_controller};
 pub(crate) use responses::is_traced_on_responses;
 pub(crate) use saved::range_of;
 use saved::saved;
-use std::path::Path;
 pub use user::{Given, read_effects};
 pub use value::Value;
 
@@ -78,6 +77,8 @@ pub struct Diagnosed {
     errors: Figure,
     /// Their spectrum.
     spectrum: Option<Figure>,
+    /// An axis that an observer holds, let run free.
+    free_run: Option<Figure>,
     /// Errors of the frozen base against the responses.
     frozen: Option<Figure>,
     /// Of a machine of several axes that move by themselves, each axis.
@@ -366,6 +367,10 @@ fn of_moves(
     let first = |i: usize| found.errors[i].first().map_or(&[][..], Vec::as_slice);
     let step = clock.sample_time();
     let outputs = figures::Channel::all(&channels.output);
+    let free_run = || {
+        let measured = &judge_records[0].outputs.columns[0];
+        free_run::figure(&outputs[0], &judged[0], [&found.bare, &found.model], measured)
+    };
     Ok(Diagnosed {
         diagnosis,
         model,
@@ -373,27 +378,8 @@ fn of_moves(
         force: figures::of_force(&found, &start, &judged[0], noise, description),
         errors: figures::in_time(&outputs, step, [first(0), first(1)]),
         spectrum: Some(figures::in_spectrum(&outputs, step, &found.errors)),
+        free_run: is_observed.then(free_run).flatten(),
         frozen: figures::frozen(&found.model.base, &responses, clock).unwrap_or_default(),
         axes: Vec::new(),
     })
-}
-
-impl Diagnosed {
-    /// The model with its effects for the file `output`.
-    ///
-    /// # Errors
-    /// None for a bundle that could be diagnosed.
-    pub fn model_file(&self, bundle: &Bundle, output: &Path) -> Result<ModelFile, PipelineError> {
-        let verdict = std::iter::once(self.diagnosis.verdict_in_words.clone());
-        let reasons = verdict.chain(self.explanation.lines()).collect();
-        let outcome = Outcome {
-            summary: Summary::of_axes(&self.model, Vec::new(), reasons),
-            model: self.model.clone(),
-            deviation: None,
-            // A file keeps the effects of one machine; those of several axes stand in `diagnosis.json`.
-            explanation: self.axes.is_empty().then(|| self.explanation.clone()),
-            stages: Stages::Diagnosis,
-        };
-        ModelFile::of(outcome, bundle, IdentifyConfig::default(), output)
-    }
 }

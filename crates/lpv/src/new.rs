@@ -24,7 +24,7 @@ mod write;
 use crate::PipelineError;
 use crate::encode::visible;
 pub use crate::output::Overwrite;
-use experiment_data::{Text, look_into};
+use experiment_data::Text;
 use given::{UNNAMEABLE, common_folder, name_of};
 use period::Repeats;
 use position::Places;
@@ -195,19 +195,15 @@ pub fn draft(files: &[PathBuf], known: &Known) -> Result<Draft, PipelineError> {
             allowed: "the number of samples a second, finite and above zero",
         });
     }
-    let (files, paths) = given::files(files, &known.validation)?;
+    let named = files;
+    let (files, paths) = given::files(named, &known.validation)?;
     let folder =
         common_folder(&paths).ok_or_else(|| refuse(first, "the files have no common folder".to_owned()))?;
     // Before anything is read: a name that cannot be written makes all other work vain.
     for (file, path) in files.iter().zip(&paths) {
         name_of(path, &folder).ok_or_else(|| refuse(file, UNNAMEABLE.to_owned()))?;
     }
-    let look = |(file, path): (&PathBuf, &PathBuf)| look_into(path).map_err(|e| refuse(file, e.to_string()));
-    let contents = files
-        .iter()
-        .zip(&paths)
-        .map(look)
-        .collect::<Result<Vec<_>, _>>()?;
+    let contents = given::contents([named, &known.validation], &files, &paths)?;
     // Who gives roles has samples.
     let has_roles = !(known.output.is_empty() && known.input.is_empty());
     if !has_roles && let Some(draft) = response::draft((&files, &paths), &contents, known)? {

@@ -663,6 +663,10 @@ fn a_spring_to_ground_is_the_base_and_its_hardening_an_effect() {
             "{cube} for {}",
             guide.spring[1]
         );
+        // The page shows the force that was missing, then the run without an observer.
+        let page = desk.text("found/diagnosis.html");
+        let [force, run] = ["The force that would explain the error", "Let run free"].map(|h| page.find(h));
+        assert!(force.is_some() && force < run);
         // Its model is a base too.
         let again = desk.json("diagnose . --model found/model.json -o again --json");
         assert_eq!(again["base_model"], found["base_model"]);

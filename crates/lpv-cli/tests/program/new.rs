@@ -519,6 +519,7 @@ fn a_folder_stands_for_its_record_files() {
         timed(&desk, name);
     }
     desk.write("d/picture.png", "none");
+    desk.write("d/ReadMe.txt", "how it was measured, and who to ask\n");
     desk.done("new d");
     let bundle = Bundle::open(&desk.path("d")).unwrap();
     let files: Vec<&str> = bundle
@@ -532,6 +533,17 @@ fn a_folder_stands_for_its_record_files() {
     let said = desk.refused("new none");
     assert!(
         said.contains("no record files") && said.contains("none"),
+        "{said}"
+    );
+    desk.write("d/z.csv", "what\nis\nthis\n");
+    let said = desk.refused("new d --force");
+    assert!(
+        said.contains("z.csv") && said.contains("name the record files"),
+        "{said}"
+    );
+    let said = desk.refused("new d/z.csv d/a.csv --force");
+    assert!(
+        said.contains("z.csv") && !said.contains("name the record files"),
         "{said}"
     );
     let said = desk.refused("new d d/a.csv --force");

@@ -84,6 +84,7 @@ pub(super) fn diagnose(
         force: Vec::new(),
         errors: all[0].errors.clone(),
         spectrum: None,
+        free_run: None,
         frozen: None,
         diagnosis,
         axes: all,

@@ -21,6 +21,16 @@ impl super::Diagnosed {
         &self.errors
     }
 
+    /// Position of an axis along the first held-out record and its error, let run free, before and after; of an axis that an observer holds.
+    pub fn free_run(&self) -> Option<&Figure> {
+        self.free_run.as_ref()
+    }
+
+    /// The axes of a machine of several that move by themselves, each diagnosed alone; empty of any other.
+    pub fn axes(&self) -> &[Self] {
+        &self.axes
+    }
+
     /// Their spectrum; none of responses.
     pub fn in_spectrum(&self) -> Option<&Figure> {
         self.spectrum.as_ref()
@@ -41,7 +51,7 @@ impl<'a> Channel<'a> {
         names.map(|(i, name)| Self { name, unit: unit(i) }).collect()
     }
 
-    fn panel_in_time(&self, what: &str) -> Panel {
+    pub(super) fn panel_in_time(&self, what: &str) -> Panel {
         let y = Axis::linear(with_unit(what, self.unit));
         Panel::new(Axis::linear("Time (s)"), y).title(self.name)
     }
@@ -342,7 +352,8 @@ pub(super) fn over_frequency(outputs: &[String], lines: &[f64], curves: &[[Vec<f
     figure
 }
 
-const BEFORE_AFTER: [(&str, Colour); 2] = [("before", Colour::Reference), ("after", Colour::Model)];
+pub(super) const BEFORE_AFTER: [(&str, Colour); 2] =
+    [("before", Colour::Reference), ("after", Colour::Model)];
 
 #[cfg(test)]
 mod tests {

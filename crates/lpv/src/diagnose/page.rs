@@ -103,19 +103,22 @@ impl Diagnosed {
             table = table.row(cells.into_iter().take(columns.len()));
         }
         page = page.section(Section::new("Before and after").table(table));
-        if let Some(spectrum) = &self.spectrum {
-            page = page.section(Section::new("In spectrum").figure(spectrum.clone()));
-        }
-        if let Some(frozen) = &self.frozen {
-            page =
-                page.section(Section::new("At rest: the base against the responses").figure(frozen.clone()));
-        }
         if !self.force.is_empty() {
             let mut section = Section::new("The force that would explain the error");
             for figure in &self.force {
                 section = section.figure(figure.clone());
             }
             page = page.section(section);
+        }
+        if let Some(free_run) = &self.free_run {
+            page = page.section(Section::new("Let run free").figure(free_run.clone()));
+        }
+        if let Some(spectrum) = &self.spectrum {
+            page = page.section(Section::new("In spectrum").figure(spectrum.clone()));
+        }
+        if let Some(frozen) = &self.frozen {
+            page =
+                page.section(Section::new("At rest: the base against the responses").figure(frozen.clone()));
         }
         if let Some(left) = &d.left {
             page = page.section(self::left(left));

@@ -95,6 +95,7 @@ pub(super) fn diagnose(bundle: &Bundle, progress: Progress<'_>) -> Result<Diagno
         explanation,
         force: Vec::new(),
         spectrum: None,
+        free_run: None,
         frozen: None,
         errors: figure(bundle, &steps, &judged),
         diagnosis,

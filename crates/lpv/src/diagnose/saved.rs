@@ -1,9 +1,13 @@
 //! The linear part of a machine, as a model file keeps it.
 
-use crate::PipelineError;
+use super::Diagnosed;
+use crate::summary::Summary;
+use crate::{IdentifyConfig, ModelFile, Outcome, PipelineError, Stages};
+use experiment_data::Bundle;
 use lpv_core::nalgebra::DMatrix;
 use lpv_core::{AxisOutput, Continuous, Model, RigidBody, RigidBodyAxis, SchedulingRange, StateSpace};
 use lpv_diagnose::Base;
+use std::path::Path;
 
 /// The range of some positions; about a single one a little of it, since a range is wide.
 pub(crate) fn range_of(positions: &[f64]) -> Result<SchedulingRange, PipelineError> {
@@ -47,5 +51,25 @@ pub(super) fn saved(
         Base::Lpv(_) => identified.ok_or(PipelineError::Structure {
             problem: "the model behind the base is gone",
         }),
+    }
+}
+
+impl Diagnosed {
+    /// The model with its effects for the file `output`.
+    ///
+    /// # Errors
+    /// None for a bundle that could be diagnosed.
+    pub fn model_file(&self, bundle: &Bundle, output: &Path) -> Result<ModelFile, PipelineError> {
+        let verdict = std::iter::once(self.diagnosis.verdict_in_words.clone());
+        let reasons = verdict.chain(self.explanation.lines()).collect();
+        let outcome = Outcome {
+            summary: Summary::of_axes(&self.model, Vec::new(), reasons),
+            model: self.model.clone(),
+            deviation: None,
+            // A file keeps the effects of one machine; those of several axes stand in `diagnosis.json`.
+            explanation: self.axes.is_empty().then(|| self.explanation.clone()),
+            stages: Stages::Diagnosis,
+        };
+        ModelFile::of(outcome, bundle, IdentifyConfig::default(), output)
     }
 }

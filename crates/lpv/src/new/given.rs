@@ -2,7 +2,7 @@
 
 use super::refuse;
 use crate::PipelineError;
-use experiment_data::RecordFormat;
+use experiment_data::{Contents, RecordFormat, look_into};
 use std::path::{Path, PathBuf};
 
 /// The files as they were named and where they are: those that are held out belong to the bundle, named among the others or not. A folder
@@ -38,14 +38,19 @@ pub(super) fn files(
     Ok((files, paths))
 }
 
-/// The files of a folder that end as records do, by name, as a shell lists them.
+/// Beginnings of the names of files that are for people.
+const FOR_PEOPLE: [&str; 3] = ["readme", "license", "licence"];
+
+/// The files of a folder that end as records do, by name, as a shell lists them, without those for people.
 fn records_in(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     let read = |e: std::io::Error| refuse(folder, e.to_string());
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(read)? {
         let path = entry.map_err(read)?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if path.is_file() && !name.starts_with('.') && RecordFormat::of(&name).is_ok() {
+        let plain = name.to_lowercase();
+        let is_for_people = FOR_PEOPLE.iter().any(|first| plain.starts_with(first));
+        if path.is_file() && !name.starts_with('.') && !is_for_people && RecordFormat::of(&name).is_ok() {
             found.push(path);
         }
     }
@@ -56,6 +61,24 @@ fn records_in(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     }
     found.sort();
     Ok(found)
+}
+
+/// What is in the files, some of which were named, or held out, and the others found in a folder.
+pub(super) fn contents(
+    [named, held_out]: [&[PathBuf]; 2],
+    files: &[PathBuf],
+    paths: &[PathBuf],
+) -> Result<Vec<Contents>, PipelineError> {
+    let look = |(file, path): (&PathBuf, &PathBuf)| {
+        look_into(path).map_err(|e| match named.contains(file) || held_out.contains(file) {
+            true => refuse(file, e.to_string()),
+            false => refuse(
+                file,
+                format!("{e}; where it is no record, name the record files in the place of their folder"),
+            ),
+        })
+    };
+    files.iter().zip(paths).map(look).collect()
 }
 
 /// Why a file cannot be a record.

@@ -2,6 +2,7 @@
 
 use crate::TaskError;
 use crate::diagnosed::Found;
+use crate::effects::capital;
 use lpv::diagnose::{Diagnosed, Diagnosis};
 use lpv_report::Figure;
 use std::fmt::Write as _;
@@ -14,11 +15,11 @@ const WIDTH: u32 = 1100;
 pub(crate) fn write(found: &Found, folder: &Path) -> Result<(), TaskError> {
     let folder = folder.join("measured");
     std::fs::create_dir_all(&folder)?;
-    let (bundle, d) = (found.bundle, &found.diagnosis);
+    let (bundle, d) = (found.bundle, &found.whole.diagnosis);
     let mut out = format!(
         "# {bundle}\n\n{}.\n\n```sh\nlpv diagnose ../shared/data/{bundle} -o diagnosis\n```\n\n\
          Written by `cargo xtask measured --bless`; `diagnosis/diagnosis.html` shows more.\n",
-        sentence(&d.verdict_in_words)
+        capital(&d.verdict_in_words)
     );
     let axes = found.whole.axes();
     if axes.is_empty() {
@@ -30,7 +31,7 @@ pub(crate) fn write(found: &Found, folder: &Path) -> Result<(), TaskError> {
             out,
             "\n## Axis {}\n\n{}.\n",
             i + 1,
-            sentence(&axis.diagnosis.verdict_in_words)
+            capital(&axis.diagnosis.verdict_in_words)
         );
         out += &parameters(&axis.diagnosis);
         out += &pictures(axis, &format!("{bundle}-{}", i + 1), "###", &folder)?;
@@ -40,14 +41,6 @@ pub(crate) fn write(found: &Found, folder: &Path) -> Result<(), TaskError> {
     }
     std::fs::write(folder.join(format!("{bundle}.md")), out)?;
     Ok(())
-}
-
-/// With a capital.
-fn sentence(words: &str) -> String {
-    let mut letters = words.chars();
-    letters.next().map_or(String::new(), |first| {
-        first.to_uppercase().chain(letters).collect()
-    })
 }
 
 /// The machine and its effects.

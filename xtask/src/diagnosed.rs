@@ -5,7 +5,7 @@ use crate::measured::open;
 use lpv::diagnose::{Diagnosed, Diagnosis, Given, diagnose};
 use lpv::silent;
 use lpv::validation::{AxisCheck, ClosedLoopAxis};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use std::fmt::Write as _;
 use std::time::Instant;
 
@@ -13,11 +13,14 @@ use std::time::Instant;
 #[derive(Serialize)]
 pub(crate) struct Found {
     pub(crate) bundle: &'static str,
-    pub(crate) diagnosis: Diagnosis,
-    seconds: f64,
     /// With what its page shows.
-    #[serde(skip)]
+    #[serde(rename = "diagnosis", serialize_with = "account")]
     pub(crate) whole: Diagnosed,
+    seconds: f64,
+}
+
+fn account<S: Serializer>(found: &Diagnosed, serializer: S) -> Result<S::Ok, S::Error> {
+    found.diagnosis.serialize(serializer)
 }
 
 const BUNDLES: [&str; 9] = [
@@ -40,7 +43,6 @@ pub(crate) fn run() -> Result<Vec<Found>, TaskError> {
             let whole = diagnose(&data, Given::default(), &silent)?;
             all.push(Found {
                 bundle,
-                diagnosis: whole.diagnosis.clone(),
                 seconds: start.elapsed().as_secs_f64(),
                 whole,
             });
@@ -58,7 +60,7 @@ pub(crate) fn section(all: &[Found]) -> String {
          | bundle | verdict | effect and parameters (one standard deviation) | before | after | seconds |\n|---|---|---|---|---|---|\n",
     );
     for f in all {
-        let d = &f.diagnosis;
+        let d = &f.whole.diagnosis;
         let effects: Vec<String> = d
             .effects
             .iter()
@@ -94,10 +96,10 @@ pub(crate) fn section(all: &[Found]) -> String {
         );
     }
     for f in all.iter().filter(|f| f.bundle == "emps") {
-        out += &axis(&f.diagnosis);
+        out += &axis(&f.whole.diagnosis);
     }
-    for f in all.iter().filter(|f| !f.diagnosis.responses.is_empty()) {
-        out += &responses(f.bundle, &f.diagnosis);
+    for f in all.iter().filter(|f| !f.whole.diagnosis.responses.is_empty()) {
+        out += &responses(f.bundle, &f.whole.diagnosis);
     }
     out
 }

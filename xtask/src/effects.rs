@@ -143,7 +143,8 @@ fn picture<'a>(effect: &Effect, found: &'a Diagnosed) -> Option<&'a Figure> {
     }
 }
 
-fn capital(text: &str) -> String {
+/// With a capital.
+pub(crate) fn capital(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or(String::new(), |first| {
         first.to_uppercase().chain(letters).collect()

@@ -2,6 +2,7 @@
 
 use super::figures::{BEFORE_AFTER, Channel};
 use lpv_diagnose::{Base, Explained, Track};
+use lpv_numerics::statistics::range;
 use lpv_report::{Colour, Figure, Series};
 
 /// Position of an axis along a record, and its error, without an observer: driven by the logged inputs from the measured start. A run that
@@ -16,7 +17,7 @@ pub(super) fn figure(
         return None;
     };
     let runs = models.map(|model| model.open_loop(track));
-    let [low, high] = bounds(measured.iter().copied())?;
+    let (low, high) = range(measured);
     let travel = high - low;
     let time = |k: usize| k as f64 * track.step;
     let line = |values: &[f64]| Series::line((0..values.len()).map(|k| (time(k), values[k])).collect());
@@ -29,16 +30,8 @@ pub(super) fn figure(
         let Some(run) = run else { continue };
         let positions: Vec<f64> = run.outputs.iter().map(|y| y[0]).collect();
         let error: Vec<f64> = positions.iter().zip(measured).map(|(y, m)| y - m).collect();
-        for (range, (values, [low, high])) in drawn
-            .iter_mut()
-            .zip([(&positions, [low, high]), (&error, [0.0; 2])])
-        {
-            let [from, to] = bounds(values.iter().copied())?;
-            *range = [
-                range[0].min(from.max(low - travel)),
-                range[1].max(to.min(high + travel)),
-            ];
-        }
+        drawn[0] = wider(drawn[0], &positions, [low - travel, high + travel]);
+        drawn[1] = wider(drawn[1], &error, [-travel, travel]);
         along = along.series(line(&positions).label(label).colour(colour));
         errors = errors.series(line(&error).label(label).colour(colour));
     }
@@ -55,7 +48,24 @@ pub(super) fn figure(
     })
 }
 
-fn bounds(mut values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
-    let first = values.next()?;
-    Some(values.fold([first; 2], |[a, b], v| [a.min(v), b.max(v)]))
+/// A range with these values in it, as far as they lie within bounds.
+fn wider([low, high]: [f64; 2], values: &[f64], [least, most]: [f64; 2]) -> [f64; 2] {
+    let (from, to) = range(values);
+    [low.min(from.max(least)), high.max(to.min(most))]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::wider;
+
+    #[test]
+    fn what_leaves_the_bounds_does_not_widen_a_range_beyond_them() {
+        for unit in [1e-6, 1.0, 1e6] {
+            let of = |v: [f64; 2]| v.map(|v| v * unit);
+            let bounds = of([-2.0, 3.0]);
+            assert_eq!(wider(of([0.0, 1.0]), &of([0.2, 0.9]), bounds), of([0.0, 1.0]));
+            assert_eq!(wider(of([0.0, 1.0]), &of([-1.0, 2.0]), bounds), of([-1.0, 2.0]));
+            assert_eq!(wider(of([0.0, 1.0]), &of([-9.0, 9.0]), bounds), bounds);
+        }
+    }
 }

@@ -38,7 +38,7 @@ pub(super) fn files(
     Ok((files, paths))
 }
 
-/// Beginnings of the names of files that are for people.
+/// Names, without their ends, of text files that are for people.
 const FOR_PEOPLE: [&str; 3] = ["readme", "license", "licence"];
 
 /// The files of a folder that end as records do, by name, as a shell lists them, without those for people.
@@ -48,8 +48,9 @@ fn records_in(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     for entry in std::fs::read_dir(folder).map_err(read)? {
         let path = entry.map_err(read)?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let plain = name.to_lowercase();
-        let is_for_people = FOR_PEOPLE.iter().any(|first| plain.starts_with(first));
+        let is_for_people = FOR_PEOPLE
+            .iter()
+            .any(|stem| name.eq_ignore_ascii_case(&format!("{stem}.txt")));
         if path.is_file() && !name.starts_with('.') && !is_for_people && RecordFormat::of(&name).is_ok() {
             found.push(path);
         }
